@@ -3,9 +3,7 @@
 #if __has_include(<CGAL/version.h>)
 #include <CGAL/version.h>
 #endif
-#if __has_include(<embree4/rtcore_config.h>)
-#include <embree4/rtcore_config.h>
-#elif __has_include(<embree3/rtcore_config.h>)
+#if __has_include(<embree3/rtcore_config.h>)
 #include <embree3/rtcore_config.h>
 #endif
 #if __has_include(<OpenMesh/Core/System/config.h>)

@@ -1,11 +1,10 @@
 # Installation: libraries, headers, the palpate command, and the package files for find_package(palpate).
 #
 # One export set per component, so that who links the toolkit needs neither PCL nor CGAL:
-#   toolkit (always), scene, device, pcd, voronoi, dem, baselines.   See docs/architecture.md.
+#   toolkit (always), scene, device, pcd, voronoi, dem, baselines.   See docs/how-to/change-palpate.md.
 include(CMakePackageConfigHelpers)
 
 set(palpate_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/palpate")
-set(palpate_header_dir "${CMAKE_INSTALL_INCLUDEDIR}/palpate")
 
 # The component a module belongs to follows from its folder.
 function(palpate_component_of target out)
@@ -37,19 +36,19 @@ foreach(component IN LISTS palpate_components)
     FILE palpate-${component}-targets.cmake)
 endforeach()
 
-set(palpate_header_folders toolkit)
-foreach(folder device baselines)
+# What an application includes, and nothing else.
+foreach(folder toolkit device baselines)
   if(folder IN_LIST palpate_components)
-    list(APPEND palpate_header_folders ${folder})
+    install(DIRECTORY "${PROJECT_SOURCE_DIR}/${folder}/include/" DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+      FILES_MATCHING PATTERN "*.h")
   endif()
-endforeach()
-foreach(folder IN LISTS palpate_header_folders)
-  install(DIRECTORY "${PROJECT_SOURCE_DIR}/${folder}" DESTINATION ${palpate_header_dir}
-    FILES_MATCHING PATTERN "*.h")
 endforeach()
 
 if(TARGET palpate AND PALPATE_BUILD_EXPERIMENTS)
   install(TARGETS palpate RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(FILES "${PROJECT_BINARY_DIR}/experiments/palpate.bash"
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME palpate)
+  install(FILES "${PROJECT_BINARY_DIR}/experiments/palpate.1" DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
   set_target_properties(palpate PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}/palpate")
   if(TARGET palpate_formats)
     install(TARGETS palpate_formats LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/palpate)
@@ -60,7 +59,7 @@ if(TARGET palpate-reconstruct)
   install(TARGETS palpate-reconstruct RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
 
-# Who sits at the machine may open the devices. device/drivers/known_usb.cpp says which.
+# Who sits at the machine may open the devices. device/drivers/usb_ids.cpp says which.
 # A component of its own, so that a test can pack it by itself.
 install(FILES "${PROJECT_SOURCE_DIR}/device/drivers/70-palpate.rules" DESTINATION lib/udev/rules.d COMPONENT udev)
 

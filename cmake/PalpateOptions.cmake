@@ -80,6 +80,10 @@ elseif(PALPATE_SANITIZE STREQUAL "thread")
   add_compile_definitions(PALPATE_STD_THREADS=1)  # see toolkit/core/parallel.h
 endif()
 
+# Where include lines of ours begin, for targets that link no module: <palpate/x.h> in one of the last three.
+set(palpate_include_roots "${PROJECT_SOURCE_DIR}" "${PROJECT_SOURCE_DIR}/toolkit/include"
+  "${PROJECT_SOURCE_DIR}/baselines/include" "${PROJECT_SOURCE_DIR}/device/include")
+
 # palpate_module(NAME [FRAMES] [SOURCES ...] [PUBLIC ...] [PRIVATE ...])
 # One static library palpate_NAME (alias palpate::NAME) in the current folder. PUBLIC and PRIVATE are the
 # modules and libraries it links: the real dependency edges. Without SOURCES the module is header-only. FRAMES: its code
@@ -104,9 +108,15 @@ function(palpate_module name)
   add_library(palpate::${name} ALIAS ${target})
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
   target_compile_features(${target} ${scope} cxx_std_20)
-  target_include_directories(${target} ${scope}
-    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
-    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/palpate>)
+  file(RELATIVE_PATH top "${PROJECT_SOURCE_DIR}" "${CMAKE_CURRENT_SOURCE_DIR}")
+  string(REGEX REPLACE "/.*" "" top "${top}")
+  set(public_roots toolkit)
+  if(top MATCHES "^(baselines|device)$")
+    list(APPEND public_roots ${top})
+  endif()
+  list(TRANSFORM public_roots REPLACE "(.+)" "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/\\1/include>")
+  target_include_directories(${target} ${scope} $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> ${public_roots}
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_link_libraries(${target} ${scope} ${arg_PUBLIC})
   set_property(GLOBAL APPEND PROPERTY PALPATE_MODULES ${target})
 endfunction()

@@ -1,4 +1,4 @@
-// JSON documents against their schemas under docs/, by a validator that is not ours.
+// JSON documents against their schemas under docs/schemas/, by a validator that is not ours.
 #pragma once
 
 #include <string>

@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "toolkit/render/renderer.h"
+#include <palpate/renderer.h>
 
 namespace palpate::test {
 
@@ -26,7 +26,7 @@ class Stepped {
       if (simulation_ != nullptr) simulation_->reset();
       renderer_->restart(hip_mm, t_s_);
     }
-    void let_go(const Vec3& hip_mm) noexcept { renderer_->let_go(hip_mm); }
+    void release_contact(const Vec3& hip_mm) noexcept { renderer_->release_contact(hip_mm); }
     [[nodiscard]] render::Frame step(const Vec3& hip_mm, double dt_s) noexcept {
       t_s_ += dt_s;
       if (simulation_ != nullptr) simulation_->advance(t_s_);

@@ -1,11 +1,11 @@
-// One function a step. Each may throw: register_cleaning() wraps them with the border that catches.
+// The cleaning steps, one function each. They may throw; register_cleaning() catches.
 #pragma once
 
-#include "toolkit/scene/cleaning.h"
+#include <palpate/cleaning.h>
 
 namespace palpate::baselines {
 
-using StepFunction = Result<scene::StepOutput>(const scene::StepInput& input);
+using StepFunction = Result<scene::CleaningStepOutput>(const scene::CleaningStepInput& input);
 
 StepFunction remove_outliers;
 StepFunction smooth;
@@ -13,14 +13,14 @@ StepFunction thin;
 StepFunction upsample;
 StepFunction fill_holes;
 
-/// Outward unit normals, or zero where none could be found: those that `cloud` itself works with.
-[[nodiscard]] std::vector<Vec3> plane_normals(const scene::StepInput& input);
+/// Outward unit normals as used by `cloud`; zero if none was found.
+[[nodiscard]] std::vector<Vec3> plane_normals(const scene::CleaningStepInput& input);
 
-/// An Error where the cloud has fewer than `needed` points.
-[[nodiscard]] Status enough_points(const scene::StepInput& input, std::size_t needed);
+/// An Error if the cloud has fewer than `needed` points.
+[[nodiscard]] Status enough_points(const scene::CleaningStepInput& input, std::size_t needed);
 
-/// What CGAL calls while it works: shows progress, stops it where the user asked to. Not a std::function: of
-/// those CGAL 5.5 keeps a reference to a copy that is gone; of anything else it makes one of its own.
+/// Callback for CGAL: shows progress, cancels on request. Must not be a std::function: CGAL 5.5 keeps a
+/// reference to a dead copy of it.
 struct Advance {
   Progress* progress;
   const char* what;

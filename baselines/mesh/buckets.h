@@ -1,4 +1,4 @@
-// Items under keys, by counting: the facets around each vertex, the facets of each lowest vertex.
+// Groups items by key with a counting sort: facets around each vertex, facets of each lowest vertex.
 #pragma once
 
 #include <algorithm>
@@ -6,23 +6,23 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "baselines/mesh/unfilled.h"
+#include "toolkit/core/large_pages.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {
 
-/// Those of key k: items[begin[k]] to items[begin[k + 1]], ascending.
+/// Items of key k, ascending: items[begin[k]] to items[begin[k + 1]].
 struct Buckets {
-  UnfilledVector<std::uint32_t> begin, items;
+  LargePageUninitializedVector<std::uint32_t> begin, items;
 };
 
-/// keys_of(item, visit) calls visit(key) for each key, below `keys`, of an item below `count`; it is called
-/// twice and from several threads. O(count + keys) for buckets of bounded size, O(n log n) at worst. The same
-/// for any number of threads: they race for places in a bucket, which is then sorted.
+/// keys_of(item, visit) calls visit(key), key < `keys`, for each key of an item < `count`; it runs twice, in
+/// several threads. O(count + keys) for bounded buckets, at worst O(n log n). Buckets are sorted, so results
+/// do not depend on `threads`.
 template <class KeysOf>
-[[nodiscard]] Buckets in_buckets(std::size_t keys, std::size_t count, int threads, const KeysOf& keys_of) {
+[[nodiscard]] Buckets group_by_key(std::size_t keys, std::size_t count, int threads, const KeysOf& keys_of) {
   using Slot = std::atomic_ref<std::uint32_t>;
-  constexpr auto kRelaxed = std::memory_order_relaxed;  // threads meet at the end of each pass
+  constexpr auto kRelaxed = std::memory_order_relaxed;  // each pass ends with a join of the threads
   Buckets made;
   made.begin.resize(keys + 1);
   std::fill(made.begin.begin(), made.begin.end(), 0u);
@@ -32,7 +32,7 @@ template <class KeysOf>
         keys_of(item, [&](std::uint32_t key) { visit(static_cast<std::uint32_t>(item), key); });
     });
   };
-  // First the end of each bucket; filling from the back makes it the beginning.
+  // Holds bucket ends first; filling from the back turns them into beginnings.
   for_items([&](std::uint32_t, std::uint32_t key) { Slot(made.begin[key]).fetch_add(1, kRelaxed); });
   std::uint32_t sum = 0;
   for (std::uint32_t& end : made.begin) end = sum += end;

@@ -1,4 +1,4 @@
-// What connects the facets of a SurfaceMesh: neighbours over edges, stars of vertices, and what lies doubly.
+// Connects the facets of a SurfaceMesh: neighbours over edges, stars of vertices, repeated facets.
 #include <algorithm>
 #include <cmath>
 
@@ -7,7 +7,7 @@
 namespace palpate::baselines {
 namespace {
 
-/// One use of an edge: the vertex at its higher-numbered end, and facet * 4 + edge.
+/// One use of an edge: its higher vertex, and facet * 4 + edge.
 constexpr std::uint64_t edge_use(std::uint32_t high, std::uint32_t facet, std::uint32_t edge) noexcept {
   return (std::uint64_t{high} << 32) | (facet * 4u + edge);
 }
@@ -18,7 +18,7 @@ constexpr std::uint32_t edge_of_use(std::uint64_t use) noexcept {
   return static_cast<std::uint32_t>(use) % 4;
 }
 
-/// visit(uses of one edge) for all that are sorted here.
+/// visit(uses of one edge) for all edges in the sorted uses.
 template <class Visit>
 void for_edges(std::span<const std::uint64_t> uses, const Visit& visit) {
   for (std::size_t first = 0, last = 0; first < uses.size(); first = last) {
@@ -29,19 +29,19 @@ void for_edges(std::span<const std::uint64_t> uses, const Visit& visit) {
 
 }  // namespace
 
-/// What one chunk of vertices found at the edges that begin there.
+/// Findings of one chunk of vertices, at the edges that begin there.
 struct SurfaceMesh::Found {
   std::size_t edges = 0, boundary = 0, flipped = 0;
   bool repeated = false;
-  std::vector<std::uint64_t> radial;      ///< uses of edges of three and more facets
-  std::vector<std::size_t> radial_begin;  ///< where each such edge begins in them
-  std::vector<std::uint32_t> thirds;      ///< of the edge at hand
+  std::vector<std::uint64_t> radial;  ///< uses of edges with three or more facets
+  std::vector<std::size_t> radial_begin;
+  std::vector<std::uint32_t> thirds;  ///< at the current edge
 };
 
 void SurfaceMesh::connect(int threads) {
   std::vector<bool> two_sided(facets_.size(), false);
   const auto connect_now = [&] {
-    stars_ = in_buckets(vertices_.size(), facets_.size(), threads, [&](std::size_t i, const auto& visit) {
+    stars_ = group_by_key(vertices_.size(), facets_.size(), threads, [&](std::size_t i, const auto& visit) {
       for (const std::uint32_t v : facets_[i].vertex) visit(v);
     });
     return connect_edges(two_sided, threads);
@@ -53,7 +53,7 @@ void SurfaceMesh::connect(int threads) {
       add_uses(v, uses);
       begin.push_back(static_cast<std::uint32_t>(uses.size()));
     }
-    // Sheets that lie on one another are one: between them there is no room for a god object.
+    // Coincident sheets are one: a god object has no room between them.
     if (drop_repeated(begin, uses, two_sided)) continue;
     if (counts_.two_sided_facets == 0 || !drop_fins(begin, uses, two_sided)) break;
   }
@@ -121,7 +121,7 @@ void SurfaceMesh::connect_edge(std::span<const std::uint64_t> uses, const std::v
   }
   const std::uint32_t over = facet_of_use(uses[1]), its_edge = edge_of_use(uses[1]);
   Facet& g = facets_[over];
-  // Running the same way along the edge means that the two look to opposite sides.
+  // Equal directions along the edge mean opposite orientations.
   const std::uint32_t flip = f.vertex[edge] == g.vertex[its_edge] ? 1u : 0u;
   found.flipped += flip;
   f.across[edge] = half_facet(over, flip);
@@ -151,27 +151,22 @@ bool SurfaceMesh::drop_repeated(const Starts& begin, const Uses& uses, std::vect
 }
 
 bool SurfaceMesh::drop_fins(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided) {
-  const auto facet_at = [&](std::size_t i) { return facet_of_use(uses[i]); };
-  // visit(first, last): the uses of one edge.
   const auto each_edge = [&](const auto& visit) {
     for (std::size_t v = 0; v + 1 < begin.size(); ++v)
-      for (std::size_t i = begin[v], end = i; i < begin[v + 1]; i = end) {
-        while (end < begin[v + 1] && (uses[end] >> 32) == (uses[i] >> 32)) ++end;
-        visit(i, end);
-      }
+      for_edges(std::span<const std::uint64_t>(uses).subspan(begin[v], begin[v + 1] - begin[v]), visit);
   };
-  constexpr std::size_t kSurface = 2;  // facets at an edge of one
+  constexpr std::size_t kSurface = 2;  // facets at an ordinary edge
   std::vector<bool> free(facets_.size(), false), fin(two_sided);
-  each_edge([&](std::size_t first, std::size_t last) {
-    if (last - first == 1) free[facet_at(first)] = true;
-    if (last - first == kSurface) fin[facet_at(first)] = fin[facet_at(first + 1)] = false;
+  each_edge([&](std::span<const std::uint64_t> edge) {
+    if (edge.size() == 1) free[facet_of_use(edge[0])] = true;
+    if (edge.size() == kSurface) fin[facet_of_use(edge[0])] = fin[facet_of_use(edge[1])] = false;
   });
   for (std::size_t i = 0; i < fin.size(); ++i) fin[i] = fin[i] && free[i];
-  each_edge([&](std::size_t first, std::size_t last) {
+  each_edge([&](std::span<const std::uint64_t> edge) {
     std::size_t others = 0;
-    for (std::size_t i = first; i < last; ++i) others += !fin[facet_at(i)];
-    if (last - first > 1 && others < kSurface)
-      for (std::size_t i = first; i < last; ++i) fin[facet_at(i)] = false;
+    for (const std::uint64_t use : edge) others += !fin[facet_of_use(use)];
+    if (edge.size() > 1 && others < kSurface)
+      for (const std::uint64_t use : edge) fin[facet_of_use(use)] = false;
   });
   const auto found = static_cast<std::size_t>(std::count(fin.begin(), fin.end(), true));
   if (found == 0) return false;
@@ -193,8 +188,8 @@ void SurfaceMesh::drop(const std::vector<bool>& gone, std::vector<bool>& two_sid
   counts_.two_sided_facets = static_cast<std::size_t>(std::count(two_sided.begin(), two_sided.end(), true));
 }
 
-/// Sorts the facets by angle around the edge. Side 0 of a facet that runs along the edge faces growing
-/// angles, of one that runs against it falling angles; each side's neighbour is the next facet that way.
+/// Sorts the facets by angle around the edge. Side 0 of a facet along the edge faces growing angles, of one
+/// against it falling angles; a side's neighbour is the next facet there.
 void SurfaceMesh::connect_radial(std::span<const std::uint64_t> uses) {
   ++counts_.radial_edges;
   struct Leaf {
@@ -225,7 +220,7 @@ void SurfaceMesh::connect_radial(std::span<const std::uint64_t> uses) {
     const Leaf& here = leaves[i];
     const Leaf& up = leaves[(i + 1) % n];
     const Leaf& down = leaves[(i + n - 1) % n];
-    // The side of `up` that looks down, and of `down` that looks up.
+    // The lower side of `up`, and the upper side of `down`.
     const HalfFacet rising = half_facet(up.facet, up.along);
     const HalfFacet falling = half_facet(down.facet, 1u - down.along);
     facets_[here.facet].across[here.edge] = kRadialBase + static_cast<std::uint32_t>(radial_.size());

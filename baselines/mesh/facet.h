@@ -1,22 +1,24 @@
-// One triangle of a mesh as the mesh renderers and the reference walk it, and the closest point on it.
+// One triangle as mesh renderers and the reference walk it, and its closest points.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
 #include <Eigen/Geometry>
 
+#include <palpate/aabb.h>
+#include <palpate/vec.h>
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/vec.h"
 
 namespace palpate::baselines {
 
-/// No facet: beyond a boundary edge.
+/// No facet, as beyond a boundary edge.
 inline constexpr std::uint32_t kNoFacet = 0xFFFFFFFFu;
 
-/// A facet seen from one side: 2 * facet + side. Side 0 is the one from which its corners run
-/// counter-clockwise, side 1 the other. Neighbourhood is between half-facets, so that a mesh may be open,
-/// two-sided, inconsistently oriented or non-manifold and "the same side, further on" still has one meaning.
+/// A side of a facet: 2 * facet + side. From side 0 the corners run counter-clockwise. Half-facets have
+/// neighbours, so "the same side" also continues on open, two-sided, inconsistently oriented and non-manifold
+/// meshes.
 using HalfFacet = std::uint32_t;
 [[nodiscard]] constexpr std::uint32_t facet_of(HalfFacet half) noexcept {
   return half >> 1;
@@ -28,13 +30,12 @@ using HalfFacet = std::uint32_t;
   return facet * 2 + side;
 }
 
-/// Where on a facet: its inside, edge i (corner i to corner i + 1) as kEdge + i, or corner i as kCorner + i.
+/// Location on a facet: inside, edge i (corner i to i + 1) as kEdge + i, or corner i as kCorner + i.
 using Feature = std::uint8_t;
 inline constexpr Feature kInside = 0;
 inline constexpr Feature kEdge = 1;
 inline constexpr Feature kCorner = 4;
 
-/// The corner after corner i.
 [[nodiscard]] constexpr std::uint32_t after(std::uint32_t corner) noexcept {
   return corner == 2 ? 0 : corner + 1;
 }
@@ -42,22 +43,22 @@ inline constexpr Feature kCorner = 4;
   return corner == 0 ? 2 : corner - 1;
 }
 
-/// A facet whose doubled area is within this of the product of its sides has a normal of rounding alone:
-/// about eight rounded operations stand between corners and normal.
+/// Up to this share of the product of two sides, a doubled area and its normal are rounding: about eight
+/// operations from corners to normal.
 inline constexpr double kFlat = gamma(8);
 
-/// 96 bytes, everything a walk reads: corners in mm relative to the mesh's origin, welded vertex numbers, and
-/// what lies across each edge (SurfaceMesh::neighbour decodes it).
+/// 96 bytes with all that a walk reads: corners (mm, relative to the mesh's origin), welded vertex numbers,
+/// coded neighbours (SurfaceMesh::neighbour).
 struct Facet {
   std::array<Vec3, 3> corner;
   std::array<std::uint32_t, 3> vertex;
   std::array<std::uint32_t, 3> across;
 
-  /// Not normalised: twice the area long, seen from side 0.
+  /// Normal of side 0 with length twice the area.
   [[nodiscard]] Vec3 scaled_normal() const noexcept {
     return (corner[1] - corner[0]).cross(corner[2] - corner[0]);
   }
-  /// Whether it has no area but for rounding. `size`: the length of scaled_normal().
+  /// Whether the area is only rounding. `size`: length of scaled_normal().
   [[nodiscard]] bool flat(double size) const noexcept {
     return size <= kFlat * (corner[1] - corner[0]).norm() * (corner[2] - corner[0]).norm();
   }
@@ -69,7 +70,6 @@ struct FacetPoint {
   Feature feature = kInside;
 };
 
-/// The point of edge `edge` closest to p.
 [[nodiscard]] inline FacetPoint closest_on_edge(const Facet& f, std::uint32_t edge, const Vec3& p) noexcept {
   const Vec3& a = f.corner[edge];
   const Vec3& b = f.corner[after(edge)];
@@ -82,9 +82,8 @@ struct FacetPoint {
   return {q, (p - q).squaredNorm(), static_cast<Feature>(kEdge + edge)};
 }
 
-/// The point of the facet closest to p, by the Voronoi regions of its features (Ericson 2005, section 5.1.5,
-/// here with the edge planes built from the normal). Unique, since a facet is convex. A facet without area is
-/// its edges.
+/// Closest point to p on the facet, by Voronoi regions (Ericson 2005, section 5.1.5, with edge planes from
+/// the normal). Unique, since a facet is convex. Without area, a facet is its edges.
 [[nodiscard]] inline FacetPoint closest_on_facet(const Facet& f, const Vec3& p) noexcept {
   const Vec3& a = f.corner[0];
   const Vec3& b = f.corner[1];
@@ -98,7 +97,7 @@ struct FacetPoint {
   const Vec3 cp = p - c;
   const double d5 = ab.dot(cp), d6 = ac.dot(cp);
   if (d6 >= 0.0 && d5 <= d6) return {c, cp.squaredNorm(), kCorner + 2};
-  // Edge planes: p is beyond edge i where its product with the outward in-plane direction is not negative.
+  // p is beyond edge i if its product with the outward in-plane direction is not negative.
   const Vec3 n = ab.cross(ac);
   const double beyond_ab = ab.cross(ap).dot(n);
   const double beyond_bc = (c - b).cross(bp).dot(n);
@@ -114,6 +113,31 @@ struct FacetPoint {
     if (other.distance_sq < best.distance_sq) best = other;
   }
   return best;
+}
+
+/// Whether two facets share a vertex.
+[[nodiscard]] inline bool share_vertex(const Facet& f, const Facet& g) noexcept {
+  for (const std::uint32_t a : f.vertex)
+    for (const std::uint32_t b : g.vertex)
+      if (a == b) return true;
+  return false;
+}
+
+/// Shortens the part [first, last] of the line from + t way to what is in the box grown by `slack`; false if
+/// nothing is.
+[[nodiscard]] inline bool clip_to_box(const geometry::Aabb& box, const Vec3& from, const Vec3& way,
+                                      double slack, double& first, double& last) noexcept {
+  for (int axis = 0; axis < 3; ++axis) {
+    const double low = box.low_mm[axis] - slack - from[axis], high = box.high_mm[axis] + slack - from[axis];
+    if (way[axis] == 0.0) {
+      if (low > 0.0 || high < 0.0) return false;
+      continue;
+    }
+    const double a = low / way[axis], b = high / way[axis];
+    first = std::max(first, std::min(a, b));
+    last = std::min(last, std::max(a, b));
+  }
+  return first <= last;
 }
 
 }  // namespace palpate::baselines

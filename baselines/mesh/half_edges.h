@@ -1,4 +1,4 @@
-// OpenMesh's half-edges, in double. Include in .cpp files of this folder alone.
+// OpenMesh's half-edges in double precision. Only for .cpp files of this folder.
 #pragma once
 
 #pragma GCC diagnostic push
@@ -20,7 +20,7 @@ struct HalfEdgeTraits : OpenMesh::DefaultTraits {
 };
 using HalfEdges = OpenMesh::TriMesh_ArrayKernelT<HalfEdgeTraits>;
 
-/// OpenMesh prints a line for each face that it refuses; while this lives it does not.
+/// While alive, suppresses OpenMesh's messages for refused faces.
 class QuietOpenMesh {
  public:
   QuietOpenMesh() { omerr().disable(); }

@@ -8,7 +8,7 @@
 namespace palpate::baselines {
 namespace {
 
-/// Components over edges of any number of faces, and how much of the mesh are shards.
+/// Counts components over edges of any number of faces, and faces in shards.
 void count_components(const SurfaceMesh& mesh, MeshReport& report) {
   struct Component {
     std::size_t faces = 0;
@@ -118,11 +118,12 @@ std::vector<std::string> describe(const SurfaceMesh& mesh, const MeshReport* rep
 
 namespace {
 
-/// Measured over nine methods on six generated models (docs/reconstruction.md): with one facet in a thousand
-/// that crosses others, forces were right but for the mesh's own error; with more, god objects were caught in
-/// the folds, and forces of twenty times the true ones came up.
+/// Measured over nine methods on six generated models (docs/how-to/prepare-a-scan.md): with one crossing
+/// facet in a thousand, forces had only the mesh's own error; with more, folds caught god objects, with
+/// forces up to twenty times the true ones.
 constexpr double kFoldedShare = 1e-3;
-/// Edges of more than two facets, faces in shards: one in a hundred is a flaw, more is another kind of mesh.
+/// Largest share of edges with more than two facets, and of faces in shards, that is a flaw and not another
+/// kind of mesh.
 constexpr double kRadialShare = 0.01, kShatteredShare = 0.01;
 
 double share_of(std::size_t part, std::size_t whole) {
@@ -142,16 +143,15 @@ std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* repor
   const SurfaceMeshCounts& counts = mesh.counts();
   const std::size_t faces = mesh.facets().size();
   if (const double share = share_of(counts.radial_edges, counts.edges); share > kRadialShare)
-    lines.push_back(
-        fmt::format("{} of the mesh's edges have more than two faces: it is not one sheet, and a god object "
-                    "may get between "
-                    "its layers; {}take another reconstruction, for example mesh=advancing-front",
-                    percent(share), repaired ? "" : "repair=true makes sheets of it, or "));
+    lines.push_back(fmt::format(
+        "{} of the mesh's edges have more than two faces: it is not one sheet, and a god object may get "
+        "between its layers; {}take another reconstruction, for example mesh=advancing-front",
+        percent(share), repaired ? "" : "repair=true makes sheets of it, or "));
   if (counts.largest_fan > kMaxFan)
     lines.push_back(fmt::format(
-        "{} of the mesh's faces meet at one vertex, and a frame looks at {} of them: near it the god "
-        "object may be let in, or held where it should slide on; cut the corner off, or reconstruct the "
-        "mesh from points that lie as dense around it as along, for example mesh=advancing-front",
+        "{} of the mesh's faces meet at one vertex, and a frame looks at {} of them: near it the god object "
+        "may be let in, or held where it should slide on; cut the corner off, or reconstruct the mesh from "
+        "points that lie as dense around it as along, for example mesh=advancing-front",
         counts.largest_fan, kMaxFan));
   if (const double share = share_of(report == nullptr ? 0 : report->shattered_faces, faces);
       share > kShatteredShare)
@@ -160,12 +160,11 @@ std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* repor
         "each; weld its vertices, or reconstruct it from the points, for example mesh=advancing-front",
         report->components, percent(share), kFewFaces));
   if (const double share = share_of(folded, faces); share > kFoldedShare)
-    lines.push_back(fmt::format(
-        "{} of the mesh's faces cross others of the same piece ({}): a god object may be caught in such "
-        "folds, and its forces "
-        "are not to be trusted; take another reconstruction, for example mesh=poisson, or a body that rides "
-        "over them, mesh-proxy",
-        folded, percent(share)));
+    lines.push_back(
+        fmt::format("{} of the mesh's faces cross others of the same piece ({}): a god object may be caught "
+                    "in such folds, and its forces are not to be trusted; take another reconstruction, for "
+                    "example mesh=poisson, or a body that rides over them, mesh-proxy",
+                    folded, percent(share)));
   return lines;
 }
 

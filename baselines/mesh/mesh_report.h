@@ -1,4 +1,4 @@
-// What kind of mesh it is: held in OpenMesh's half-edges once, looked at, and reported to people.
+// Examines a mesh once with OpenMesh's half-edges and reports its kind and flaws.
 #pragma once
 
 #include <cstddef>
@@ -9,38 +9,34 @@
 
 namespace palpate::baselines {
 
-/// An open component of fewer faces is a shard: a scan's smallest parts have thousands.
+/// An open component of fewer faces is a shard: the smallest real parts of a scan have thousands.
 inline constexpr std::size_t kFewFaces = 100;
-/// A model of a few plain sheets is none; so many shards are.
+/// Fewer shards than this may be a model of plain sheets.
 inline constexpr std::size_t kManyShards = 10;
 
 struct MeshReport {
-  std::size_t vertices = 0;    ///< welded
-  std::size_t faces = 0;       ///< held by OpenMesh
-  std::size_t components = 0;  ///< of faces connected over edges, however many meet there
-  /// Faces in open components of fewer than kFewFaces, where there are many of these: what a god object falls
-  /// off.
+  std::size_t vertices = 0;    ///< after welding
+  std::size_t faces = 0;       ///< accepted by OpenMesh
+  std::size_t components = 0;  ///< connected over edges with any number of faces
+  /// Faces in shards, if there are kManyShards; a god object falls off them.
   std::size_t shattered_faces = 0;
   std::size_t boundary_edges = 0;
   std::size_t boundary_loops = 0;
   std::size_t refused_faces =
-      0;                       ///< at complex edges or corners, which half-edges cannot hold; still rendered
-  std::size_t flat_faces = 0;  ///< without area
+      0;  ///< at complex edges or corners, which half-edges cannot represent; still rendered
+  std::size_t flat_faces = 0;         ///< zero area
   std::size_t isolated_vertices = 0;  ///< in no face
-  bool closed = false;                ///< no boundary, nothing refused
+  bool closed = false;                ///< no boundary, no refused face
 };
 
-/// O(facets). Not on the frame path; memory some 200 bytes a facet, given back at the end.
+/// O(facets). Not for frames. Temporarily about 200 bytes a facet.
 [[nodiscard]] MeshReport report_on(const SurfaceMesh& mesh);
 
-/// What building the mesh counted, as lines for PrepareReport::notes, and what report_on() found beside it;
-/// `report` is null where nobody asked.
+/// Lines for PrepareReport::notes: counts from building the mesh, and from `report` unless null.
 [[nodiscard]] std::vector<std::string> describe(const SurfaceMesh& mesh, const MeshReport* report);
 
-/// Why forces on the mesh of a point are not to be trusted, each with its remedy, for
-/// PrepareReport::warnings; nothing where they are. What is seen of a mesh depends on what was looked for:
-/// shards in `report` (or null), folds in `folded`, facets that cross others of their component. `repaired`:
-/// by repaired(), which is no remedy then.
+/// Warnings with remedies for PrepareReport::warnings if forces on a point are unreliable. `report` (or null)
+/// gives shards, `folded` the facets that cross others of their component. `repaired`: do not propose repair.
 [[nodiscard]] std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* report,
                                               std::size_t folded, bool repaired);
 

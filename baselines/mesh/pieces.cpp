@@ -1,71 +1,56 @@
 #include "baselines/mesh/pieces.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
-#include "toolkit/core/parallel.h"
+#include "toolkit/core/disjoint_sets.h"
 
 namespace palpate::baselines {
-
 namespace {
 
-/// Facets a chunk: along a curve few of them have neighbours in others. Where a piece cannot agree it decides
-/// where that shows, so it depends on nothing.
+/// Facets a chunk; along a Morton curve few have neighbours in other chunks. Constant, because it decides
+/// where a non-orientable piece disagrees.
 constexpr std::size_t kFacetsPerChunk = 16384;
 
-/// What lies over edge `e` of a facet alone, seen from the facet's side 0; kNoFacet where others do too, or
-/// nothing does.
+/// The only neighbour over edge `e` of a facet, seen from side 0; kNoFacet if there are several or none.
 HalfFacet only_neighbour(const SurfaceMesh& mesh, std::uint32_t facet, std::uint32_t e) noexcept {
   const HalfFacet next = mesh.neighbour(half_facet(facet, 0), e);
   if (next == kNoFacet || facet_of(next) == facet) return kNoFacet;
   return facet_of(mesh.neighbour(half_facet(facet, 1), e)) == facet_of(next) ? next : kNoFacet;
 }
 
-/// Two facets that belong together across a border of chunks, and whether they look to opposite sides.
+/// A pair of facets in one piece across a chunk border, and whether their orientations differ.
 struct Link {
   std::uint32_t facet, other, turned;
 };
 
-/// The first facet of what `facet` has been joined to, and whether it looks the other way than that one.
-/// Halves the way.
-Link root_of(Pieces& pieces, std::uint32_t facet) {
-  std::uint32_t at = facet, turned = 0;
-  while (pieces.number[at] != at) {
-    const std::uint32_t up = pieces.number[at];
-    turned ^= pieces.turned[at];
-    pieces.turned[at] ^= pieces.turned[up];
-    pieces.number[at] = pieces.number[up];
-    at = up;
-  }
-  return {facet, at, turned};
-}
-
-void join(Pieces& pieces, const Link& link) {
-  const Link a = root_of(pieces, link.facet), b = root_of(pieces, link.other);
-  if (a.other == b.other) return;
-  const std::uint32_t low = std::min(a.other, b.other), high = std::max(a.other, b.other);
-  pieces.number[high] = low;
-  pieces.turned[high] = static_cast<std::uint8_t>(a.turned ^ b.turned ^ link.turned);
-}
-
-/// Joins the facets of one chunk; adds what leads to earlier chunks.
-void join_chunk(const SurfaceMesh& mesh, std::uint32_t begin, std::uint32_t end, Pieces& pieces,
+/// Joins the facets of one chunk; collects links to earlier chunks.
+void join_chunk(const SurfaceMesh& mesh, std::uint32_t begin, std::uint32_t end, OrientedDisjointSets& sets,
                 std::vector<Link>& links) {
-  for (std::uint32_t facet = begin; facet < end; ++facet) {
-    pieces.number[facet] = facet;
+  for (std::uint32_t facet = begin; facet < end; ++facet)
     for (std::uint32_t e = 0; e < 3; ++e) {
       const HalfFacet next = only_neighbour(mesh, facet, e);
       if (next == kNoFacet || facet_of(next) > facet) continue;
-      const Link link{facet, facet_of(next), side_of(next)};
-      if (link.other < begin)
-        links.push_back(link);
+      if (facet_of(next) < begin)
+        links.push_back({facet, facet_of(next), side_of(next)});
       else
-        join(pieces, link);
+        sets.join(facet, facet_of(next), side_of(next));
     }
-  }
 }
 
-/// Most meshes: then frames look up nothing.
-void give_back_what_says_nothing(Pieces& pieces) {
+/// Numbers sets by their first members.
+std::vector<std::uint32_t> numbered(OrientedDisjointSets& sets, std::size_t members, std::size_t& count) {
+  std::vector<std::uint32_t> number(members);
+  for (std::uint32_t i = 0; i < members; ++i) {
+    const std::uint32_t first = sets.find(i).set;  // not after i
+    number[i] = first == i ? static_cast<std::uint32_t>(count++) : number[first];
+  }
+  return number;
+}
+
+/// Frees arrays that carry no information, as for most meshes; frames then skip the lookup.
+void free_trivial_arrays(Pieces& pieces) {
   if (pieces.count <= 1) std::vector<std::uint32_t>().swap(pieces.number);
   if (std::find(pieces.turned.begin(), pieces.turned.end(), 1) == pieces.turned.end())
     std::vector<std::uint8_t>().swap(pieces.turned);
@@ -74,34 +59,20 @@ void give_back_what_says_nothing(Pieces& pieces) {
 }  // namespace
 
 Pieces pieces_of(const SurfaceMesh& mesh, int threads) {
-  Pieces pieces;
   const std::size_t facets = mesh.facets().size();
-  pieces.number.resize(facets);
-  pieces.turned.assign(facets, 0);
+  OrientedDisjointSets sets(facets, threads);
   std::vector<std::vector<Link>> links((facets + kFacetsPerChunk - 1) / kFacetsPerChunk);
   parallel_chunks(facets, kFacetsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    join_chunk(mesh, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end), pieces,
+    join_chunk(mesh, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end), sets,
                links[begin / kFacetsPerChunk]);
   });
   for (const std::vector<Link>& part : links)
-    for (const Link& link : part) join(pieces, link);
-  // A facet points to one before it, whose own way is finished when its turn comes.
-  std::vector<std::uint32_t> firsts;
-  for (std::uint32_t i = 0; i < facets; ++i) {
-    const std::uint32_t up = pieces.number[i];
-    if (up == i) {
-      firsts.push_back(i);
-      continue;
-    }
-    pieces.turned[i] ^= pieces.turned[up];
-    pieces.number[i] = pieces.number[up];
-  }
-  pieces.count = firsts.size();
-  if (pieces.count > 1)
-    for (std::uint32_t& number : pieces.number)
-      number =
-          static_cast<std::uint32_t>(std::lower_bound(firsts.begin(), firsts.end(), number) - firsts.begin());
-  give_back_what_says_nothing(pieces);
+    for (const Link& link : part) sets.join(link.facet, link.other, link.turned);
+  Pieces pieces;
+  pieces.number = numbered(sets, facets, pieces.count);
+  for (std::uint32_t i = 0; i < facets; ++i)
+    pieces.turned.push_back(static_cast<std::uint8_t>(sets.find(i).turned));
+  free_trivial_arrays(pieces);
   return pieces;
 }
 
@@ -128,32 +99,102 @@ Pieces pieces_across_many(const SurfaceMesh& mesh) {
       }
     }
   }
-  give_back_what_says_nothing(pieces);
+  free_trivial_arrays(pieces);
   return pieces;
 }
 
 std::vector<std::uint32_t> components_of(const SurfaceMesh& mesh) {
-  std::vector<std::uint32_t> number(mesh.facets().size(), kNoFacet);
-  std::vector<std::uint32_t> open;
-  std::uint32_t count = 0;
-  for (std::uint32_t start = 0; start < number.size(); ++start) {
-    if (number[start] != kNoFacet) continue;
-    number[start] = count;
-    open.push_back(start);
-    while (!open.empty()) {
-      const std::uint32_t facet = open.back();
-      open.pop_back();
-      for (std::uint32_t e = 0; e < 3; ++e)
-        for (const std::uint32_t side : {0u, 1u}) {
-          const HalfFacet next = mesh.neighbour(half_facet(facet, side), e);
-          if (next == kNoFacet || number[facet_of(next)] != kNoFacet) continue;
-          number[facet_of(next)] = count;
-          open.push_back(facet_of(next));
-        }
-    }
-    ++count;
+  const std::size_t facets = mesh.facets().size();
+  OrientedDisjointSets sets(facets);
+  for (HalfFacet half = 0; half < 2 * facets; ++half)
+    for (std::uint32_t e = 0; e < 3; ++e)
+      if (const HalfFacet next = mesh.neighbour(half, e); next != kNoFacet)
+        sets.join(facet_of(half), facet_of(next));
+  std::size_t count = 0;
+  return numbered(sets, facets, count);
+}
+
+namespace {
+
+/// The area vectors of a closed surface cancel; up to this share of the total counts as holes.
+constexpr double kClosedShare = 0.1;
+
+struct Sums {
+  double area = 0.0, volume = 0.0;
+  Vec3 vector_area = Vec3::Zero(), moment = Vec3::Zero();
+
+  void add(const Facet& facet, std::uint32_t side) noexcept {
+    const Vec3 a = side == 0 ? facet.scaled_normal() : Vec3(-facet.scaled_normal());
+    const double size = a.norm();
+    area += size;
+    vector_area += a;
+    volume += a.dot(facet.corner[0]);
+    moment += size * facet.corner[0];
   }
-  return number;
+  void add(const Sums& other) noexcept {
+    area += other.area;
+    volume += other.volume;
+    vector_area += other.vector_area;
+    moment += other.moment;
+  }
+};
+
+/// Sums of one piece over fixed chunks.
+Sums sums_of_one(const SurfaceMesh& mesh, const Pieces& pieces, int threads) {
+  const std::size_t facets = mesh.facets().size();
+  std::vector<Sums> parts((facets + kPointsPerChunk - 1) / kPointsPerChunk);
+  parallel_chunks(facets, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (auto i = static_cast<std::uint32_t>(begin); i < end; ++i)
+      parts[begin / kPointsPerChunk].add(mesh.facet(i), pieces.side(i));
+  });
+  Sums all;
+  for (const Sums& part : parts) all.add(part);
+  return all;
+}
+
+std::vector<Sums> sums_of(const SurfaceMesh& mesh, const Pieces& pieces, int threads) {
+  if (pieces.count == 1) return {sums_of_one(mesh, pieces, threads)};
+  std::vector<Sums> sums(pieces.count);
+  for (std::uint32_t i = 0; i < mesh.facets().size(); ++i)
+    sums[pieces.piece_of(i)].add(mesh.facet(i), pieces.side(i));
+  return sums;
+}
+
+}  // namespace
+
+PieceOrientation PieceOrientation::of(const SurfaceMesh& mesh, int threads) {
+  PieceOrientation sides;
+  sides.pieces = pieces_of(mesh, threads);
+  for (const Sums& sum : sums_of(mesh, sides.pieces, threads)) {
+    Piece& piece = sides.each.emplace_back();
+    if (!(sum.area > 0.0)) continue;
+    piece.closed = sum.vector_area.norm() <= kClosedShare * sum.area;
+    piece.outer = sum.volume - sum.moment.dot(sum.vector_area) / sum.area >= 0.0 ? 0 : 1;
+    sides.any_closed = sides.any_closed || piece.closed;
+  }
+  return sides;
+}
+
+FreeSide::FreeSide(const SurfaceMesh& mesh, const PieceOrientation& sides) : mesh_(&mesh), sides_(&sides) {
+  for (const PieceOrientation::Piece& piece : sides.each) here_.push_back({piece.outer, 0.0});
+}
+
+/// A piece encloses points that see it under a solid angle (van Oosterom and Strackee 1983) of 4 pi; outside
+/// it is 0, and holes change both a little.
+void FreeSide::begin_at(const Vec3& hip) noexcept {
+  if (!sides_->any_closed) return;
+  for (std::size_t i = 0; i < here_.size(); ++i) here_[i] = {sides_->each[i].outer, 0.0};
+  if (!mesh_->local_box_mm().contains(hip)) return;
+  for (std::uint32_t i = 0; i < mesh_->facets().size(); ++i) {
+    const Facet& facet = mesh_->facet(i);
+    const Vec3 a = facet.corner[0] - hip, b = facet.corner[1] - hip, c = facet.corner[2] - hip;
+    const double la = a.norm(), lb = b.norm(), lc = c.norm();
+    const double angle =
+        2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+    here_[sides_->pieces.piece_of(i)].angle += sides_->pieces.side(i) == 0 ? angle : -angle;
+  }
+  for (std::size_t i = 0; i < here_.size(); ++i)
+    if (std::abs(here_[i].angle) > 2.0 * std::numbers::pi) here_[i].front = 1 - sides_->each[i].outer;
 }
 
 }  // namespace palpate::baselines

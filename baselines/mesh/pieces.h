@@ -1,4 +1,4 @@
-// What hangs together in a mesh, and which side of each facet agrees with its neighbours'.
+// Connected pieces of a mesh, the facet sides that agree within each, and from which side each is touched.
 #pragma once
 
 #include <cstddef>
@@ -9,18 +9,16 @@
 
 namespace palpate::baselines {
 
-/// Facets connected over edges that two of them share are a piece. One piece whose facets agree as they are
-/// takes no memory.
+/// A piece: facets connected over edges shared by exactly two. A single consistent piece needs no memory.
 struct Pieces {
   std::size_t count = 0;
-  std::vector<std::uint32_t> number;  ///< of every facet's piece, by their first facets; empty: one piece
-  std::vector<std::uint8_t>
-      turned;  ///< 1 where a facet looks the other way than its piece's first; empty: none
+  std::vector<std::uint32_t> number;  ///< piece of every facet, ordered by first facet; empty: one piece
+  std::vector<std::uint8_t> turned;   ///< 1: opposite to the piece's first facet; empty: none
 
   [[nodiscard]] std::uint32_t piece_of(std::uint32_t facet) const noexcept {
     return number.empty() ? 0u : number[facet];
   }
-  /// The facet's side that agrees with side 0 of its piece's first.
+  /// The facet's side that agrees with side 0 of its piece's first facet.
   [[nodiscard]] std::uint32_t side(std::uint32_t facet) const noexcept {
     return turned.empty() ? 0u : turned[facet];
   }
@@ -29,17 +27,57 @@ struct Pieces {
   }
 };
 
-/// Where more than two facets meet at an edge a piece ends: which two of them go together nobody knows.
-/// O(facets), parallel; the same for any number of threads. A piece that cannot agree (a Moebius strip)
-/// disagrees somewhere.
+/// A piece ends at edges of more than two facets, whose pairing is unknown. A non-orientable piece (Moebius
+/// strip) disagrees somewhere. O(facets), parallel, the same for any `threads`.
 [[nodiscard]] Pieces pieces_of(const SurfaceMesh& mesh, int threads);
 
-/// The same, but where more than two facets meet a piece goes on to whichever is next: what a repair tries,
-/// and cuts where it fails. O(facets).
+/// The same, but a piece continues over edges of more than two facets: a repair tries this and cuts where it
+/// fails. O(facets).
 [[nodiscard]] Pieces pieces_across_many(const SurfaceMesh& mesh);
 
-/// For every facet the number of its component, those connected over edges of however many facets, numbered
-/// by their first facets. O(facets).
+/// Component number of every facet, connected over edges of any number of facets, ordered by first facet.
+/// O(facets).
 [[nodiscard]] std::vector<std::uint32_t> components_of(const SurfaceMesh& mesh);
+
+/// Pieces of a mesh and which of them enclose a volume. Immutable; concurrent reads are safe.
+struct PieceOrientation {
+  struct Piece {
+    bool closed = false;
+    std::uint32_t outer = 0;  ///< outward side of its first facet
+  };
+  Pieces pieces;
+  std::vector<Piece> each;
+  bool any_closed = false;
+
+  /// O(facets), parallel, independent of the number of threads.
+  [[nodiscard]] static PieceOrientation of(const SurfaceMesh& mesh, int threads);
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return pieces.bytes() + each.capacity() * sizeof(Piece);
+  }
+};
+
+/// A piece that encloses a volume is touched only from the side where the HIP began, any other from both.
+/// Sides agree with the piece's first facet, whatever the facets' orientation. Mesh and sides must outlive
+/// this object. For one thread.
+class FreeSide {
+ public:
+  FreeSide(const SurfaceMesh& mesh, const PieceOrientation& sides);
+  /// The HIP is free at `hip` (local, mm). O(facets) if a piece encloses a volume. No allocation.
+  void begin_at(const Vec3& hip) noexcept;
+  [[nodiscard]] bool touches(HalfFacet half) const noexcept {
+    const std::uint32_t piece = sides_->pieces.piece_of(facet_of(half));
+    return !sides_->each[piece].closed ||
+           (side_of(half) ^ sides_->pieces.side(facet_of(half))) == here_[piece].front;
+  }
+
+ private:
+  struct Here {
+    std::uint32_t front = 0;  ///< touched side of its first facet
+    double angle = 0.0;       ///< solid angle from the HIP
+  };
+  const SurfaceMesh* mesh_;
+  const PieceOrientation* sides_;
+  std::vector<Here> here_;
+};
 
 }  // namespace palpate::baselines

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include <palpate/result.h>
+#include "baselines/failure.h"
 #include "baselines/mesh/half_edges.h"
 #include "baselines/mesh/pieces.h"
 #include "baselines/mesh/surface_mesh.h"
@@ -28,11 +30,11 @@
 namespace palpate::baselines {
 namespace {
 
-/// A collapse may turn no facet by more: by the library's own 90 degrees slivers turn over in two steps.
-constexpr float kMostTurnDegrees = 45.0f;
-/// A collapse may make no facet more slender, longest edge over height; the library's own default. Where the
-/// quadric error vanishes (straight lines on a surface) it alone would make facets without area.
-constexpr float kMostSlender = 10.0f;
+/// Largest turn of a facet's normal per collapse: with the library's 90 degrees slivers flip in two steps.
+constexpr float kMaxTurnDegrees = 45.0f;
+/// Largest slenderness (longest edge over height) after a collapse; the library's default. The quadric error,
+/// zero on straight lines, would allow facets without area.
+constexpr float kMaxSlender = 10.0f;
 
 using Corners = std::array<std::uint32_t, 3>;
 
@@ -47,7 +49,7 @@ std::size_t turn_to_agree(const SurfaceMesh& mesh, std::vector<Corners>& facets)
   return turned;
 }
 
-/// Facets that half-edges cannot hold get corners of their own, so that none is lost. Returns how many.
+/// Adds facets; those that half-edges cannot represent get corners of their own. Returns how many.
 std::size_t fill(const std::vector<Vec3>& vertices, const std::vector<Corners>& facets, HalfEdges& held) {
   held.reserve(vertices.size(), facets.size() * 3 / 2, facets.size());
   const auto add_vertex = [&](const Vec3& v) { return held.add_vertex({v.x(), v.y(), v.z()}); };
@@ -82,7 +84,7 @@ geometry::TriangleMesh plain(const HalfEdges& held, const Vec3& origin) {
   return mesh;
 }
 
-/// A mesh welded, as plain arrays relative to its origin: far from it nothing is lost.
+/// A welded mesh as plain arrays relative to its origin, which keeps precision far from zero.
 struct Welded {
   SurfaceMesh mesh;
   std::vector<Vec3> vertices;
@@ -90,17 +92,15 @@ struct Welded {
 };
 
 Result<Welded> weld(const geometry::TriangleMesh& mesh) {
-  Result<SurfaceMesh> built = SurfaceMesh::build(mesh, 1);
-  if (!built.ok()) return std::move(built).error();
+  PALPATE_ASSIGN(SurfaceMesh built, SurfaceMesh::build(mesh, 1));
   Welded welded;
-  welded.mesh = std::move(built).value();
+  welded.mesh = std::move(built);
   welded.vertices.assign(welded.mesh.vertices().begin(), welded.mesh.vertices().end());
   for (const Facet& f : welded.mesh.facets()) welded.facets.push_back(f.vertex);
   return welded;
 }
 
-/// The boundary half-edges around a hole, in order; empty where the loop is longer than `most` or touches
-/// itself.
+/// Boundary half-edges around a hole, in order; empty if longer than `most` or touching itself.
 std::vector<OpenMesh::VertexHandle> loop_from(const HalfEdges& held, OpenMesh::HalfedgeHandle start,
                                               std::size_t most, std::vector<bool>& seen) {
   std::vector<OpenMesh::VertexHandle> loop;
@@ -119,8 +119,8 @@ std::vector<OpenMesh::VertexHandle> loop_from(const HalfEdges& held, OpenMesh::H
   return loop;
 }
 
-/// The triangulation of a loop with the least area: triples of places in it; empty where there is none that
-/// makes no edge of the mesh twice.
+/// Least-area triangulation of a loop, as triples of loop positions; empty if every one would duplicate an
+/// edge.
 std::vector<std::array<std::size_t, 3>> least_area(const HalfEdges& held,
                                                    const std::vector<OpenMesh::VertexHandle>& loop) {
   const std::size_t n = loop.size();
@@ -187,24 +187,22 @@ Result<geometry::TriangleMesh> repaired(const geometry::TriangleMesh& mesh, std:
   RepairReport unused;
   RepairReport& r = report != nullptr ? *report : unused;
   r = {};
-  Result<Welded> welded = weld(mesh);
-  if (!welded.ok()) return std::move(welded).error();
-  r.welded = welded->mesh.counts().welded_vertices;
-  r.dropped = welded->mesh.counts().collapsed_facets;
-  r.turned = turn_to_agree(welded->mesh, welded->facets);
+  PALPATE_ASSIGN(Welded welded, weld(mesh));
+  r.welded = welded.mesh.counts().welded_vertices;
+  r.dropped = welded.mesh.counts().collapsed_facets;
+  r.turned = turn_to_agree(welded.mesh, welded.facets);
   HalfEdges held;
-  r.cut = fill(welded->vertices, welded->facets, held);
+  r.cut = fill(welded.vertices, welded.facets, held);
   fill_holes(held, max_hole_edges, r);
-  return plain(held, welded->mesh.origin_mm());
+  return plain(held, welded.mesh.origin_mm());
 }
 
 Result<geometry::TriangleMesh> decimated(const geometry::TriangleMesh& mesh, double share) {
   if (!(share > 0.0 && share <= 1.0))
-    return Error{"a mesh is decimated to a share of its facets above 0 and at most 1", "set decimate", {}, 0};
-  const Result<Welded> welded = weld(mesh);
-  if (!welded.ok()) return welded.error();
+    return failure("a mesh is decimated to a share of its facets above 0 and at most 1", "set decimate");
+  PALPATE_ASSIGN(const Welded welded, weld(mesh));
   HalfEdges held;
-  fill(welded->vertices, welded->facets, held);
+  fill(welded.vertices, welded.facets, held);
   held.request_face_normals();
   held.update_face_normals();
   OpenMesh::Decimater::DecimaterT<HalfEdges> decimater(held);
@@ -215,25 +213,24 @@ Result<geometry::TriangleMesh> decimated(const geometry::TriangleMesh& mesh, dou
   OpenMesh::Decimater::ModAspectRatioT<HalfEdges>::Handle ratio;
   decimater.add(ratio);
   decimater.module(quadric).unset_max_err();
-  decimater.module(flipping).set_max_normal_deviation(kMostTurnDegrees);
-  decimater.module(ratio).set_aspect_ratio(kMostSlender);
-  if (!decimater.initialize()) return Error{"OpenMesh's decimater did not start", "report this", {}, 0};
+  decimater.module(flipping).set_max_normal_deviation(kMaxTurnDegrees);
+  decimater.module(ratio).set_aspect_ratio(kMaxSlender);
+  if (!decimater.initialize()) return failure("OpenMesh's decimater did not start", "report this");
   const auto target = static_cast<std::size_t>(share * static_cast<double>(held.n_faces()));
   decimater.decimate_to_faces(0, target);
   held.garbage_collection();
-  return plain(held, welded->mesh.origin_mm());
+  return plain(held, welded.mesh.origin_mm());
 }
 
 Result<geometry::TriangleMesh> smoothed(const geometry::TriangleMesh& mesh, int iterations) {
-  const Result<Welded> welded = weld(mesh);
-  if (!welded.ok()) return welded.error();
+  PALPATE_ASSIGN(const Welded welded, weld(mesh));
   HalfEdges held;
-  fill(welded->vertices, welded->facets, held);
+  fill(welded.vertices, welded.facets, held);
   using Smoother = OpenMesh::Smoother::JacobiLaplaceSmootherT<HalfEdges>;
   Smoother smoother(held);
   smoother.initialize(Smoother::Tangential_and_Normal, Smoother::C1);
   smoother.smooth(static_cast<unsigned int>(std::max(iterations, 0)));
-  return plain(held, welded->mesh.origin_mm());
+  return plain(held, welded.mesh.origin_mm());
 }
 
 }  // namespace palpate::baselines

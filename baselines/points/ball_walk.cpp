@@ -10,7 +10,7 @@ namespace {
 /// computed in closed form (1e-15 of the coordinates, which are within some thousand radii), far below a bump
 /// that is felt.
 constexpr double kTouchShare = 1e-7;
-/// At rest where the balls leave less than this share of the pull: a thousandth of a degree.
+/// The proxy rests if the balls leave less than this share of the pull, a thousandth of a degree.
 constexpr double kRestShare = 2e-5;
 /// Moves end after this share of a radius, and the balls at hand reach so far beyond the proxy.
 constexpr double kStrideShare = 0.5;
@@ -20,10 +20,10 @@ constexpr double kSlackShare = 1e-10;
 /// A touched ball that a unit step goes into by more than this stops it: the slack over the rest's share.
 constexpr double kIntoShare = kSlackShare / kRestShare;
 /// Two touched balls whose centres differ by less than this share of a radius are one.
-constexpr double kSameShare = 1e-6;
+constexpr double kAgreementShare = 1e-6;
 
-/// Where A cos t + B sin t first rises to C after t = 0, as cosine and sine; false where it does not within a
-/// quarter turn.
+/// The angle, as cosine and sine, at which A cos t + B sin t first rises to C after t = 0; false if it does
+/// not within a quarter turn.
 struct Turn {
   double cosine = 1.0, sine = 0.0;
 };
@@ -54,7 +54,7 @@ void BallWalk::reset(const Vec3& at) noexcept {
 /// A start within balls (nearer to the surface than a radius) is moved away from the nearest point, out of
 /// one ball after the other.
 void BallWalk::escape() noexcept {
-  constexpr int kMostBalls = 256;  // a straight way out of a layer two radii thick meets far fewer
+  constexpr int kMaxBalls = 256;  // a straight way out of a layer two radii thick meets far fewer
   Vec3 centre = Vec3::Zero();
   const auto nearest = [&] {
     double best = radius_ * radius_ * (1.0 - kTouchShare);
@@ -70,7 +70,7 @@ void BallWalk::escape() noexcept {
   if (!nearest()) return;
   Vec3 away = at_ - centre;
   away = away.norm() > 0.0 ? Vec3(away.normalized()) : Vec3(Vec3::UnitZ());
-  for (int i = 0; i < kMostBalls; ++i) {
+  for (int i = 0; i < kMaxBalls; ++i) {
     const Vec3 from = at_ - centre;
     const double along = from.dot(away);
     at_ += away * (std::sqrt(std::max(0.0, along * along + radius_ * radius_ - from.squaredNorm())) - along);
@@ -80,9 +80,9 @@ void BallWalk::escape() noexcept {
 
 /// The pull, less what the touched balls push against: the projection on the cone of free directions.
 BallWalk::Hold BallWalk::hold(const Vec3& pull) const noexcept {
-  const double touch = radius_ * (1.0 + kTouchShare), same = radius_ * kSameShare;
-  std::array<geometry::HalfSpace, geometry::kMaxHalfSpaces> planes;
-  std::array<Vec3, geometry::kMaxHalfSpaces> centre;
+  const double touch = radius_ * (1.0 + kTouchShare), same = radius_ * kAgreementShare;
+  std::array<geometry::HalfSpace, geometry::kMaxEnumeratedHalfSpaces> planes;
+  std::array<Vec3, geometry::kMaxEnumeratedHalfSpaces> centre;
   std::size_t count = 0;
   for (const Vec3& ball : near_.all()) {
     if (count == planes.size()) break;
@@ -96,18 +96,18 @@ BallWalk::Hold BallWalk::hold(const Vec3& pull) const noexcept {
     centre[count++] = ball;
   }
   Hold found;
-  const geometry::NearestAllowed free =
-      geometry::nearest_allowed({planes.data(), count}, pull, kSlackShare * pull.norm());
+  const geometry::NearestFeasible free =
+      geometry::nearest_feasible({planes.data(), count}, pull, kSlackShare * pull.norm());
   found.way = free.point;
   for (std::size_t k = 0; k < free.active; ++k)
     if (free.push[k] > 0.0) found.centre[static_cast<std::size_t>(found.count++)] = centre[free.plane[k]];
-  if (!free.all_hold) found.way = Vec3::Zero();
+  if (!free.feasible) found.way = Vec3::Zero();
   return found;
 }
 
-/// Along a circle about `centre` through the proxy (`out` towards it, `along` the way, both unit), up to the
-/// place nearest to the goal, a stride, or the first ball met. On a ball of radius `radius` the circle is a
-/// great one; between two balls it is where they meet.
+/// Moves along a circle about `centre` through the proxy (`out` towards it, `along` the way, both unit), up
+/// to the place nearest to the goal, a stride, or the first ball met. On a ball of radius `radius` the circle
+/// is a great one; between two balls it is where they meet.
 void BallWalk::slide(const Vec3& centre, double radius, Vec3 out, Vec3 along, const Vec3& goal,
                      const Hold& hold) noexcept {
   const Vec3 g = goal - centre;

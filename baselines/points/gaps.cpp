@@ -8,24 +8,26 @@
 #include <span>
 #include <vector>
 
-#include "toolkit/core/nearest_rank.h"
+#include <palpate/result.h>
+#include "toolkit/core/percentiles.h"
 #include "toolkit/render/prepare_phases.h"
-#include "toolkit/surface/least_direction.h"
+#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/surface/smallest_eigenvector.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// Points that are asked: the gap that 1 % exceed is then known to within 20 of 2048, a twentieth of its
+/// Number of sampled points. It bounds the rank of the gap that 1 % exceed to 20 of 2048, a twentieth of its
 /// length at random.
 constexpr std::size_t kGapSamples = 2048;
 constexpr double kGapPercentile = 99.0;
-/// Cells of the grid that the samples are taken from, one each, in spacings: a few points a cell, so that
+/// Edge in spacings of the cells that the samples are taken from, one each. A cell has a few points, so
 /// samples are even by area, and sparse parts count as dense ones do.
 constexpr double kGapCellSpacings = 2.0;
 /// Points are gathered within so many spacings, and twice as far as long as the gap is open to some side: up
 /// to gaps of twelve spacings. What is wider is a hole or a border.
 constexpr double kFirstReach = 3.0, kLastReach = 24.0;
-/// In one line: the points spread across it by less than a quarter of what they do along it.
+/// Points are in one line if they spread across it by less than a quarter of what they do along it.
 constexpr double kLineSpread = 1.0 / 16.0;  // of squares
 constexpr std::size_t kLineNeighbours = 8;
 /// Squared tangent of the steepest way to a point of the same sheet, 60 degrees: both sides of a right-angled
@@ -84,21 +86,21 @@ struct Surroundings {
     points.within(at, reach, [&](std::uint32_t place, double sq) {
       if (sq > 0.0) offset.push_back(points.points[place].at() - at);
     });
-    surface::Symmetric spread;
+    surface::SymmetricMatrix3 spread;
     Vec3 mean = Vec3::Zero();
     for (const Vec3& d : offset) mean += d;
     mean /= static_cast<double>(std::max<std::size_t>(1, offset.size()));
     for (const Vec3& d : offset) spread.add(d - mean);
     Vec3 normal = Vec3::UnitZ();
-    if (!surface::least_direction(spread, normal)) return false;
+    if (!surface::smallest_eigenvector(spread, normal)) return false;
     const Vec3 u = normal.unitOrthogonal(), v = normal.cross(u);
     flat.clear();
     for (const Vec3& d : offset) {
       const double height = normal.dot(d);
       const Vec2 beside(u.dot(d), v.dot(d));
       const double beside_sq = beside.squaredNorm();
-      // At their distances in space, so that nothing is foreshortened where the surface bends. What is
-      // steeper is another sheet.
+      // Points keep their distances in space, so that nothing is foreshortened where the surface bends. A
+      // steeper point is on another sheet.
       if (beside_sq > 0.0 && height * height <= kSteepSq * beside_sq)
         flat.push_back(beside * std::sqrt(d.squaredNorm() / beside_sq));
     }
@@ -175,7 +177,7 @@ std::vector<Vec3> gap_samples(const PointGrid& points) {
   std::vector<Vec3> samples;
   std::size_t occupied = 0;
   for (std::size_t slot = 0; slot < points.grid.slots(); ++slot) {
-    const partition::PlaceRange range = points.grid.places_of(slot);
+    const search::IndexRange range = points.grid.places_of(slot);
     if (range.begin == range.end || occupied++ % stride != 0) continue;
     Vec3 least = points.points[range.begin].at();
     for (std::uint32_t place = range.begin + 1; place < range.end; ++place) {
@@ -211,24 +213,100 @@ Gaps measure_gaps(const cloud::Cloud& cloud, int threads) {
 }
 
 Gaps measured_gaps(const cloud::Cloud& cloud, const render::PrepareContext& context,
-                   render::PrepareReport& report) {
+                   render::PrepareReport& report, render::ModelDecisions* out) {
   render::PreparePhases phases(report, context);
   phases.begin("gaps");
   const Gaps gaps = measure_gaps(cloud, context.threads);
   phases.end();
+  if (out == nullptr) return gaps;
+  report_spacing(gaps.spacing_mm, *out);
+  const double times = gaps.closing_mm() / gaps.spacing_mm;
+  out->decisions.push_back(
+      {"gaps", fmt::format("{:.4g} mm", gaps.gap_mm),
+       times > 1.0
+           ? fmt::format("1 % of the empty circles between points are larger: {:.3g} spacings, which stand "
+                         "for one where nothing may fall through{}",
+                         times, gaps.lines ? "; the points stand in lines" : "")
+           : std::string("1 % of the empty circles between points are larger: the mean spacing will do")});
   return gaps;
 }
 
-void say_gaps(const Gaps& gaps, render::ModelDecisions& out) {
-  say_spacing(gaps.spacing_mm, out);
-  const double times = gaps.closing_mm() / gaps.spacing_mm;
-  out.decisions.push_back(
-      {"gaps", fmt::format("{:.4g} mm", gaps.gap_mm),
-       times > 1.0
-           ? fmt::format("1 % of the empty circles between points are larger: {:.3g} spacings, which "
-                         "stand for one where nothing may fall through{}",
-                         times, gaps.lines ? "; the points stand in lines" : "")
-           : std::string("1 % of the empty circles between points are larger: the mean spacing will do")});
+namespace {
+
+/// Distance of the eighth neighbour on a square lattice in spacings, which turns distances into spacings.
+constexpr double kEighthSpacings = 1.4142135623730951;  // sqrt 2
+/// The largest local spacing, in units of what closes 99 % of the gaps: with radii of 1.5 it closes gaps
+/// nearly twice as wide; what is lonelier is an outlier, or stands at a border.
+constexpr double kMaxClosing = 1.25;
+/// A radius of 1.5 spacings closes even gaps (4/3 spacings) down to this share of it: means may take as much.
+constexpr double kStillCloses = kEvenGap / 1.5;
+/// Means over neighbours: local spacings then differ from one point to the next by some percent.
+constexpr int kSmoothings = 3;
+
+/// The last dense points before a step of the density have dense neighbours alone; only the sparse ones
+/// beyond the gap know of it. So a point also takes the largest spacing of those whose neighbour it is.
+std::vector<float> smoothed_spacings(const cloud::Cloud& cloud, const search::NeighbourTable& table,
+                                     double spacing_mm, const SpacingRange& range, int threads) {
+  const std::size_t n = cloud.size();
+  std::vector<float> own(n), mean(n);
+  const auto each = [&](std::vector<float>& out, const auto& value) {
+    parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) out[i] = static_cast<float>(value(i));
+    });
+  };
+  each(own, [&](std::size_t i) {
+    double most_sq = 0.0;
+    for (const std::uint32_t other : table.of[i])
+      most_sq = std::max(most_sq, (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
+    const double scale = std::sqrt(most_sq) / (kEighthSpacings * spacing_mm);
+    return std::clamp(scale > 0.0 ? scale : 1.0, range.least, range.most);  // alone, or in a pile: the mean
+  });
+  std::vector<float> largest = own;
+  for (std::size_t i = 0; i < n; ++i)
+    for (const std::uint32_t other : table.of[i]) largest[other] = std::max(largest[other], own[i]);
+  std::vector<float> smooth = largest;
+  for (int round = 0; round < kSmoothings; ++round) {
+    each(mean, [&](std::size_t i) {
+      double sum = static_cast<double>(smooth[i]);
+      for (const std::uint32_t other : table.of[i]) sum += static_cast<double>(smooth[other]);
+      return std::max(kStillCloses * static_cast<double>(largest[i]),
+                      sum / static_cast<double>(table.of[i].size() + 1));
+    });
+    smooth.swap(mean);
+  }
+  return smooth;
+}
+
+}  // namespace
+
+SpacingRange spacing_range(const Gaps& gaps, double ratio) noexcept {
+  const double closing = gaps.closing_mm() / gaps.spacing_mm, most = kMaxClosing * closing;
+  return {gaps.lines ? closing : most / ratio, most};
+}
+
+Result<std::vector<float>> local_spacings(const cloud::Cloud& cloud, const Gaps& gaps,
+                                          const SpacingRange& range, const render::PrepareContext& context,
+                                          render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
+  phases.begin("neighbours");
+  PALPATE_ASSIGN(const auto built, search::build_neighbours(gaps.lines ? "directional-knn" : "exact-knn",
+                                                            cloud, context.threads));
+  phases.end();
+  phases.begin("radii");
+  std::vector<float> scale = smoothed_spacings(cloud, built.table, gaps.spacing_mm, range, context.threads);
+  phases.end();
+  return scale;
+}
+
+PlacedScales placed_scales(std::span<const float> scale, std::span<const std::uint32_t> order) {
+  PlacedScales placed;
+  if (scale.empty()) return placed;
+  placed.by_place.resize(scale.size());
+  for (std::size_t place = 0; place < order.size(); ++place) placed.by_place[place] = scale[order[place]];
+  const auto [least, most] = std::minmax_element(scale.begin(), scale.end());
+  placed.least = static_cast<double>(*least);
+  placed.most = static_cast<double>(*most);
+  return placed;
 }
 
 }  // namespace palpate::baselines

@@ -25,7 +25,7 @@ Weight weight_at(ImplicitWeight kind, double q) noexcept {
 }
 
 /// The mean distance of a point to its nearest neighbours elsewhere; 0 where it has none.
-double mean_nearest(std::span<const surface::SurfacePoint> points, const neighbourhood::Neighbours& around,
+double mean_nearest(std::span<const surface::OrientedPoint> points, const search::Neighbours& around,
                     std::size_t self) {
   std::array<double, kRadiusNeighbours> least;  // ascending
   least.fill(std::numeric_limits<double>::infinity());
@@ -44,7 +44,7 @@ double mean_nearest(std::span<const surface::SurfacePoint> points, const neighbo
   return count > 0.0 ? sum / count : 0.0;
 }
 
-double farthest(std::span<const surface::SurfacePoint> points, const neighbourhood::Neighbours& around,
+double farthest(std::span<const surface::OrientedPoint> points, const search::Neighbours& around,
                 std::size_t self) {
   double most_sq = 0.0;
   for (const std::uint32_t other : around)
@@ -54,7 +54,7 @@ double farthest(std::span<const surface::SurfacePoint> points, const neighbourho
 
 }  // namespace
 
-void ImplicitField::build(PointGrid points, std::span<const neighbourhood::Neighbours> neighbours,
+void ImplicitField::build(PointGrid points, std::span<const search::Neighbours> neighbours,
                           const ImplicitOptions& options, int threads) {
   points_ = std::move(points);
   options_ = options;
@@ -87,7 +87,7 @@ ImplicitValue ImplicitField::at(const Vec3& place, const OutwardSide& side) cons
   points_.within(place, reach_, [&](std::uint32_t i, double sq) {
     const double radius = static_cast<double>(radius_[i]);
     if (!(sq < radius * radius)) return;
-    const surface::SurfacePoint& point = points_.points[i];
+    const surface::OrientedPoint& point = points_.points[i];
     const Vec3 d = point.at() - place;
     const double distance = std::sqrt(sq);
     const Weight w = weight_at(options_.weight, distance / radius);

@@ -1,16 +1,15 @@
-// The implicit functions of Leeper, Chan and Salisbury 2012 over points with radii of their own.
+// The implicit functions of Leeper, Chan and Salisbury 2012 over points with individual radii.
 #pragma once
 
 #include <cstdint>
 #include <span>
 
-#include "baselines/points/outward.h"
 #include "baselines/points/point_grid.h"
 
 namespace palpate::baselines {
 
 enum class ImplicitSurface : std::uint8_t {
-  kSurfel,    ///< f = n . (x - a), a and n the weighted means of points and normals
+  kSurfel,    ///< f = n . (x - a); a and n are weighted means of points and normals
   kMetaball,  ///< f = level - sum of weights: a skin around the points, the same from both sides
 };
 enum class ImplicitWeight : std::uint8_t {
@@ -21,36 +20,35 @@ enum class ImplicitWeight : std::uint8_t {
 struct ImplicitOptions {
   ImplicitSurface surface = ImplicitSurface::kSurfel;
   ImplicitWeight weight = ImplicitWeight::kWyvill;
-  double level = 0.5;   ///< of metaballs: the sum of weights on the surface
-  bool across = false;  ///< points stand in lines: their radii also reach the farthest of their neighbours
+  double level = 0.5;   ///< metaballs: the sum of weights on the surface
+  bool across = false;  ///< points in lines: radii also reach the farthest neighbour
 };
 
 /// A point's radius, in mean distances to its three nearest.
 inline constexpr double kRadiusSpacings = 3.0;
 inline constexpr std::size_t kRadiusNeighbours = 3;
-/// Of points in lines, in distances to the farthest of their neighbours: two radii of lines side by side then
-/// overlap by half.
+/// For points in lines, in distances to the farthest neighbour: radii of adjacent lines overlap by half.
 inline constexpr double kAcrossShare = 1.5;
-/// The radius within which points are looked for, in mean radii of points.
+/// Search radius, in mean point radii.
 inline constexpr double kActiveRadii = 3.0;
 
 /// The function and its gradient at a place; negative inside.
 struct ImplicitValue {
   bool defined = false;  ///< some point's weight reaches here
-  double f = 0.0;        ///< mm of surfels; a number of metaballs
+  double f = 0.0;        ///< surfels: mm; metaballs: a number
   Vec3 gradient = Vec3::Zero();
 };
 
-/// Immutable after building; safe to read from many threads. Local coordinates, mm.
+/// Immutable after building; thread-safe to read. Local coordinates, mm.
 class ImplicitField {
  public:
   /// `neighbours` is parallel to the points. O(n).
-  void build(PointGrid points, std::span<const neighbourhood::Neighbours> neighbours,
-             const ImplicitOptions& options, int threads);
+  void build(PointGrid points, std::span<const search::Neighbours> neighbours, const ImplicitOptions& options,
+             int threads);
 
   /// Allocates nothing. O(points within the active radius).
   [[nodiscard]] ImplicitValue at(const Vec3& place, const OutwardSide& side) const noexcept;
-  /// The point nearest to a place within the active radius; kNoPlace.
+  /// The nearest point within the active radius, or kNoPlace.
   [[nodiscard]] std::uint32_t nearest(const Vec3& place) const noexcept;
 
   [[nodiscard]] double active_mm() const noexcept { return active_; }
@@ -62,7 +60,7 @@ class ImplicitField {
 
  private:
   PointGrid points_;
-  LargeVector<float> radius_;  ///< by place
+  LargePageVector<float> radius_;  ///< by place
   double active_ = 0.0, reach_ = 0.0, largest_ = 0.0;
   ImplicitOptions options_;
 };

@@ -1,53 +1,54 @@
-// What the point-based rivals read in a frame: points in the order of a grid, and the search around a place.
-// Shared by all of them, so that none is faster or slower for its bookkeeping.
+// Points in grid order with a search, shared by all point-based rivals, so that none differs in speed by its
+// bookkeeping; and the outward side of their normals.
 #pragma once
 
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <string>
 
-#include "toolkit/cloud/cloud.h"
+#include <palpate/cloud.h>
+#include <palpate/renderer.h>
+#include <palpate/result.h>
+#include <palpate/vec.h>
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/result.h"
-#include "toolkit/partition/point_search.h"
-#include "toolkit/partition/uniform_grid.h"
 #include "toolkit/points/point_model.h"
-#include "toolkit/render/renderer.h"
-#include "toolkit/surface/planes.h"
+#include "toolkit/search/point_search.h"
+#include "toolkit/search/uniform_grid.h"
+#include "toolkit/surface/oriented_points.h"
 
 namespace palpate::baselines {
 
 inline constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
 
-/// Points by place with the partition that finds them; 16 bytes a point beside the partition. Everything
-/// local to the cloud's origin, mm. Immutable after building; safe to read from many threads.
+/// Points by place with their partition; 16 bytes a point besides the partition. Local to the cloud's origin,
+/// mm. Immutable after building; thread-safe to read.
 template <class Grid>
 struct PointsIn {
-  LargeVector<surface::SurfacePoint> points;
+  LargePageVector<surface::OrientedPoint> points;
   Grid grid;
 
-  /// partition::visit_within over these points.
+  /// search::visit_within over these points.
   template <class Visit>
   void within(const Vec3& at, double radius_mm, Visit&& visit) const {
     const auto position = [this](std::uint32_t place) { return points[place].at(); };
-    partition::visit_within(grid, position, at, radius_mm, visit);
+    search::visit_within(grid, position, at, radius_mm, visit);
   }
   [[nodiscard]] double cell_mm() const noexcept { return grid.cell_mm(); }
   [[nodiscard]] std::size_t bytes() const noexcept {
-    return points.capacity() * sizeof(surface::SurfacePoint) + grid.bytes();
+    return points.capacity() * sizeof(surface::OrientedPoint) + grid.bytes();
   }
 };
-using PointGrid = PointsIn<partition::UniformGrid>;
+using PointGrid = PointsIn<search::UniformGrid>;
 
-/// The length that the rivals' radii are given in: the cloud's mean spacing; a stand-in where all points
-/// coincide. O(n).
+/// The unit of the rivals' radii: the cloud's mean spacing, or a substitute if all points coincide. O(n).
 [[nodiscard]] double natural_spacing_mm(const cloud::Cloud& cloud, int threads);
 
-/// Points without normals. O(n); the same for any number of threads.
+/// Points without normals. O(n); independent of the number of threads.
 template <class Grid>
 [[nodiscard]] PointsIn<Grid> build_points_in(const cloud::Cloud& cloud,
-                                             const partition::PartitionOptions& options, int threads) {
+                                             const search::PartitionOptions& options, int threads) {
   PointsIn<Grid> made;
   made.grid = Grid::build(cloud, options, threads);
   const auto order = made.grid.order();
@@ -62,25 +63,62 @@ template <class Grid>
 }
 [[nodiscard]] PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int threads);
 
-/// Says the mean spacing, in which a rival's lengths are given.
-void say_spacing(double spacing_mm, render::ModelDecisions& out);
-/// Says a grid, and expects the bytes of build_point_grid(): two to four slots an occupied cell. `spacing_mm`
-/// 0: not measured.
-void say_grid(const cloud::Cloud& cloud, double spacing_mm, double cell_mm, render::ModelDecisions& out);
-/// Says how build_oriented_grid() finds neighbours and normals.
-/// `neighbours`: one of neighbourhood::builders(), or "auto".
-void say_normals(const cloud::Cloud& cloud, const std::string& neighbours, render::ModelDecisions& out);
+/// Reports the mean spacing, the unit of a rival's lengths.
+void report_spacing(double spacing_mm, render::ModelDecisions& out);
+/// Reports a grid and estimates build_point_grid()'s bytes: two to four slots an occupied cell. `spacing_mm`
+/// 0: unknown.
+void report_grid(const cloud::Cloud& cloud, double spacing_mm, double cell_mm, render::ModelDecisions& out);
+/// Reports how build_oriented_grid() finds neighbours and normals. `neighbours`: one of
+/// search::neighbour_builders(), or "auto".
+void report_normals(const cloud::Cloud& cloud, const std::string& neighbours, render::ModelDecisions& out);
 
-/// Points with the normals of their local planes, on a side that the surface agrees on; found as the point
-/// renderers find them, phases and notes included. `closed` is set where some points enclose a volume.
+/// Points with consistently oriented normals of local planes, found as by the point renderers, with phases
+/// and notes. `closed` is set if some points enclose a volume.
 struct OrientedGrid {
   PointGrid points;
   bool closed = false;
-  LargeVector<neighbourhood::Neighbours> neighbours;  ///< by place; empty unless asked for
+  LargePageVector<search::Neighbours> neighbours;  ///< by place; empty unless requested
 };
 [[nodiscard]] Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double cell_mm,
                                                        const std::string& neighbours, bool keep_neighbours,
                                                        const render::PrepareContext& context,
                                                        render::PrepareReport& report);
+
+/// The sign (+1 or -1) of open pieces' normals for rivals without a path: outside is where most of them
+/// point, along the axis of best agreement. O(n).
+[[nodiscard]] inline double open_sign(std::span<const surface::OrientedPoint> points) noexcept {
+  Vec3 sum = Vec3::Zero();
+  for (const surface::OrientedPoint& point : points)
+    if (point.normal != surface::kNoNormal && !surface::is_one_sided(point.normal))
+      sum += surface::decode_normal(point.normal);
+  Eigen::Index axis = 0;
+  sum.cwiseAbs().maxCoeff(&axis);
+  return sum[axis] < 0.0 ? -1.0 : 1.0;
+}
+
+/// Belongs to one thread. Closed surfaces are touched from outside. Normals of open pieces agree with each
+/// other but have no side: it is chosen when the HIP comes near and kept until it is free; pieces of a model
+/// share it.
+class OutwardSide {
+ public:
+  void release() noexcept { open_side_ = 0.0; }
+  [[nodiscard]] bool chosen() const noexcept { return open_side_ != 0.0; }
+  /// Sets the side of a HIP at `away` from the point (HIP - point), unless it is set.
+  void choose(surface::NormalCode code, const Vec3& away) noexcept {
+    if (open_side_ != 0.0 || code == surface::kNoNormal) return;
+    open_side_ = surface::decode_normal(code).dot(away) < 0.0 ? -1.0 : 1.0;
+  }
+  /// +1 or -1, the factor that makes the stored normal outward.
+  [[nodiscard]] double sign(surface::NormalCode code) const noexcept {
+    return surface::is_one_sided(code) || open_side_ >= 0.0 ? 1.0 : -1.0;
+  }
+  /// Unit, or zero for a point without a plane.
+  [[nodiscard]] Vec3 normal(surface::NormalCode code) const noexcept {
+    return code == surface::kNoNormal ? Vec3(Vec3::Zero()) : Vec3(sign(code) * surface::decode_normal(code));
+  }
+
+ private:
+  double open_side_ = 0.0;  ///< 0: not chosen
+};
 
 }  // namespace palpate::baselines

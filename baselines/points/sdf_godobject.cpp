@@ -1,4 +1,4 @@
-#include "baselines/points/sdf_godobject.h"
+#include "baselines/points/rivals.h"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <optional>
 #include <utility>
 
-#include "baselines/points/gaps.h"
-#include "baselines/points/outward.h"
+#include <palpate/result.h>
+#include "baselines/points/point_grid.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sdf_grid.h"
 #include "toolkit/render/prepare_phases.h"
@@ -17,27 +17,27 @@ namespace palpate::baselines {
 namespace {
 
 constexpr double kSdfBytesPerMb = 1e6;
-/// Steps of the search for an entry in a frame, at most; the rest of the way is searched in the next. At
-/// 5 m/s the HIP moves 5 mm in a frame, in the band some 25 steps at voxels of 0.2 mm.
+/// Most steps of the search for an entry in a frame; the next frame continues. A HIP at 5 m/s moves 5 mm in a
+/// frame, some 25 steps in the band at voxels of 0.2 mm.
 constexpr int kMaxTraceSteps = 512;
 /// A step through the band is this share of the distance there, since a weighted distance may be too long.
 constexpr double kTraceShare = 0.8;
-/// And at least this share of a voxel, which a sheet two voxels thick cannot be stepped over with.
-constexpr double kLeastTrace = 0.25;
-/// Halvings of a step of at most some voxels that crosses the zero set: to a millionth of a voxel.
+/// Least step as a share of a voxel; it does not step over a sheet two voxels thick.
+constexpr double kMinTrace = 0.25;
+/// Halvings of a step of some voxels that crosses the zero set; they reach a millionth of a voxel.
 constexpr int kSdfHalvings = 24;
-/// Moves of the god object in a frame, at most, and its longest, in voxels: it then stays within the band,
+/// Most moves of the god object in a frame, and the longest one in voxels, which stays within the band
 /// however deep the HIP is.
 constexpr int kMaxSdfMoves = 64;
 constexpr double kMoveVoxels = 1.0;
-/// Back to the zero set: Newton steps, and when it is reached, in voxels.
+/// Newton steps back to the zero set, and the distance in voxels that counts as on it.
 constexpr int kSdfNewton = 8;
 constexpr double kOnSurface = 1e-6;
-/// At rest where the pull along the surface is below this share of the pull, a twentieth of a degree, or a
-/// move has been halved so often without coming nearer to the HIP.
+/// The god object rests if the pull along the surface is below this share of the pull (a twentieth of a
+/// degree), or if a move was halved so often without coming nearer to the HIP.
 constexpr double kSdfRest = 1e-3;
 constexpr int kMoveHalvings = 6;
-/// Past a border where the nearest point is so many gaps beside: between points it is never more than one.
+/// A place is past a border if the nearest point is so many gaps beside; between points it is at most one.
 constexpr double kSdfBesideGaps = 1.5;
 /// The weights' width in voxels' units (closing spacings): the planes of a gap's whole rim count.
 constexpr double kSdfWidth = 0.75;
@@ -50,31 +50,183 @@ class SdfGodobject : public RivalModel {
       "Zilles and Salisbury 1995: as put together here, ours",
       0.30, 3'300.0};  // sinusoid of a million
   static constexpr bool kGodObject = true;
-  static std::vector<OptionSpec> specs();
-  static Status decide(SdfGodobject& model, const render::ModelInput& input, const Options& options,
-                       const render::PrepareContext& context, render::PrepareReport& report,
-                       render::ModelDecisions& out);
-  static Status prepare(SdfGodobject& model, const render::ModelInput& input, const Options& options,
-                        const render::PrepareContext& context, render::PrepareReport& report);
-  [[nodiscard]] std::string work_bound() const;
+  static std::vector<OptionSpec> specs() {
+    return {
+        option::in_spacings("voxel", "1", "edge of a voxel in mean spacings (of uneven clouds: in gaps)", 0.1,
+                            1000.0),
+        option::in_mm("voxel"),
+        option::integer("band", "3", "voxels on each side of the points that hold a distance", 2, 64),
+        option::number("memory_mb", "2000", "limit of the grid's memory", 0.001, 1e6),
+        option::flag("flip", "false", "of surfaces with a border: take the other side for outside"),
+    };
+  }
+  Status decide(const RivalInput& given, render::ModelDecisions& out) {
+    const auto& [input, options, context, report] = given;
+    const Gaps gaps = measured_gaps(*input.cloud, context, report, &out);
+    neighbours_ = gaps.neighbours();
+    SdfOptions& wanted = wanted_;
+    wanted.voxel_mm = option::length_mm(options, "voxel", gaps.closing_mm());
+    wanted.band = static_cast<int>(options.integer("band"));
+    wanted.width_mm = kSdfWidth * gaps.closing_mm();
+    wanted.beside_mm = kSdfBesideGaps * gaps.closing_mm();
+    wanted.most_bytes = static_cast<std::size_t>(options.number("memory_mb") * kSdfBytesPerMb);
+    report_normals(*input.cloud, neighbours_, out);
+    out.decisions.push_back({"field", fmt::format("voxels of {:.4g} mm", wanted.voxel_mm),
+                             fmt::format("signed distances within {} voxels of the points, by OpenVDB; at "
+                                         "most {:.4g} MB, else it is refused",
+                                         wanted.band, options.number("memory_mb")),
+                             options.number("voxel_mm") > 0.0});
+    return Done{};
+  }
+  Status prepare(const RivalInput& given) {
+    const auto& [input, options, context, report] = given;
+    render::PreparePhases phases(report, context);
+    Result<OrientedGrid> built =
+        build_oriented_grid(input, 2.0 * wanted_.voxel_mm, neighbours_, false, context, report);
+    if (!built) return std::move(built).error();
+    const PointGrid& points = built->points;
+    phases.begin("sphere tree");
+    SphereTree tree;
+    tree.build(points.points, context.threads);
+    phases.end();
+    phases.begin("distances (OpenVDB)");
+    wanted_.open_sign = open_sign(points.points) * (options.flag("flip") ? -1.0 : 1.0);
+    PALPATE_ASSIGN(field_, SdfGrid::build(points, tree, wanted_, context.threads));
+    phases.end();
+    report.bytes += field_.bytes();
+    report.notes.push_back(fmt::format("voxel {:.4g} mm, {} voxels, {:.1f} MB", field_.voxel_mm(),
+                                       field_.voxels(),
+                                       static_cast<double>(field_.bytes()) / kSdfBytesPerMb));
+    if (!built->closed)
+      phases.warn(
+          "the surface has a border: sdf-godobject feels it from one side alone (option flip takes the "
+          "other), and up to one and a half gaps past the border");
+    return Done{};
+  }
+  [[nodiscard]] std::string work_bound() const {
+    return fmt::format(
+        "at most {} steps of a look-up of eight samples towards the HIP, then {} halvings; in contact at "
+        "most {} moves, each halved at most {} times, of at most {} look-ups. A surface with a border is "
+        "felt from one side alone; sheets nearer than two voxels merge",
+        kMaxTraceSteps, kSdfHalvings, kMaxSdfMoves, kMoveHalvings, kSdfNewton + 1);
+  }
 
-  void let_go(const Vec3& h) noexcept {
+  void release_contact(const Vec3& h) noexcept {
     previous_ = h;
     outside_ = true;
     touching_ = false;
     state.release();
   }
-  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept {
+    bool finished = true;
+    if (!touching_) finished = look_for_entry(h, counters);
+    RivalAnswer answer;
+    if (touching_) {
+      finished = slide(h, counters) && finished;
+      const Vec3 pull = proxy_.at - h;
+      if (proxy_.normal.dot(pull) > 0.0) {
+        answer = {true, false, pull, Vec3::Zero()};
+      } else {
+        touching_ = false;
+        previous_ = h;
+        outside_ = true;
+      }
+    }
+    answer.bound_hit = !finished;
+    return answer;
+  }
 
  private:
   /// A place on the zero set, and the unit normal there.
   struct OnZero {
     Vec3 at, normal;
   };
-  [[nodiscard]] std::optional<OnZero> project(Vec3 at) noexcept;
-  bool look_for_entry(const Vec3& h, render::FrameCounters& counters) noexcept;
-  bool enter(const Vec3& outside, const Vec3& inside) noexcept;
-  bool slide(const Vec3& h, render::FrameCounters& counters) noexcept;
+  /// Newton's steps along the gradient to the zero set. Nothing if they leave what is known.
+  [[nodiscard]] std::optional<OnZero> project(Vec3 at) noexcept {
+    const double reached = kOnSurface * field_.voxel_mm();
+    for (int i = 0; i <= kSdfNewton; ++i) {
+      const SdfGrid::Value value = field_.at(at);
+      const double slope_sq = value.gradient.squaredNorm();
+      if (!value.known || !(slope_sq > 0.0)) return std::nullopt;
+      // The last step may cross between cells to and fro: a hundredth of a voxel suffices.
+      if (std::abs(value.distance) <= reached || i == kSdfNewton) {
+        constexpr double kNearly = 1e-2;
+        if (std::abs(value.distance) > kNearly * field_.voxel_mm()) return std::nullopt;
+        return OnZero{at, value.gradient / std::sqrt(slope_sq)};
+      }
+      at -= value.gradient * (value.distance / slope_sq);
+    }
+    return std::nullopt;
+  }
+  /// Follows the HIP's segment in steps that the distances allow. False at the bound; the next frame follows
+  /// the rest.
+  bool look_for_entry(const Vec3& h, render::FrameCounters& counters) noexcept {
+    const Vec3 from = previous_, way = h - from;
+    const double length = stable_norm(way), voxel = field_.voxel_mm();
+    double first = 0.0, last = 1.0;
+    if (!(length > 0.0) || !std::isfinite(length) || !field_.clip(from, h, first, last)) {
+      previous_ = h;
+      return true;
+    }
+    const Vec3 along = way / length;
+    const double end = last * length;
+    Vec3 before = from;
+    double done = first * length;
+    for (int step = 0; step < kMaxTraceSteps; ++step) {
+      ++counters.cells_visited;
+      const Vec3 at = done < end || last < 1.0 ? Vec3(from + along * done) : h;
+      const SdfGrid::Value value = field_.at(at);
+      if (value.known) {
+        if (value.distance < 0.0 && outside_ && enter(before, at)) return true;
+        outside_ = value.distance >= 0.0;
+      }
+      if (done >= end) {
+        previous_ = h;
+        return true;
+      }
+      before = at;
+      const double free = value.known ? std::max(kTraceShare * std::abs(value.distance), kMinTrace * voxel)
+                                      : field_.empty_mm(at, along);
+      done = std::min(done + free, end);
+    }
+    previous_ = before;
+    return false;
+  }
+  /// Enters between a place outside and one inside. False if the zero set there has no gradient.
+  bool enter(const Vec3& outside, const Vec3& inside) noexcept {
+    Vec3 out = outside, in = inside;
+    for (int i = 0; i < kSdfHalvings; ++i) {
+      const Vec3 middle = 0.5 * (out + in);
+      const SdfGrid::Value value = field_.at(middle);
+      (value.known && value.distance < 0.0 ? in : out) = middle;
+    }
+    const std::optional<OnZero> on = project(in);
+    if (!on) return false;
+    proxy_ = *on;
+    touching_ = true;
+    return true;
+  }
+  /// Moves towards the place of the zero set nearest to the HIP, along the tangent plane and back to the zero
+  /// set, as long as it comes nearer. False at the bound.
+  bool slide(const Vec3& h, render::FrameCounters& counters) noexcept {
+    for (int move = 0; move < kMaxSdfMoves; ++move) {
+      const Vec3 pull = h - proxy_.at;
+      Vec3 along = pull - proxy_.normal * proxy_.normal.dot(pull);
+      const double size = along.norm(), most = kMoveVoxels * field_.voxel_mm();
+      if (!(size > kSdfRest * pull.norm())) return true;
+      ++counters.walk_steps;
+      if (size > most) along *= most / size;
+      bool nearer = false;
+      for (int half = 0; half < kMoveHalvings && !nearer; ++half, along *= 0.5) {
+        const std::optional<OnZero> next = project(proxy_.at + along);
+        if (!next || !((h - next->at).squaredNorm() < pull.squaredNorm())) continue;
+        proxy_ = *next;
+        nearer = true;
+      }
+      if (!nearer) return true;  // a concave edge, a border, or rounding
+    }
+    return false;
+  }
 
   SdfGrid field_;
   Vec3 previous_ = Vec3::Zero();
@@ -84,191 +236,6 @@ class SdfGodobject : public RivalModel {
   SdfOptions wanted_;  ///< this and what follows: for preparation
   std::string neighbours_;
 };
-
-std::vector<OptionSpec> SdfGodobject::specs() {
-  using enum OptionKind;
-  return {
-      {"voxel",
-       kNumber,
-       "1",
-       "edge of a voxel in mean spacings (of uneven clouds: in gaps)",
-       {},
-       0.1,
-       1000.0,
-       {{"voxel_mm", {"0"}}}},
-      {"voxel_mm", kNumber, "0", "the same in mm; 0: by voxel", {}, 0.0, 1e12},
-      {"band", kInteger, "3", "voxels on each side of the points that hold a distance", {}, 2, 64},
-      {"memory_mb", kNumber, "2000", "limit of the grid's memory", {}, 0.001, 1e6},
-      {"flip", kFlag, "false", "of surfaces with a border: take the other side for outside", {}},
-  };
-}
-
-Status SdfGodobject::decide(SdfGodobject& model, const render::ModelInput& input, const Options& options,
-                            const render::PrepareContext& context, render::PrepareReport& report,
-                            render::ModelDecisions& out) {
-  const Gaps gaps = measured_gaps(*input.cloud, context, report);
-  model.neighbours_ = gaps.neighbours();
-  SdfOptions& wanted = model.wanted_;
-  const double given_mm = options.number("voxel_mm");
-  wanted.voxel_mm = given_mm > 0.0 ? given_mm : options.number("voxel") * gaps.closing_mm();
-  wanted.band = static_cast<int>(options.integer("band"));
-  wanted.width_mm = kSdfWidth * gaps.closing_mm();
-  wanted.beside_mm = kSdfBesideGaps * gaps.closing_mm();
-  wanted.most_bytes = static_cast<std::size_t>(options.number("memory_mb") * kSdfBytesPerMb);
-  say_gaps(gaps, out);
-  say_normals(*input.cloud, model.neighbours_, out);
-  out.decisions.push_back({"field", fmt::format("voxels of {:.4g} mm", wanted.voxel_mm),
-                           fmt::format("signed distances within {} voxels of the points, by OpenVDB; at most "
-                                       "{:.4g} MB, else it is refused",
-                                       wanted.band, options.number("memory_mb")),
-                           given_mm > 0.0});
-  return Done{};
-}
-
-Status SdfGodobject::prepare(SdfGodobject& model, const render::ModelInput& input, const Options& options,
-                             const render::PrepareContext& context, render::PrepareReport& report) {
-  render::PreparePhases phases(report, context);
-  Result<OrientedGrid> built =
-      build_oriented_grid(input, 2.0 * model.wanted_.voxel_mm, model.neighbours_, false, context, report);
-  if (!built) return std::move(built).error();
-  const PointGrid& points = built->points;
-  phases.begin("sphere tree");
-  SphereTree tree;
-  tree.build(points.points, context.threads);
-  phases.end();
-  phases.begin("distances (OpenVDB)");
-  model.wanted_.open_sign = open_sign(points.points) * (options.flag("flip") ? -1.0 : 1.0);
-  Result<SdfGrid> made = SdfGrid::build(points, tree, model.wanted_, context.threads);
-  if (!made) return std::move(made).error();
-  model.field_ = std::move(*made);
-  phases.end();
-  report.bytes += model.field_.bytes();
-  report.notes.push_back(fmt::format("voxel {:.4g} mm, {} voxels, {:.1f} MB", model.field_.voxel_mm(),
-                                     model.field_.voxels(),
-                                     static_cast<double>(model.field_.bytes()) / kSdfBytesPerMb));
-  if (!built->closed)
-    phases.warn(
-        "the surface has a border: sdf-godobject feels it from one side alone (option flip takes the other), "
-        "and up to one and a half gaps past the border");
-  return Done{};
-}
-
-std::string SdfGodobject::work_bound() const {
-  return fmt::format(
-      "at most {} steps of a look-up of eight samples towards the HIP, then {} halvings; in contact at most "
-      "{} moves, each halved at most {} times, of at most {} look-ups. A surface with a border is felt from "
-      "one side alone; sheets nearer than two voxels merge",
-      kMaxTraceSteps, kSdfHalvings, kMaxSdfMoves, kMoveHalvings, kSdfNewton + 1);
-}
-
-/// Newton's way along the gradient to the zero set; nothing where it leaves what is known.
-std::optional<SdfGodobject::OnZero> SdfGodobject::project(Vec3 at) noexcept {
-  const double reached = kOnSurface * field_.voxel_mm();
-  for (int i = 0; i <= kSdfNewton; ++i) {
-    const SdfGrid::Value value = field_.at(at);
-    const double slope_sq = value.gradient.squaredNorm();
-    if (!value.known || !(slope_sq > 0.0)) return std::nullopt;
-    // The last step crosses between cells to and fro: within a hundredth of a voxel it will do.
-    if (std::abs(value.distance) <= reached || i == kSdfNewton) {
-      constexpr double kNearly = 1e-2;
-      if (std::abs(value.distance) > kNearly * field_.voxel_mm()) return std::nullopt;
-      return OnZero{at, value.gradient / std::sqrt(slope_sq)};
-    }
-    at -= value.gradient * (value.distance / slope_sq);
-  }
-  return std::nullopt;
-}
-
-/// Between a place outside and one inside. False where the zero set there has no gradient.
-bool SdfGodobject::enter(const Vec3& outside, const Vec3& inside) noexcept {
-  Vec3 out = outside, in = inside;
-  for (int i = 0; i < kSdfHalvings; ++i) {
-    const Vec3 middle = 0.5 * (out + in);
-    const SdfGrid::Value value = field_.at(middle);
-    (value.known && value.distance < 0.0 ? in : out) = middle;
-  }
-  const std::optional<OnZero> on = project(in);
-  if (!on) return false;
-  proxy_ = *on;
-  touching_ = true;
-  return true;
-}
-
-/// Along the HIP's segment, in steps that the distances allow. Returns false where the bound was hit; the
-/// rest of the way is then the next frame's.
-bool SdfGodobject::look_for_entry(const Vec3& h, render::FrameCounters& counters) noexcept {
-  const Vec3 from = previous_, way = h - from;
-  const double length = safe_length(way), voxel = field_.voxel_mm();
-  double first = 0.0, last = 1.0;
-  if (!(length > 0.0) || !std::isfinite(length) || !field_.clip(from, h, first, last)) {
-    previous_ = h;
-    return true;
-  }
-  const Vec3 along = way / length;
-  const double end = last * length;
-  Vec3 before = from;
-  double done = first * length;
-  for (int step = 0; step < kMaxTraceSteps; ++step) {
-    ++counters.cells_visited;
-    const Vec3 at = done < end || last < 1.0 ? Vec3(from + along * done) : h;
-    const SdfGrid::Value value = field_.at(at);
-    if (value.known) {
-      if (value.distance < 0.0 && outside_ && enter(before, at)) return true;
-      outside_ = value.distance >= 0.0;
-    }
-    if (done >= end) {
-      previous_ = h;
-      return true;
-    }
-    before = at;
-    const double free = value.known ? std::max(kTraceShare * std::abs(value.distance), kLeastTrace * voxel)
-                                    : field_.empty_mm(at, along);
-    done = std::min(done + free, end);
-  }
-  previous_ = before;
-  return false;
-}
-
-/// Towards the place of the zero set nearest to the HIP: along the tangent plane, and back to the zero set,
-/// as long as it comes nearer. Returns false where the bound was hit.
-bool SdfGodobject::slide(const Vec3& h, render::FrameCounters& counters) noexcept {
-  for (int move = 0; move < kMaxSdfMoves; ++move) {
-    const Vec3 pull = h - proxy_.at;
-    Vec3 along = pull - proxy_.normal * proxy_.normal.dot(pull);
-    const double size = along.norm(), most = kMoveVoxels * field_.voxel_mm();
-    if (!(size > kSdfRest * pull.norm())) return true;
-    ++counters.walk_steps;
-    if (size > most) along *= most / size;
-    bool nearer = false;
-    for (int half = 0; half < kMoveHalvings && !nearer; ++half, along *= 0.5) {
-      const std::optional<OnZero> next = project(proxy_.at + along);
-      if (!next || !((h - next->at).squaredNorm() < pull.squaredNorm())) continue;
-      proxy_ = *next;
-      nearer = true;
-    }
-    if (!nearer) return true;  // a concave edge, a border, or rounding
-  }
-  return false;
-}
-
-RivalAnswer SdfGodobject::update(const Vec3& h, render::FrameCounters& counters) noexcept {
-  bool finished = true;
-  if (!touching_) finished = look_for_entry(h, counters);
-  RivalAnswer answer;
-  if (touching_) {
-    finished = slide(h, counters) && finished;
-    const Vec3 pull = proxy_.at - h;
-    if (proxy_.normal.dot(pull) > 0.0) {
-      answer = {true, false, pull, Vec3::Zero()};
-    } else {
-      touching_ = false;
-      previous_ = h;
-      outside_ = true;
-    }
-  }
-  answer.bound_hit = !finished;
-  return answer;
-}
 
 }  // namespace
 

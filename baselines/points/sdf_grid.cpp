@@ -13,8 +13,10 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/result.h>
+#include "baselines/failure.h"
+#include "baselines/mesh/facet.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -24,15 +26,15 @@ using SdfLeaf = SdfTree::LeafNodeType;
 
 /// A leaf and its samples.
 constexpr double kLeafBytes = sizeof(SdfLeaf) + SdfLeaf::SIZE * sizeof(float);
-/// Voxels of an axis, at most: coordinates and their sums stay whole in 32 bits.
-constexpr double kMostVoxels = 1073741824.0;  // 2^30
+/// Most voxels of an axis: coordinates and their sums stay whole in 32 bits.
+constexpr double kMaxVoxels = 1073741824.0;  // 2^30
 constexpr std::size_t kLeavesPerChunk = 16;
 /// The planes of points so many widths further than the nearest have no weight any more. That weight is
 /// (1 - s / c^2)^(c^2 - 2), s the excess of the squared distance in widths: over a plane as wide as the
 /// Gaussian exp(-s) (the mean of s is 1), but it ends, smoothly, and takes products alone.
 constexpr double kSdfCutoff = 3.0;
 /// The least step through what is not known, in voxels: corners of cells are crossed, not circled.
-constexpr double kLeastStep = 0.25;
+constexpr double kMinStep = 0.25;
 /// Edges of empty nodes in voxels, by the depth at which the tree ends there.
 constexpr double kLeafEdge = 8.0, kInnerEdge = 128.0, kRootEdge = 4096.0;
 constexpr double kSdfDiagonal = 1.7320508075688772;  // sqrt 3
@@ -43,11 +45,9 @@ openvdb::Coord voxel_of(const Vec3& voxels) {
 }
 
 Error band_too_large(const SdfOptions& options) {
-  return Error{fmt::format("the band of signed distances needs more than the limit of {:.0f} MB",
-                           static_cast<double>(options.most_bytes) / 1e6),
-               "make the voxels larger (option voxel) or the band narrower (band), or raise memory_mb",
-               {},
-               0};
+  return failure(fmt::format("the band of signed distances needs more than the limit of {:.0f} MB",
+                             static_cast<double>(options.most_bytes) / 1e6),
+                 "make the voxels larger (option voxel) or the band narrower (band), or raise memory_mb");
 }
 
 /// A point and its plane, outside known.
@@ -71,14 +71,14 @@ class LeafFiller {
     reach_mm_ = (options.band + kSdfDiagonal) * options.voxel_mm;
   }
 
-  /// Null where nothing is known in the leaf at `origin`. Of the places in order: nothing depends on threads.
+  /// Null if nothing is known in the leaf at `origin`. Places are taken in order: nothing depends on threads.
   std::unique_ptr<SdfLeaf> operator()(const openvdb::Coord& origin) {
     const double half = half_diagonal(SdfLeaf::DIM), own = std::sqrt(reach_mm_ * reach_mm_ + cut_sq_);
     const Vec3 centre = middle(origin, SdfLeaf::DIM);
     Planes& seen = seen_[0];
     seen.clear();
     tree_.within(centre, (half + own) * kRounded, [&](std::uint32_t place, double) {
-      const surface::SurfacePoint& point = points_.points[place];
+      const surface::OrientedPoint& point = points_.points[place];
       seen.push_back({point.at(), outward(point)});
     });
     leaf_ = std::make_unique<SdfLeaf>(origin, 0.0F, false);
@@ -100,7 +100,7 @@ class LeafFiller {
     return 0.5 * kSdfDiagonal * (edge - 1) * options_.voxel_mm;
   }
 
-  /// A block of a leaf, of which what can be seen is in seen_[halved].
+  /// Fills a block of a leaf from what can be seen, which is in seen_[halved].
   void fill(const openvdb::Coord& low, int edge, std::size_t halved) {
     Planes& all = seen_[halved];
     const Vec3 centre = middle(low, edge);
@@ -111,7 +111,7 @@ class LeafFiller {
     }
     const double half = half_diagonal(edge), nearest = std::sqrt(nearest_sq);
     if (!(nearest <= (reach_mm_ + half) * kRounded)) return;
-    // Seen from a voxel of the block the nearest point is at most so far, and from there what has a weight.
+    // The nearest point is at most so far from a voxel of the block; what has a weight follows from that.
     const double far = nearest + half, all_of = (std::sqrt(far * far + cut_sq_) + half) * kRounded;
     Planes& seen = seen_[halved + 1];
     seen.clear();
@@ -146,7 +146,7 @@ class LeafFiller {
     double weights = 0.0, sum = 0.0;
     for (const Plane& plane : seen) {
       const double left = 1.0 - (plane.distance_sq - nearest_sq) / cut_sq_;
-      // The other face of something thin has no say here.
+      // The other face of something thin does not count here.
       if (!(left > 0.0) || !(plane.outward.dot(like) > 0.0)) continue;
       const double cube = left * left * left, weight = cube * cube * left;  // to the seventh
       weights += weight;
@@ -156,7 +156,7 @@ class LeafFiller {
     return true;
   }
 
-  [[nodiscard]] Vec3 outward(const surface::SurfacePoint& point) const {
+  [[nodiscard]] Vec3 outward(const surface::OrientedPoint& point) const {
     if (point.normal == surface::kNoNormal) return Vec3::Zero();
     return surface::decode_normal(point.normal) *
            (surface::is_one_sided(point.normal) ? 1.0 : options_.open_sign);
@@ -178,14 +178,12 @@ Result<std::vector<openvdb::Coord>> leaves_around(const PointGrid& points, const
     std::sort(leaves.begin(), leaves.end());
     leaves.erase(std::unique(leaves.begin(), leaves.end()), leaves.end());
   };
-  for (const surface::SurfacePoint& point : points.points) {
+  for (const surface::OrientedPoint& point : points.points) {
     const Vec3 voxels = point.at() / options.voxel_mm;
-    if (!(voxels.cwiseAbs().maxCoeff() < kMostVoxels))
-      return Error{
+    if (!(voxels.cwiseAbs().maxCoeff() < kMaxVoxels))
+      return failure(
           fmt::format("voxels of {:.4g} mm are too small for a model of this size", options.voxel_mm),
-          "make the voxels larger (option voxel or voxel_mm)",
-          {},
-          0};
+          "make the voxels larger (option voxel or voxel_mm)");
     openvdb::Coord leaf = voxel_of(voxels);
     leaf &= ~static_cast<int>(SdfLeaf::DIM - 1);  // its origin
     if (leaves.empty() || leaves.back() != leaf) leaves.push_back(leaf);
@@ -211,7 +209,7 @@ Result<std::vector<openvdb::Coord>> leaves_around(const PointGrid& points, const
 
 struct SdfGrid::Band {
   SdfTree tree{0.0F};
-  // Not registered with the tree: nothing is locked, and the tree does not change any more.
+  // The accessor is not registered with the tree: nothing is locked, and the tree no longer changes.
   openvdb::tree::ValueAccessor<const SdfTree, false> read{tree};
 };
 
@@ -264,7 +262,7 @@ SdfGrid::Value SdfGrid::at(const Vec3& place) noexcept {
     if (!band_->read.probeValue(low.offsetBy(k & 1, k >> 1 & 1, k >> 2 & 1), sample)) return value;
     corner[k] = static_cast<double>(sample);
   }
-  // Along x, then y, then z; and what each step leaves of the slopes.
+  // Interpolates along x, then y, then z, with what each step leaves of the slopes.
   const auto mix = [](double a, double b, double t) { return a + (b - a) * t; };
   std::array<double, 4> along_x{}, slope_x{};
   for (std::size_t k = 0; k < 4; ++k) {
@@ -284,7 +282,7 @@ SdfGrid::Value SdfGrid::at(const Vec3& place) noexcept {
 double SdfGrid::empty_mm(const Vec3& place, const Vec3& way) noexcept {
   const Vec3 voxels = place * per_voxel_;
   const int depth = band_->read.getValueDepth(voxel_of(voxels));
-  if (depth == static_cast<int>(SdfTree::DEPTH) - 1) return kLeastStep * voxel_;
+  if (depth == static_cast<int>(SdfTree::DEPTH) - 1) return kMinStep * voxel_;
   const double edge = depth <= 0 ? kRootEdge : depth == 1 ? kInnerEdge : kLeafEdge;
   double out = HUGE_VAL;
   for (int axis = 0; axis < 3; ++axis) {
@@ -293,24 +291,13 @@ double SdfGrid::empty_mm(const Vec3& place, const Vec3& way) noexcept {
     out = std::min(out, ((way[axis] > 0.0 ? node + edge : node) - voxels[axis]) / way[axis]);
   }
   // A cell reads its high corners too, which may be in the next node: stay a voxel short of it.
-  return std::max(kLeastStep, out - kSdfDiagonal) * voxel_;
+  return std::max(kMinStep, out - kSdfDiagonal) * voxel_;
 }
 
 bool SdfGrid::clip(const Vec3& from, const Vec3& to, double& first, double& last) const noexcept {
   first = 0.0;
   last = 1.0;
-  if (voxels_ == 0) return false;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double way = to[axis] - from[axis];
-    if (way == 0.0) {
-      if (from[axis] < box_.low_mm[axis] || from[axis] > box_.high_mm[axis]) return false;
-      continue;
-    }
-    const double a = (box_.low_mm[axis] - from[axis]) / way, b = (box_.high_mm[axis] - from[axis]) / way;
-    first = std::max(first, std::min(a, b));
-    last = std::min(last, std::max(a, b));
-  }
-  return first <= last;
+  return voxels_ > 0 && clip_to_box(box_, from, to - from, 0.0, first, last);
 }
 
 }  // namespace palpate::baselines

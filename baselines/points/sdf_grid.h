@@ -1,27 +1,27 @@
-// A narrow band of signed distances to the local planes of points, in an OpenVDB grid.
+// A narrow band of signed distances to local planes of points, in an OpenVDB grid.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 
+#include <palpate/result.h>
 #include "baselines/points/point_grid.h"
 #include "baselines/points/sphere_tree.h"
-#include "toolkit/core/result.h"
 
 namespace palpate::baselines {
 
 struct SdfOptions {
   double voxel_mm = 1.0;
   int band = 3;            ///< voxels on each side of the points
-  double width_mm = 1.0;   ///< of the Gaussian by which the planes of points are weighted
-  double beside_mm = 2.0;  ///< a place farther than this beside the nearest point is past a border: not known
-  double open_sign = 1.0;  ///< what normals of pieces that enclose nothing are multiplied by to point out
+  double width_mm = 1.0;   ///< of the Gaussian weights of planes
+  double beside_mm = 2.0;  ///< farther beside the nearest point a place is past a border: unknown
+  double open_sign = 1.0;  ///< factor that makes normals of open pieces outward
   std::size_t most_bytes = std::size_t{1} << 30;
 };
 
-/// Positive outside. Immutable after build(), but each copy of a look-up's cache belongs to one thread: so
-/// does the grid. Local coordinates of the points, mm.
+/// Positive outside. Immutable after build(), but each copy has a look-up cache and belongs to one thread.
+/// The points' local coordinates, mm.
 class SdfGrid {
  public:
   SdfGrid();
@@ -29,22 +29,22 @@ class SdfGrid {
   SdfGrid(SdfGrid&&) noexcept;
   SdfGrid& operator=(SdfGrid&&) noexcept;
 
-  /// `tree` is over `points`. An Error where the band needs more than most_bytes, or where voxels are too
-  /// small to be counted. Parallel; the same for any number of threads. O(voxels x points near each).
+  /// `tree` is over `points`. Errors: the band needs over most_bytes, or voxels are too small to index.
+  /// Parallel; independent of the number of threads. O(voxels x points near each).
   [[nodiscard]] static Result<SdfGrid> build(const PointGrid& points, const SphereTree& tree,
                                              const SdfOptions& options, int threads);
 
   struct Value {
-    bool known = false;  ///< all eight samples around are in the band
+    bool known = false;  ///< all eight surrounding samples are in the band
     double distance = 0.0;
     Vec3 gradient = Vec3::Zero();
   };
-  /// Trilinear between the eight samples around, with its gradient. Allocates nothing, O(1).
+  /// Trilinear between eight samples, with its gradient. Allocates nothing, O(1).
   [[nodiscard]] Value at(const Vec3& place) noexcept;
-  /// How far from a place that is not known nothing else is known either, along a unit direction: to the end
-  /// of the empty node there, at least a quarter of a voxel. O(1).
+  /// Distance along a unit direction through unknown space: to the end of the empty node, at least a quarter
+  /// voxel. O(1).
   [[nodiscard]] double empty_mm(const Vec3& place, const Vec3& way) noexcept;
-  /// The part of a segment that is in the box of what is known, as shares; false where none is.
+  /// The part of a segment inside the known box, as shares; false if none.
   [[nodiscard]] bool clip(const Vec3& from, const Vec3& to, double& first, double& last) const noexcept;
 
   [[nodiscard]] double voxel_mm() const noexcept { return voxel_; }

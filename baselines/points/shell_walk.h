@@ -1,6 +1,5 @@
-// A proxy steered by the points within three shells around it: the walk that `stream-proxy` and
-// `variable-proxy` share. Of one, shells have the same radii everywhere; of the other, each point has its
-// own.
+// The walk shared by `stream-proxy` and `variable-proxy`: a proxy steered by points within three shells, of
+// equal radii everywhere or individual per point.
 #pragma once
 
 #include <algorithm>
@@ -11,59 +10,50 @@
 #include <span>
 #include <string>
 
+#include <palpate/renderer.h>
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
-#include "toolkit/render/renderer.h"
 
 namespace palpate::baselines {
 
-/// Steps of the proxy in a frame, at most; the rest is done in the next frame. In contact a frame takes 1 to
-/// 4.
+/// Most proxy steps per frame; the rest waits. A contact frame takes 1 to 4.
 inline constexpr int kMaxShellSteps = 32;
 inline OptionSpec shell_steps_spec() {
-  return {"walk_steps",
-          OptionKind::kInteger,
-          std::to_string(kMaxShellSteps),
-          "steps of the proxy in a frame, at most; what is left is done in the next",
-          {},
-          4,
-          1024};
+  return option::integer("walk_steps", std::to_string(kMaxShellSteps),
+                         "steps of the proxy in a frame, at most; what is left is done in the next", 4, 1024);
 }
-/// A step along the surface is at most this share of r1: what is at least r1 away stays on its side.
+/// Largest step along the surface as a share of r1: points at least r1 away stay on their side.
 inline constexpr double kShellStep = 0.5;
-/// At rest where the pull along the surface is below this share of the pull: a twentieth of a degree.
+/// At rest below this share of pull along the surface: a twentieth of a degree.
 inline constexpr double kShellRest = 1e-3;
-/// Flights into a ball at less than this cosine graze it (ball_walk.cpp derives the size).
+/// Flights that enter a ball below this cosine graze it (derived in ball_walk.cpp).
 inline constexpr double kShellGraze = 5e-6;
 
-/// Radii in mm, where every point has the same; else what they are multiplied by is the point's.
+/// Radii in mm if equal for all points, else factors of each point's scale.
 struct Shells {
-  double r1 = 0.0;      ///< points nearer than this push the proxy out
-  double r2 = 0.0;      ///< nearer than this are touched; above r1
-  double r3 = 0.0;      ///< nearer than this give the normal; at least r2
-  bool tapered = true;  ///< points fade away at r3; else all count the same
+  double r1 = 0.0;      ///< nearer points push the proxy out
+  double r2 = 0.0;      ///< nearer points are touched; above r1
+  double r3 = 0.0;      ///< nearer points give the normal; at least r2
+  bool tapered = true;  ///< weights fade to zero at r3; else all are equal
 };
 
 /// Whether the force counts from the proxy, as in the sources, or from the surface that its sphere touches.
 inline OptionSpec offset_spec() {
-  return {"offset",
-          OptionKind::kChoice,
-          "removed",
-          "the distance that the proxy stays off the points: removed (the HIP is a point) or kept, as in the "
-          "source (the tool is a sphere)",
-          {"removed", "kept"}};
+  return option::choice("offset", "removed",
+                        "the distance that the proxy stays off the points: removed (the HIP is a point) or "
+                        "kept, as in the source (the tool is a sphere)",
+                        {"removed", "kept"});
 }
 inline render::Decision said_offset(bool kept) {
   return kept ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
               : render::Decision{"offset", "removed", "the HIP is a point"};
 }
 
-/// Belongs to one thread. The points and their scales must outlive it and not move; the frame functions
-/// allocate nothing.
+/// Belongs to one thread. Points and scales must outlive it and not move; frame functions allocate nothing.
 template <class Grid>
 class ShellWalk {
  public:
-  /// `scale` is parallel to the points, or empty where all are 1; `least` and `most` are its ends.
+  /// `scale` is parallel to the points, or empty for all 1; `least` and `most` are its extremes.
   ShellWalk(const PointsIn<Grid>& points, const Shells& shells, std::span<const float> scale = {},
             double least = 1.0, double most = 1.0)
       : points_(&points),
@@ -74,7 +64,7 @@ class ShellWalk {
         near_(points, shells.r3, stride_, scale, most) {}
 
   void bound_steps(int most) noexcept { most_steps_ = most; }
-  void let_go(const Vec3& h) noexcept {
+  void release_contact(const Vec3& h) noexcept {
     at_ = h;
     near_.forget();
     around_ = {};
@@ -83,10 +73,10 @@ class ShellWalk {
   /// The points have moved.
   void forget() noexcept { near_.forget(); }
 
-  /// Steps until the proxy is free at the HIP or rests on the points. Returns false where a bound was hit.
+  /// Steps until the proxy is free at the HIP or rests on the points. False at a bound.
   bool walk(const Vec3& h, render::FrameCounters& counters) noexcept;
 
-  /// From the HIP to the proxy, without the distance that it stays off the points unless that is felt.
+  /// From the HIP to the proxy, minus the proxy's distance from the points unless that is felt.
   [[nodiscard]] RivalAnswer answer(const Vec3& h, bool finished, bool felt_offset) const noexcept {
     RivalAnswer answer;
     Vec3 pull = at_ - h;
@@ -96,11 +86,11 @@ class ShellWalk {
     return answer;
   }
   [[nodiscard]] std::size_t bytes() const noexcept { return near_.bytes(); }
-  /// Of points of this scale.
+  /// For points of this scale.
   [[nodiscard]] double reach_mm(double scale) const noexcept { return near_.reach_mm(scale); }
 
  private:
-  /// What the points around a place say.
+  /// Properties of the points around a place.
   struct Around {
     Vec3 normal = Vec3::Zero();  ///< away from the points, unit; zero without points within r3
     double height = 0.0;         ///< over the points' weighted mean, along the normal
@@ -134,7 +124,7 @@ typename ShellWalk<Grid>::Around ShellWalk<Grid>::look(const Vec3& at) const noe
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Vec3 d = at - points[i];
     const double sq = d.squaredNorm();
-    // Each point in its own measure, as flights meet its ball.
+    // Each point by its own scale, as flights meet its ball.
     nearest_sq = std::min(nearest_sq, scales.empty() ? sq : sq / (scales[i] * scales[i]));
     if (sq > r3_sq) continue;
     if (!(sq > 0.0)) continue;
@@ -154,8 +144,7 @@ typename ShellWalk<Grid>::Around ShellWalk<Grid>::look(const Vec3& at) const noe
   return found;
 }
 
-/// The mean of the scales around, each point with the weight that it has in the normal where all scales
-/// are 1.
+/// The mean of the surrounding scales, weighted as for the normal at scale 1.
 template <class Grid>
 double ShellWalk<Grid>::scale_at(const Vec3& at) const noexcept {
   const std::span<const Vec3> points = near_.all();
@@ -191,14 +180,14 @@ bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexc
     const double inwards = around_.normal.dot(pull);
     const double scale = around_.scale, stride = kShellStep * shells_.r1 * scale;
     if (around_.nearest < shells_.r1) {
-      // Entrenched: out along the normal. A normal of nothing (amid points) has no way out.
+      // Entrenched: moves out along the normal. Amid points with a zero normal there is no way out.
       touching_ = true;
       if (around_.normal == Vec3::Zero()) return true;
       at_ += around_.normal * std::min((kept_off() - around_.nearest) * scale, stride);
       continue;
     }
     if (around_.nearest > shells_.r2 || inwards >= 0.0) {
-      // Free, or leaving. Where nothing is in the way the HIP is reached.
+      // Free or leaving. With a free way the HIP is reached.
       const Flight flight = fly_to(h);
       const bool moved = flight.at != at_;
       at_ = flight.at;

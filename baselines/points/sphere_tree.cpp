@@ -22,7 +22,7 @@ std::size_t SphereTree::bytes_for(std::size_t points) noexcept {
   return ((std::size_t{2} << levels_for(points)) - 1) * sizeof(Sphere);
 }
 
-void SphereTree::build(std::span<const surface::SurfacePoint> points, int threads) {
+void SphereTree::build(std::span<const surface::OrientedPoint> points, int threads) {
   points_ = points;
   levels_ = levels_for(points.size());
   spheres_.resize((std::size_t{2} << levels_) - 1);
@@ -49,7 +49,7 @@ void SphereTree::build(std::span<const surface::SurfacePoint> points, int thread
 
 std::uint32_t SphereTree::nearest(const Vec3& at, double most_mm) const noexcept {
   if (points_.empty()) return kNoPlace;
-  // In squares: a sphere holds nothing nearer than best where its centre is further than radius + best.
+  // A sphere holds nothing nearer than best if its centre is further than radius + best; in squares.
   struct Waiting {
     Node node;
     double centre_sq, radius;

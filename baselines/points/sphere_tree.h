@@ -1,5 +1,4 @@
-// A hierarchy of bounding spheres over points: the swept-sphere volumes of the thesis's [52] in their
-// simplest form, a sphere swept over a point.
+// A bounding sphere hierarchy over points: the swept-sphere volumes of the thesis's [52] for points.
 #pragma once
 
 #include <algorithm>
@@ -12,24 +11,24 @@
 
 namespace palpate::baselines {
 
-/// Points of a leaf, at most.
+/// Most points of a leaf.
 inline constexpr std::uint32_t kPointsPerSphere = 8;
-/// Levels, at most: halving 2^32 points.
+/// Most levels: halving 2^32 points.
 inline constexpr int kMaxSphereLevels = 32;
 
-/// Over points in an order that keeps neighbours together (a grid's). The ranges halve from level to level,
-/// so a node needs no links: node i of level d covers the places [n i / 2^d, n (i + 1) / 2^d). 16 bytes a
-/// node, some 4 a point. Local coordinates of the points, mm. Immutable; safe to read from many threads.
+/// Over points in an order of near neighbours (a grid's). Ranges halve per level, so nodes need no links:
+/// node i of level d covers the places [n i / 2^d, n (i + 1) / 2^d). 16 bytes a node, some 4 a point. The
+/// points' local coordinates, mm. Immutable; thread-safe to read.
 class SphereTree {
  public:
-  /// Keeps a view of `points`. O(n log n), parallel; the same for any number of threads.
-  void build(std::span<const surface::SurfacePoint> points, int threads);
+  /// Keeps a view of `points`. O(n log n), parallel; independent of the number of threads.
+  void build(std::span<const surface::OrientedPoint> points, int threads);
 
-  /// The place nearest to `at` within `most_mm`, ties by place; kNoPlace where there is none. Allocates
-  /// nothing. O(log n) near the points.
+  /// The nearest place to `at` within `most_mm`, ties by place; else kNoPlace. Allocates nothing. O(log n)
+  /// near the points.
   [[nodiscard]] std::uint32_t nearest(const Vec3& at, double most_mm) const noexcept;
 
-  /// Calls visit(place, distance_sq) for every point within `radius_mm` of `at`, in order of places.
+  /// Calls visit(place, distance_sq) for every point within `radius_mm` of `at`, in place order.
   template <class Visit>
   void within(const Vec3& at, double radius_mm, Visit&& visit) const noexcept {
     if (points_.empty()) return;
@@ -54,7 +53,7 @@ class SphereTree {
     }
   }
   [[nodiscard]] int levels() const noexcept { return levels_; }
-  /// What bytes() will be.
+  /// The value of bytes(), before building.
   [[nodiscard]] static std::size_t bytes_for(std::size_t points) noexcept;
   [[nodiscard]] std::size_t bytes() const noexcept { return spheres_.capacity() * sizeof(Sphere); }
 
@@ -79,8 +78,8 @@ class SphereTree {
     return static_cast<std::uint32_t>((points_.size() * (std::uint64_t{node.number} + 1)) >> node.level);
   }
 
-  std::span<const surface::SurfacePoint> points_;
-  LargeVector<Sphere> spheres_;
+  std::span<const surface::OrientedPoint> points_;
+  LargePageVector<Sphere> spheres_;
   int levels_ = 0;  ///< the leaves' level
 };
 

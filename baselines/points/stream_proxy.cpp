@@ -1,4 +1,4 @@
-#include "baselines/points/stream_proxy.h"
+#include "baselines/points/rivals.h"
 
 #include <fmt/format.h>
 
@@ -7,20 +7,35 @@
 #include <utility>
 #include <vector>
 
-#include "baselines/points/gaps.h"
-#include "baselines/points/local_spacing.h"
+#include <palpate/result.h>
+#include "baselines/failure.h"
+#include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
-#include "baselines/points/thinned.h"
-#include "toolkit/core/try.h"
-#include "toolkit/partition/dynamic_grid.h"
 #include "toolkit/render/prepare_phases.h"
+#include "toolkit/search/dynamic_grid.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// Of a grid that follows points, bytes a point more: two links and a bit, and its cells' lists.
+/// Bytes a point that a grid needs to follow points: two links and a bit, and its cells' lists.
 constexpr double kFollowBytes = 9.0;
+
+/// True if each point has radii of its own, by the spacing around it; tells `out`.
+bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
+                     render::ModelDecisions& out) {
+  const std::string asked = options.text("radii");
+  const bool local = asked == "local" || (asked == "auto" && density_changes(gaps) && !points_move);
+  const char* why = "the points have one density";
+  if (asked != "auto")
+    why = "as given";
+  else if (local)
+    why = "the density changes: one size would be too small in places or too large in others";
+  else if (points_move)
+    why = "points move, and their density with them";
+  out.decisions.push_back({"radii", local ? "local" : "one", why, asked != "auto"});
+  return local;
+}
 
 class StreamProxy : public RivalModel {
  public:
@@ -30,21 +45,165 @@ class StreamProxy : public RivalModel {
       1.7, 496.0};
   static constexpr bool kGodObject = true;
   static constexpr bool kFollowsPoints = true;
-  static std::vector<OptionSpec> specs();
-  static Status decide(StreamProxy& model, const render::ModelInput& input, const Options& options,
-                       const render::PrepareContext& context, render::PrepareReport& report,
-                       render::ModelDecisions& out);
-  static Status prepare(StreamProxy& model, const render::ModelInput& input, const Options& options,
-                        const render::PrepareContext& context, render::PrepareReport& report);
-  [[nodiscard]] std::string work_bound() const;
+  static std::vector<OptionSpec> specs() {
+    return {
+        option::number("r1", "1.5", "nearer points push the proxy out (entrenched), in mean spacings", 0.1,
+                       32.0),
+        option::number("r2", "2", "nearer points are touched, in mean spacings; above r1", 0.1, 32.0),
+        option::number("r3", "3", "nearer points give the normal, in mean spacings; at least r2", 0.1, 32.0),
+        option::number("spacing_mm", "0", "what stands for the mean spacing, in mm; 0: measured", 0.0, 1e12),
+        option::choice("radii", "auto",
+                       "one: the same everywhere, by what closes the gaps; local: by the spacing around each "
+                       "point, as variable-proxy's; auto: local where the density changes and no point moves",
+                       {"auto", "one", "local"}, {{"spacing_mm", {"0"}}}),
+        option::choice("weights", "tapered",
+                       "of the points within r3: equal, as in the source, or falling to 0 at r3",
+                       {"tapered", "equal"}),
+        offset_spec(),
+        shell_steps_spec(),
+    };
+  }
+  Status decide(const RivalInput& given, render::ModelDecisions& out) {
+    const auto& [input, options, context, report] = given;
+    double spacing = options.number("spacing_mm");
+    if (spacing > 0.0) {
+      report_spacing(spacing, out);
+    } else {
+      gaps_ = measured_gaps(*input.cloud, context, report, &out);
+      local_ = has_local_radii(options, gaps_, input.moves != nullptr, out);
+      range_ = spacing_range(gaps_, kUsualRatio);
+      spacing = local_ ? gaps_.spacing_mm : gaps_.closing_mm();
+    }
+    shells_.r1 = options.number("r1") * spacing;
+    shells_.r2 = options.number("r2") * spacing;
+    shells_.r3 = options.number("r3") * spacing;
+    if (!(shells_.r1 < shells_.r2 && shells_.r2 <= shells_.r3))
+      return failure(fmt::format("stream-proxy needs r1 < r2 <= r3, not {} {} {}", options.text("r1"),
+                                 options.text("r2"), options.text("r3")),
+                     "choose for example r1=1:r2=2:r3=3");
+    shells_.tapered = options.text("weights") == "tapered";
+    felt_offset_ = options.text("offset") == "kept";
+    walk_steps_ = static_cast<int>(options.integer("walk_steps"));
+    out.decisions.push_back(
+        {"shells",
+         fmt::format(
+             "{:.4g}, {:.4g} and {:.4g} mm{}", shells_.r1, shells_.r2, shells_.r3,
+             local_ ? fmt::format(", times {:.3g} to {:.3g}", range_.least, range_.most) : std::string()),
+         "nearer than the first pushes out, than the second is touched, than the third gives the normal"});
+    out.decisions.push_back(shells_.tapered
+                                ? render::Decision{"weights", "tapered", "points fade in and out"}
+                                : render::Decision{"weights", "equal", "as given: the source's", true});
+    out.decisions.push_back(said_offset(felt_offset_));
+    report_grid(*input.cloud, spacing, shells_.r3, out);
+    // The grid follows points that move. Their places are kept only if some do.
+    out.decisions.push_back(
+        input.moves != nullptr
+            ? render::Decision{"points that move", "followed", "the scene moves them", true}
+            : render::Decision{"points that move", "none", "the scene moves none"});
+    out.bytes += static_cast<std::uint64_t>(kFollowBytes * static_cast<double>(out.points)) +
+                 (input.moves != nullptr ? sizeof(std::uint32_t) * out.points : 0) +
+                 (local_ ? sizeof(float) * out.points : 0) + NearPoints<Grid>::bytes_for(local_);
+    return Done{};
+  }
+  Status prepare(const RivalInput& given) {
+    const auto& [input, options, context, report] = given;
+    const auto build = [&](const cloud::Cloud& cloud) -> Status {
+      std::vector<float> scale;
+      if (local_) {
+        PALPATE_ASSIGN(scale, local_spacings(cloud, gaps_, range_, context, report));
+      }
+      render::PreparePhases phases(report, context);
+      phases.begin("grid");
+      search::PartitionOptions grid;
+      grid.cell_mm = shells_.r3;
+      points_ = build_points_in<Grid>(cloud, grid, context.threads);
+      scales_ = placed_scales(scale, points_.grid.order());
+      walk_ =
+          std::make_unique<ShellWalk<Grid>>(points_, shells_, scales_.by_place, scales_.least, scales_.most);
+      walk_->bound_steps(walk_steps_);
+      phases.end();
+      return Done{};
+    };
+    PALPATE_TRY(build(*input.cloud));
+    // Points that are moved from outside all stay. Only the least of local radii may have too many points
+    // within reach; the others grow with the gaps.
+    const double reach_mm = walk_->reach_mm(scales_.least);
+    if (input.moves == nullptr &&
+        may_be_too_many(points_.grid.statistics().max_points, points_.cell_mm(), reach_mm)) {
+      const Thinned thin = thinned_to_reach(input.cloud, scales_.least * shells_.r1, reach_mm, report);
+      if (thin.cell_mm > 0.0) PALPATE_TRY(build(*thin.cloud));
+    }
+    if (input.moves != nullptr) {
+      moves_ = input.moves->subscribe();
+      original_ = input.cloud;
+      place_of_.resize(input.cloud->size());
+      const auto order = points_.grid.order();
+      for (std::uint32_t i = 0; i < order.size(); ++i) place_of_[order[i]] = i;
+    }
+    points_.grid.drop_order();
+    report.bytes += points_.bytes() + walk_->bytes() + scales_.by_place.capacity() * sizeof(float) +
+                    place_of_.capacity() * sizeof(std::uint32_t);
+    report.notes.push_back(fmt::format(
+        "r1 {:.4g} mm, r2 {:.4g} mm, r3 {:.4g} mm{}, at most {} points a cell", shells_.r1, shells_.r2,
+        shells_.r3,
+        local_ ? fmt::format(", times {:.3g} to {:.3g}", scales_.least, scales_.most) : std::string(),
+        points_.grid.statistics().max_points));
+    return Done{};
+  }
+  [[nodiscard]] std::string work_bound() const {
+    return fmt::format(
+        "at most {} steps over at most {} points at hand, found in {} each time the proxy is half {} r1 "
+        "further; flights of at most {} pieces of {:.0f} cells",
+        walk_steps_, kMaxNear, local_ ? "the cells within the largest r3" : "at most 64 cells",
+        local_ ? "the smallest" : "an", kMaxPieces, kPieceCells);
+  }
 
-  void restart(const Vec3& h) noexcept;
-  void let_go(const Vec3& h) noexcept;
-  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  void restart(const Vec3& h) noexcept {
+    if (moved_) {
+      // Every point returns to where it was prepared, in O(n).
+      for (std::uint32_t i = 0; i < place_of_.size(); ++i) {
+        surface::OrientedPoint& point = points_.points[place_of_[i]];
+        const Vec3f to(original_->x_mm[i], original_->y_mm[i], original_->z_mm[i]);
+        if (points_.grid.move(place_of_[i], to, [&](std::uint32_t) {
+              return Vec3f(point.x_mm, point.y_mm, point.z_mm);
+            }) == search::MoveStatus::kFull)
+          continue;  // cannot be: it was there before
+        point = {to.x(), to.y(), to.z(), surface::kNoNormal};
+      }
+      moved_ = false;
+    }
+    release_contact(h);
+  }
+  void release_contact(const Vec3& h) noexcept {
+    walk_->release_contact(h);
+    state.release();
+  }
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept {
+    take_moves();
+    const bool finished = walk_->walk(h, counters);
+    return walk_->answer(h, finished, felt_offset_);
+  }
 
  private:
-  using Grid = partition::DynamicGrid;
-  void take_moves() noexcept;
+  using Grid = search::DynamicGrid;
+  /// Takes the batch of points that moved since the last frame.
+  void take_moves() noexcept {
+    if (moves_ == nullptr) return;
+    const render::MoveBatch* batch = moves_->take();
+    if (batch == nullptr) return;
+    for (std::uint32_t k = 0; k < batch->count; ++k) {
+      const std::uint32_t i = batch->point[k];
+      if (i >= place_of_.size()) continue;
+      surface::OrientedPoint& point = points_.points[place_of_[i]];
+      const Vec3f to = batch->to_mm[k];
+      const auto status = points_.grid.move(
+          place_of_[i], to, [&](std::uint32_t) { return Vec3f(point.x_mm, point.y_mm, point.z_mm); });
+      if (status == search::MoveStatus::kFull || !to.allFinite()) continue;
+      point = {to.x(), to.y(), to.z(), surface::kNoNormal};
+      moved_ = true;
+    }
+    walk_->forget();
+  }
 
   PointsIn<Grid> points_;
   PlacedScales scales_;  ///< of local radii
@@ -62,206 +221,6 @@ class StreamProxy : public RivalModel {
   std::vector<std::uint32_t> place_of_;
   bool moved_ = false;
 };
-
-/// Whether each point has radii of its own, by the spacing around it; says it.
-bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
-                     render::ModelDecisions& out) {
-  const std::string asked = options.text("radii");
-  const bool local = asked == "local" || (asked == "auto" && density_changes(gaps) && !points_move);
-  const char* why = "the points have one density";
-  if (asked != "auto")
-    why = "as given";
-  else if (local)
-    why = "the density changes: one size would be too small in places or too large in others";
-  else if (points_move)
-    why = "points move, and their density with them";
-  out.decisions.push_back({"radii", local ? "local" : "one", why, asked != "auto"});
-  return local;
-}
-
-std::vector<OptionSpec> StreamProxy::specs() {
-  using enum OptionKind;
-  return {
-      {"r1",
-       kNumber,
-       "1.5",
-       "nearer points push the proxy out (entrenched), in mean spacings",
-       {},
-       0.1,
-       32.0},
-      {"r2", kNumber, "2", "nearer points are touched, in mean spacings; above r1", {}, 0.1, 32.0},
-      {"r3", kNumber, "3", "nearer points give the normal, in mean spacings; at least r2", {}, 0.1, 32.0},
-      {"spacing_mm", kNumber, "0", "what stands for the mean spacing, in mm; 0: measured", {}, 0.0, 1e12},
-      {"radii",
-       kChoice,
-       "auto",
-       "one: the same everywhere, by what closes the gaps; local: by the spacing around each point, as "
-       "variable-proxy's; auto: local where the density changes and no point moves",
-       {"auto", "one", "local"},
-       0.0,
-       0.0,
-       {{"spacing_mm", {"0"}}}},
-      {"weights",
-       kChoice,
-       "tapered",
-       "of the points within r3: equal, as in the source, or falling to 0 at r3",
-       {"tapered", "equal"}},
-      offset_spec(),
-      shell_steps_spec(),
-  };
-}
-
-Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, const Options& options,
-                           const render::PrepareContext& context, render::PrepareReport& report,
-                           render::ModelDecisions& out) {
-  double spacing = options.number("spacing_mm");
-  if (spacing > 0.0) {
-    say_spacing(spacing, out);
-  } else {
-    model.gaps_ = measured_gaps(*input.cloud, context, report);
-    say_gaps(model.gaps_, out);
-    model.local_ = has_local_radii(options, model.gaps_, input.moves != nullptr, out);
-    model.range_ = spacing_range(model.gaps_, kUsualRatio);
-    spacing = model.local_ ? model.gaps_.spacing_mm : model.gaps_.closing_mm();
-  }
-  model.shells_.r1 = options.number("r1") * spacing;
-  model.shells_.r2 = options.number("r2") * spacing;
-  model.shells_.r3 = options.number("r3") * spacing;
-  if (!(model.shells_.r1 < model.shells_.r2 && model.shells_.r2 <= model.shells_.r3))
-    return Error{fmt::format("stream-proxy needs r1 < r2 <= r3, not {} {} {}", options.text("r1"),
-                             options.text("r2"), options.text("r3")),
-                 "choose for example r1=1:r2=2:r3=3",
-                 {},
-                 0};
-  model.shells_.tapered = options.text("weights") == "tapered";
-  model.felt_offset_ = options.text("offset") == "kept";
-  model.walk_steps_ = static_cast<int>(options.integer("walk_steps"));
-  out.decisions.push_back(
-      {"shells",
-       fmt::format("{:.4g}, {:.4g} and {:.4g} mm{}", model.shells_.r1, model.shells_.r2, model.shells_.r3,
-                   model.local_
-                       ? fmt::format(", times {:.3g} to {:.3g}", model.range_.least, model.range_.most)
-                       : std::string()),
-       "nearer than the first pushes out, than the second is touched, than the third gives the normal"});
-  out.decisions.push_back(model.shells_.tapered
-                              ? render::Decision{"weights", "tapered", "points fade in and out"}
-                              : render::Decision{"weights", "equal", "as given: the source's", true});
-  out.decisions.push_back(said_offset(model.felt_offset_));
-  say_grid(*input.cloud, spacing, model.shells_.r3, out);
-  // The grid follows points that move; only where some do, their places are kept.
-  out.decisions.push_back(input.moves != nullptr
-                              ? render::Decision{"points that move", "followed", "the scene moves them", true}
-                              : render::Decision{"points that move", "none", "the scene moves none"});
-  out.bytes += static_cast<std::uint64_t>(kFollowBytes * static_cast<double>(out.points)) +
-               (input.moves != nullptr ? sizeof(std::uint32_t) * out.points : 0) +
-               (model.local_ ? sizeof(float) * out.points : 0) + NearPoints<Grid>::bytes_for(model.local_);
-  return Done{};
-}
-
-Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input, const Options& /*options*/,
-                            const render::PrepareContext& context, render::PrepareReport& report) {
-  const auto build = [&](const cloud::Cloud& cloud) -> Status {
-    std::vector<float> scale;
-    if (model.local_) {
-      PALPATE_ASSIGN(scale, local_spacings(cloud, model.gaps_, model.range_, context, report));
-    }
-    render::PreparePhases phases(report, context);
-    phases.begin("grid");
-    partition::PartitionOptions grid;
-    grid.cell_mm = model.shells_.r3;
-    model.points_ = build_points_in<Grid>(cloud, grid, context.threads);
-    model.scales_ = placed_scales(scale, model.points_.grid.order());
-    model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_, model.scales_.by_place,
-                                                    model.scales_.least, model.scales_.most);
-    model.walk_->bound_steps(model.walk_steps_);
-    phases.end();
-    return Done{};
-  };
-  PALPATE_TRY(build(*input.cloud));
-  // Points that are moved from outside all stay. Of local radii only the least may have too many points
-  // within reach: the others grow with the gaps.
-  const double reach_mm = model.walk_->reach_mm(model.scales_.least);
-  if (input.moves == nullptr &&
-      may_be_too_many(model.points_.grid.statistics().max_points, model.points_.cell_mm(), reach_mm)) {
-    const Thinned thin =
-        thinned_to_reach(input.cloud, model.scales_.least * model.shells_.r1, reach_mm, report);
-    if (thin.cell_mm > 0.0) PALPATE_TRY(build(*thin.cloud));
-  }
-  if (input.moves != nullptr) {
-    model.moves_ = input.moves->subscribe();
-    model.original_ = input.cloud;
-    model.place_of_.resize(input.cloud->size());
-    const auto order = model.points_.grid.order();
-    for (std::uint32_t place = 0; place < order.size(); ++place) model.place_of_[order[place]] = place;
-  }
-  model.points_.grid.drop_order();
-  report.bytes += model.points_.bytes() + model.walk_->bytes() +
-                  model.scales_.by_place.capacity() * sizeof(float) +
-                  model.place_of_.capacity() * sizeof(std::uint32_t);
-  report.notes.push_back(fmt::format(
-      "r1 {:.4g} mm, r2 {:.4g} mm, r3 {:.4g} mm{}, at most {} points a cell", model.shells_.r1,
-      model.shells_.r2, model.shells_.r3,
-      model.local_ ? fmt::format(", times {:.3g} to {:.3g}", model.scales_.least, model.scales_.most)
-                   : std::string(),
-      model.points_.grid.statistics().max_points));
-  return Done{};
-}
-
-std::string StreamProxy::work_bound() const {
-  return fmt::format(
-      "at most {} steps over at most {} points at hand, found in {} each time the proxy is half {} r1 "
-      "further; "
-      "flights of at most {} pieces of {:.0f} cells",
-      walk_steps_, kMaxNear, local_ ? "the cells within the largest r3" : "at most 64 cells",
-      local_ ? "the smallest" : "an", kMaxPieces, kPieceCells);
-}
-
-void StreamProxy::restart(const Vec3& h) noexcept {
-  if (moved_) {
-    // O(n): every point back to where it was prepared.
-    for (std::uint32_t i = 0; i < place_of_.size(); ++i) {
-      surface::SurfacePoint& point = points_.points[place_of_[i]];
-      const Vec3f to(original_->x_mm[i], original_->y_mm[i], original_->z_mm[i]);
-      if (points_.grid.move(place_of_[i], to, [&](std::uint32_t) {
-            return Vec3f(point.x_mm, point.y_mm, point.z_mm);
-          }) == partition::MoveStatus::kFull)
-        continue;  // cannot be: it was there before
-      point = {to.x(), to.y(), to.z(), surface::kNoNormal};
-    }
-    moved_ = false;
-  }
-  let_go(h);
-}
-
-void StreamProxy::let_go(const Vec3& h) noexcept {
-  walk_->let_go(h);
-  state.release();
-}
-
-/// A batch of points that moved since the last frame.
-void StreamProxy::take_moves() noexcept {
-  if (moves_ == nullptr) return;
-  const render::MoveBatch* batch = moves_->take();
-  if (batch == nullptr) return;
-  for (std::uint32_t k = 0; k < batch->count; ++k) {
-    const std::uint32_t i = batch->point[k];
-    if (i >= place_of_.size()) continue;
-    surface::SurfacePoint& point = points_.points[place_of_[i]];
-    const Vec3f to = batch->to_mm[k];
-    const auto status = points_.grid.move(
-        place_of_[i], to, [&](std::uint32_t) { return Vec3f(point.x_mm, point.y_mm, point.z_mm); });
-    if (status == partition::MoveStatus::kFull || !to.allFinite()) continue;
-    point = {to.x(), to.y(), to.z(), surface::kNoNormal};
-    moved_ = true;
-  }
-  walk_->forget();
-}
-
-RivalAnswer StreamProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
-  take_moves();
-  const bool finished = walk_->walk(h, counters);
-  return walk_->answer(h, finished, felt_offset_);
-}
 
 }  // namespace
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "baselines/failure.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {
@@ -18,12 +19,10 @@ constexpr std::uint32_t kNoHint = 0xFFFFFFFFu;
 Error too_large(double bytes, const VoxelFieldOptions& options) {
   // Bricks follow the surface's area times a depth in voxels: the square of the voxel.
   const double larger = std::sqrt(bytes / static_cast<double>(options.most_bytes));
-  return Error{
+  return failure(
       fmt::format("the vector field needs {:.0f} MB, over the limit of {:.0f} MB", bytes / 1e6,
                   static_cast<double>(options.most_bytes) / 1e6),
-      fmt::format("make the voxels {:.2g} times larger (option voxel), or raise memory_mb", 1.1 * larger),
-      {},
-      0};
+      fmt::format("make the voxels {:.2g} times larger (option voxel), or raise memory_mb", 1.1 * larger));
 }
 
 }  // namespace
@@ -42,7 +41,7 @@ Result<VoxelField> VoxelField::build(const std::function<Vec3(std::size_t)>& poi
   field.per_voxel_ = 1.0 / options.voxel_mm;
   const double brick = kBrickVoxels * options.voxel_mm;
   const double rings = std::ceil(options.depth_mm / brick);
-  // One brick of margin, so that points on the box's border are well inside.
+  // The margin is one brick, so that points on the box's border are well inside.
   field.low_ = box.low_mm - Vec3::Constant((rings + 1.0) * brick);
   double all = 1.0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -52,7 +51,7 @@ Result<VoxelField> VoxelField::build(const std::function<Vec3(std::size_t)>& poi
       return too_large(all * sizeof(std::uint32_t), options);
     field.size_[static_cast<std::size_t>(axis)] = static_cast<std::size_t>(wide);
   }
-  // 1: holds points; then all within reach of those.
+  // A 1 marks bricks that hold points, then all within reach of those.
   std::vector<std::uint8_t> marked(static_cast<std::size_t>(all), 0);
   const auto index_of = [&](const std::array<std::size_t, 3>& at) {
     return at[0] + field.size_[0] * (at[1] + field.size_[1] * at[2]);
@@ -62,14 +61,14 @@ Result<VoxelField> VoxelField::build(const std::function<Vec3(std::size_t)>& poi
     marked[index_of({static_cast<std::size_t>(at.x()), static_cast<std::size_t>(at.y()),
                      static_cast<std::size_t>(at.z())})] = 1;
   }
-  // The reach is a cube: one axis after the other.
+  // The reach is a cube, so one axis follows the other.
   const auto reach = static_cast<std::ptrdiff_t>(rings);
   const std::array<std::size_t, 3> step = {1, field.size_[0], field.size_[0] * field.size_[1]};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     std::vector<std::uint8_t> wider = marked;
     for (std::size_t i = 0; i < marked.size(); ++i) {
       if (marked[i] == 0) continue;
-      // Never over the border: the margin is one brick wider than the reach.
+      // The border is never crossed: the margin is one brick wider than the reach.
       for (std::ptrdiff_t k = -reach; k <= reach; ++k)
         wider[static_cast<std::size_t>(static_cast<std::ptrdiff_t>(i) +
                                        k * static_cast<std::ptrdiff_t>(step[axis]))] = 1;
@@ -91,7 +90,7 @@ Result<VoxelField> VoxelField::build(const std::function<Vec3(std::size_t)>& poi
       kept[i] = d < half_diagonal && d > -options.depth_mm - half_diagonal;
     }
   });
-  // So that all corners of a voxel that is entered by the depth are known.
+  // This depth includes all corners of a voxel that the wanted depth enters.
   const double deepest = options.depth_mm + kVoxelDiagonal * options.voxel_mm;
   std::vector<std::size_t> bricks;
   for (std::size_t i = 0; i < candidates.size(); ++i)

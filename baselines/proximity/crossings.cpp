@@ -12,14 +12,19 @@
 namespace palpate::baselines {
 namespace {
 
-/// Facets a chunk, for parallel work; decides nothing about the result.
+/// Facets a chunk for parallel work; does not affect results.
 constexpr std::size_t kCrossingChunk = 16384;
-/// Facets near one border edge that are looked at; of more some are left out.
+/// Most facets near one border edge that are examined; more are skipped.
 constexpr std::size_t kNearBorder = 1024;
 
 using Pair = std::pair<std::uint32_t, std::uint32_t>;
 
-/// Whether a -> b goes through g or ends on it, in double; not where it lies in g's plane.
+void add_both_ways(std::uint32_t f, std::uint32_t g, std::vector<Pair>& pairs) {
+  pairs.emplace_back(f, g);
+  pairs.emplace_back(g, f);
+}
+
+/// Whether a -> b passes through g or ends on it, in double; false within g's plane.
 bool meets(const SurfaceMesh& mesh, const Vec3& a, const Vec3& b, std::uint32_t g) noexcept {
   const Vec3 n = mesh.normal(half_facet(g, 0));
   const Facet& facet = mesh.facet(g);
@@ -38,7 +43,7 @@ bool has_corner(const Facet& f, std::uint32_t a, std::uint32_t b) noexcept {
   return false;
 }
 
-/// The least distance between the segments a + s u and c + t v, s and t from 0 to 1 (Ericson 2005, section
+/// Least squared distance of the segments a + s u and c + t v, s and t in [0, 1] (Ericson 2005, section
 /// 5.1.9).
 double segments_distance_sq(const Vec3& a, const Vec3& u, const Vec3& c, const Vec3& v) noexcept {
   const Vec3 r = a - c;
@@ -54,8 +59,8 @@ double segments_distance_sq(const Vec3& a, const Vec3& u, const Vec3& c, const V
   return (r + s * u - t * v).squaredNorm();
 }
 
-/// A border edge of a facet that lies on others, along them or across, without vertices there: float rays may
-/// miss what they only graze, so all that is near is looked at.
+/// For border edges along or across other facets without shared vertices: float rays may miss grazing
+/// contacts, so all near facets are examined.
 void pairs_along_border(const SurfaceMesh& mesh, const SegmentIndex& index, std::uint32_t facet,
                         std::uint32_t edge, std::span<NearFacet> near, std::vector<Pair>& pairs) {
   const Facet& f = mesh.facet(facet);
@@ -76,16 +81,15 @@ void pairs_along_border(const SurfaceMesh& mesh, const SegmentIndex& index, std:
       aside = std::max(aside, std::abs(n.dot(c - a)));
     }
     if (!touches || aside <= clear) continue;
-    pairs.emplace_back(facet, near[i].facet);
-    pairs.emplace_back(near[i].facet, facet);
+    add_both_ways(facet, near[i].facet, pairs);
   }
 }
 
-/// Facets that meet at a vertex and nowhere near it over edges: sheets that go through each other there, or
-/// end on it.
+/// Facets that share a vertex without being connected by edges around it: sheets that pass through each other
+/// or end there.
 void pairs_at_vertex(const SurfaceMesh& mesh, std::uint32_t vertex, std::vector<Pair>& pairs) {
   const auto star = mesh.star(vertex).first(std::min<std::size_t>(mesh.star(vertex).size(), kMaxFan));
-  std::array<std::uint32_t, kMaxFan> fan;  // by the lowest place in the star
+  std::array<std::uint32_t, kMaxFan> fan;  // indexed by the lowest position in the star
   for (std::uint32_t i = 0; i < star.size(); ++i) fan[i] = i;
   const auto share_edge = [&](const Facet& f, const Facet& g) {
     for (const std::uint32_t v : f.vertex)
@@ -100,32 +104,25 @@ void pairs_at_vertex(const SurfaceMesh& mesh, std::uint32_t vertex, std::vector<
         if (fan[k] == from) fan[k] = to;
     }
   for (std::uint32_t i = 1; i < star.size(); ++i)
-    for (std::uint32_t j = 0; j < i; ++j) {
-      if (fan[i] == fan[j]) continue;
-      pairs.emplace_back(star[i], star[j]);
-      pairs.emplace_back(star[j], star[i]);
-    }
+    for (std::uint32_t j = 0; j < i; ++j)
+      if (fan[i] != fan[j]) add_both_ways(star[i], star[j], pairs);
 }
 
-/// What edge `e` of a facet meets.
+/// Adds the facets met by edge `e` of a facet.
 void pairs_of_edge(const SurfaceMesh& mesh, const SegmentIndex& index, std::uint32_t facet, std::uint32_t e,
                    std::vector<std::uint32_t>& met, std::vector<Pair>& pairs) {
   const Facet& f = mesh.facet(facet);
   const HalfFacet other = mesh.neighbour(half_facet(facet, 0), e);
-  const auto with = [&](std::uint32_t holder, std::uint32_t g) {
-    pairs.emplace_back(holder, g);
-    pairs.emplace_back(g, holder);
-  };
   const auto confirm = [&](std::uint32_t g) {
     if (!meets(mesh, f.corner[e], f.corner[after(e)], g)) return;
-    with(facet, g);
-    if (other != kNoFacet) with(facet_of(other), g);
+    add_both_ways(facet, g, pairs);
+    if (other != kNoFacet) add_both_ways(facet_of(other), g, pairs);
   };
   met.clear();
   index.all_hits(f.vertex[e], f.vertex[after(e)], met);
   for (const std::uint32_t g : met) {
     confirm(g);
-    // On an edge of two facets, float may have found but one of them.
+    // At an edge of two facets float may find only one.
     for (std::uint32_t side = 0; side < 3; ++side)
       if (const HalfFacet beside = mesh.neighbour(half_facet(g, 0), side); beside != kNoFacet)
         if (!has_corner(mesh.facet(facet_of(beside)), f.vertex[e], f.vertex[after(e)]))
@@ -142,7 +139,8 @@ std::vector<Pair> find_all(const SurfaceMesh& mesh, const SegmentIndex& index, i
     std::vector<Pair>& mine = parts[begin / kCrossingChunk];
     for (auto facet = static_cast<std::uint32_t>(begin); facet < end; ++facet)
       for (std::uint32_t e = 0; e < 3; ++e) {
-        // Each edge once, from its lower facet; edges of several facets from each, which sorting removes.
+        // Each edge once, from its lower facet; edges of several facets from each, with duplicates removed by
+        // sorting.
         const HalfFacet other = mesh.neighbour(half_facet(facet, 0), e);
         if (other == kNoFacet) pairs_along_border(mesh, index, facet, e, near, mine);
         if (other != kNoFacet && facet_of(other) < facet &&
@@ -170,7 +168,7 @@ bool at_border(const SurfaceMesh& mesh, std::uint32_t facet) noexcept {
   return false;
 }
 
-/// A border that ends on its own surface is a seam without common vertices, no fold.
+/// A border that ends on its own surface is a seam without shared vertices, not a fold.
 std::size_t count_folded(const SurfaceMesh& mesh, const std::vector<Pair>& pairs) {
   if (pairs.empty()) return 0;
   const std::vector<std::uint32_t> component = components_of(mesh);

@@ -1,7 +1,6 @@
-// Facets that cross other facets or end on them: interpenetrating parts, self-intersections, walls that stand
-// on a floor without sharing its vertices. Known beforehand, they spare
-// every frame in contact a query: a way along the surface can meet another sheet only on a facet that is
-// listed here.
+// Facets that cross or touch others: self-intersections, interpenetrating parts, walls on a floor without
+// shared vertices. Saves contact frames a query: only on these facets can a way along the surface meet
+// another sheet.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +12,20 @@
 
 namespace palpate::baselines {
 
-/// Immutable after building; safe to read from many threads.
+/// Immutable after building; concurrent reads are safe.
 class Crossings {
  public:
-  /// Every edge is a segment query against the mesh, its crossings confirmed in double: two facets cross
-  /// where an edge of one pierces the other or ends on it. Facets that share a vertex with the edge count
-  /// where no edges connect them around it; such as lie in one plane do not. Border edges are also held
-  /// against all that is near. O(edges log facets). The same result for any number of threads.
+  /// Queries every edge as a segment and confirms in double: facets cross if an edge of one pierces the other
+  /// or ends on it. Facets at the edge's own vertices count if not connected to it there, unless coplanar.
+  /// Border edges are tested against all near facets. O(edges log facets), the same for any `threads`.
   [[nodiscard]] static Crossings find(const SurfaceMesh& mesh, const SegmentIndex& index, int threads);
 
-  /// Facets that appear in some pair.
   [[nodiscard]] std::size_t facets() const noexcept { return facets_; }
-  /// Facets that cross or touch others of their own component: folds.
+  /// Number of facets that cross or touch others of their own component: folds.
   [[nodiscard]] std::size_t folded() const noexcept { return folded_; }
   [[nodiscard]] std::size_t pairs() const noexcept { return others_.size() / 2; }
   [[nodiscard]] bool any() const noexcept { return !others_.empty(); }
-  /// What crosses `facet`, ascending. Only where any().
+  /// Facets that cross `facet`, ascending. Only if any().
   [[nodiscard]] std::span<const std::uint32_t> of(std::uint32_t facet) const noexcept {
     return {others_.data() + begin_[facet], begin_[facet + 1] - begin_[facet]};
   }

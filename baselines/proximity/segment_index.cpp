@@ -1,5 +1,6 @@
 #include "baselines/proximity/segment_index.h"
 
+#include <embree3/rtcore.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -7,19 +8,18 @@
 #include <cmath>
 #include <limits>
 
-#include "baselines/proximity/embree_shim.h"
+#include "baselines/failure.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// Coordinates up to 2^22 quanta have differences up to 2^23, exact in the 24 bits of a float.
+/// Coordinates up to 2^22 quanta have differences up to 2^23, exact in a float's 24 bits.
 constexpr int kGridBits = 22;
-/// Half a quantum of snapping and an eighth of vertex rounding per axis (x sqrt 3), and some ulps of the
-/// distance along the segment, come to under two; twice that for safety.
+/// Half a quantum of snapping, an eighth of vertex rounding per axis (x sqrt 3) and some ulps along the
+/// segment are below two; doubled for safety.
 constexpr double kMarginQuanta = 4.0;
-/// Quanta by which the box is grown before segments are clipped to it, so that no facet lies at a clipped
-/// end.
+/// Growth of the box, in quanta, before segments are clipped to it: no facet lies at a clipped end.
 constexpr double kClipQuanta = 64.0;
 
 bool monitor(void* counter, ssize_t bytes, bool /*post*/) {
@@ -28,17 +28,10 @@ bool monitor(void* counter, ssize_t bytes, bool /*post*/) {
 }
 
 struct FilterContext {
-  shim::Context context;  // first: Embree hands back its address
+  RTCIntersectContext context;  // must be first: Embree returns its address
   const SurfaceMesh* mesh;
   std::uint32_t around;
 };
-
-bool share_vertex(const Facet& f, const Facet& g) noexcept {
-  for (const std::uint32_t a : f.vertex)
-    for (const std::uint32_t b : g.vertex)
-      if (a == b) return true;
-  return false;
-}
 
 void skip_neighbours(const RTCFilterFunctionNArguments* args) {
   const auto* context = reinterpret_cast<const FilterContext*>(args->context);
@@ -68,13 +61,13 @@ RTCRayHit ray_between(const Vec3f& start, const Vec3f& direction, float end) noe
 }
 
 struct CollectContext {
-  shim::Context context;  // first, as above
+  RTCIntersectContext context;  // as above
   const SurfaceMesh* mesh;
   std::uint32_t from_vertex, to_vertex;
   std::vector<std::uint32_t>* facets;
 };
 
-/// Notes the hit and lets the ray go on.
+/// Notes the hit and lets the ray continue.
 void collect(const RTCFilterFunctionNArguments* args) {
   const auto* context = reinterpret_cast<const CollectContext*>(args->context);
   const std::uint32_t facet = reinterpret_cast<const RTCHit*>(args->hit)->primID;
@@ -91,7 +84,7 @@ struct SegmentIndex::State {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
   std::atomic<std::ptrdiff_t> bytes{0};
-  UnfilledVector<float> vertices;  ///< as Embree wants them; it reads the corners' numbers from the mesh
+  LargePageUninitializedVector<float> vertices;  ///< in Embree's form; corner numbers are read from the mesh
   double quantum_mm = 0.0;
   double to_grid = 0.0;
   geometry::Aabb clip_box;
@@ -111,8 +104,7 @@ struct SegmentIndex::State {
     return result;
   }
 
-  /// Nothing is copied but what has another form there: vertices in float, whose last one Embree reads with
-  /// 16 bytes.
+  /// Copies only vertices (as floats, the last one readable with 16 bytes); the rest is shared with the mesh.
   void share(RTCGeometry geometry, int threads) {
     const std::size_t n = mesh->vertices().size();
     vertices.resize(3 * n + 1);
@@ -128,24 +120,13 @@ struct SegmentIndex::State {
                                mesh->facets().front().vertex.data(), 0, sizeof(Facet), mesh->facets().size());
   }
 
-  /// Cuts a -> b to the box, where it reaches out of it; false if it misses the box. Ends inside stay as they
-  /// are.
+  /// Clips a -> b to the box; false if it misses. Ends inside are unchanged.
   [[nodiscard]] bool clip(Vec3& a, Vec3& b, double& from, double& to) const noexcept {
     from = 0.0;
     to = 1.0;
     if (clip_box.contains(a) && clip_box.contains(b)) return true;
     const Vec3 d = b - a;
-    for (int axis = 0; axis < 3; ++axis) {
-      if (d[axis] == 0.0) {
-        if (a[axis] < clip_box.low_mm[axis] || a[axis] > clip_box.high_mm[axis]) return false;
-        continue;
-      }
-      const double t1 = (clip_box.low_mm[axis] - a[axis]) / d[axis];
-      const double t2 = (clip_box.high_mm[axis] - a[axis]) / d[axis];
-      from = std::max(from, std::min(t1, t2));
-      to = std::min(to, std::max(t1, t2));
-    }
-    if (!(from <= to)) return false;
+    if (!clip_to_box(clip_box, a, d, 0.0, from, to)) return false;
     const Vec3 start = a;
     if (from > 0.0) a = start + d * from;
     if (to < 1.0) b = start + d * to;
@@ -164,15 +145,14 @@ Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads) {
   const std::string config = threads > 0 ? fmt::format("threads={}", threads) : std::string();
   state->device = rtcNewDevice(config.empty() ? nullptr : config.c_str());
   if (state->device == nullptr)
-    return Error{fmt::format("Embree did not start (code {})", static_cast<int>(rtcGetDeviceError(nullptr))),
-                 "check the installed Embree against this machine's processor",
-                 {},
-                 0};
+    return failure(
+        fmt::format("Embree did not start (code {})", static_cast<int>(rtcGetDeviceError(nullptr))),
+        "check the installed Embree against this machine's processor");
   rtcSetDeviceMemoryMonitorFunction(state->device, monitor, &state->bytes);
 
   const double half =
       mesh.local_box_mm().low_mm.cwiseAbs().cwiseMax(mesh.local_box_mm().high_mm.cwiseAbs()).maxCoeff();
-  // The grown box must stay within 2^kGridBits quanta, hence one quantum exponent up when it is nearly full.
+  // The grown box must fit in 2^kGridBits quanta: one exponent higher if nearly full.
   const int exponent =
       static_cast<int>(std::ceil(std::log2(std::max(half, std::numeric_limits<double>::min()) *
                                            (1.0 + kClipQuanta * std::ldexp(2.0, -kGridBits)))));
@@ -180,21 +160,20 @@ Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads) {
   state->to_grid = std::ldexp(1.0, kGridBits - exponent);
   state->clip_box = mesh.local_box_mm().grown(kClipQuanta * state->quantum_mm);
   if (!(state->quantum_mm > static_cast<double>(std::numeric_limits<float>::min())))
-    return Error{"the mesh is too small for single precision", "give its unit, or scale it up", {}, 0};
+    return failure("the mesh is too small for single precision", "give its unit, or scale it up");
 
   RTCGeometry geometry = rtcNewGeometry(state->device, RTC_GEOMETRY_TYPE_TRIANGLE);
   state->share(geometry, threads);
   rtcCommitGeometry(geometry);
   state->scene = rtcNewScene(state->device);
-  rtcSetSceneFlags(state->scene, static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | shim::kFilterFlag));
+  rtcSetSceneFlags(state->scene, static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST |
+                                                            RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
   rtcAttachGeometryByID(state->scene, geometry, 0);
   rtcReleaseGeometry(geometry);
   rtcCommitScene(state->scene);
   if (const RTCError code = rtcGetDeviceError(state->device); code != RTC_ERROR_NONE)
-    return Error{fmt::format("Embree could not build its tree (code {})", static_cast<int>(code)),
-                 "use a smaller mesh",
-                 {},
-                 0};
+    return failure(fmt::format("Embree could not build its tree (code {})", static_cast<int>(code)),
+                   "use a smaller mesh");
   return SegmentIndex(std::move(state));
 }
 
@@ -204,15 +183,16 @@ std::optional<SegmentHit> SegmentIndex::first_hit(const Vec3& a, const Vec3& b,
   double t_from = 0.0, t_to = 1.0;
   if (!state_->clip(from, to, t_from, t_to)) return std::nullopt;
   const Vec3f start = state_->snapped(from), end = state_->snapped(to);
-  const Vec3f direction = end - start;  // exact: see point 2 above
+  const Vec3f direction = end - start;  // exact: see point 2 of the header
   const double length = direction.cast<double>().norm();
   if (!(length > 0.0)) return std::nullopt;
   RTCRayHit ray = ray_between(start, direction, static_cast<float>(1.0 + margin_mm() / length));
   FilterContext context;
-  shim::init(context.context);
+  rtcInitIntersectContext(&context.context);
+  context.context.filter = ignore_around == kNoFacet ? nullptr : skip_neighbours;
   context.mesh = state_->mesh;
   context.around = ignore_around;
-  shim::intersect(state_->scene, context.context, ignore_around == kNoFacet ? nullptr : skip_neighbours, ray);
+  rtcIntersect1(state_->scene, &context.context, &ray);
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
   const double along = std::min(1.0, static_cast<double>(ray.ray.tfar));
   return SegmentHit{ray.hit.primID, t_from + (t_to - t_from) * along};
@@ -222,17 +202,18 @@ void SegmentIndex::all_hits(std::uint32_t from_vertex, std::uint32_t to_vertex,
                             std::vector<std::uint32_t>& facets) const {
   const Vec3 a = state_->mesh->vertices()[from_vertex], b = state_->mesh->vertices()[to_vertex];
   const double length = (b - a).norm();
-  if (!(length > 0.0)) return;                           // apart by less than can be squared
-  const Vec3 beyond = (b - a) * (margin_mm() / length);  // what an end lies on is met too
+  if (!(length > 0.0)) return;                           // too close for squaring
+  const Vec3 beyond = (b - a) * (margin_mm() / length);  // includes what an end lies on
   const Vec3f start = (a - beyond).cast<float>(), end = (b + beyond).cast<float>();
   RTCRayHit ray = ray_between(start, end - start, 1.0f);
   CollectContext context;
-  shim::init(context.context);
+  rtcInitIntersectContext(&context.context);
+  context.context.filter = collect;
   context.mesh = state_->mesh;
   context.from_vertex = from_vertex;
   context.to_vertex = to_vertex;
   context.facets = &facets;
-  shim::intersect(state_->scene, context.context, collect, ray);
+  rtcIntersect1(state_->scene, &context.context, &ray);
 }
 
 namespace {
@@ -257,7 +238,7 @@ bool visit_near(RTCPointQueryFunctionArguments* args) {
     args->query->radius = 0.0f;
     return true;
   }
-  // Shrink the search to what was found, rounded outward.
+  // Shrinks the search radius to the result, rounded up.
   const float radius = std::nextafter(static_cast<float>(std::sqrt(point.distance_sq)), INFINITY);
   if (radius >= args->query->radius) return false;
   args->query->radius = radius;
@@ -299,7 +280,7 @@ bool visit_gather(RTCPointQueryFunctionArguments* args) {
   if (distance_sq > query->radius_sq) return false;
   if (query->count < query->found.size()) query->found[query->count] = {std::sqrt(distance_sq), args->primID};
   if (++query->count <= query->found.size()) return false;
-  args->query->radius = 0.0f;  // too many: nothing more is of use
+  args->query->radius = 0.0f;  // too many: ends the search
   return true;
 }
 
@@ -321,15 +302,47 @@ std::uint32_t SegmentIndex::nearest(const Vec3& p, double max_radius_mm) const n
   return run_near(state_->scene, *state_->mesh, p, max_radius_mm, margin_mm(), false).facet;
 }
 
-double SegmentIndex::quantum_mm() const noexcept {
-  return state_->quantum_mm;
-}
 double SegmentIndex::margin_mm() const noexcept {
   return kMarginQuanta * state_->quantum_mm;
 }
 std::size_t SegmentIndex::bytes() const noexcept {
   return static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, state_->bytes.load())) +
          state_->vertices.capacity() * sizeof(float);
+}
+
+namespace {
+
+/// Places a chunk for parallel work; sums are formed per chunk.
+constexpr std::size_t kPlacesPerChunk = 4096;
+
+}  // namespace
+
+MeshGap gap_to(const SurfaceMesh& mesh, const SegmentIndex& index, std::span<const Vec3> places,
+               int threads) {
+  struct Part {
+    double sum_sq = 0.0, most_sq = 0.0;
+  };
+  std::vector<Part> parts((places.size() + kPlacesPerChunk - 1) / kPlacesPerChunk);
+  const geometry::Aabb& box = mesh.local_box_mm();
+  parallel_chunks(places.size(), kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    Part& part = parts[begin / kPlacesPerChunk];
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vec3 p = places[i] - mesh.origin_mm();
+      const double reach = (p - box.centre_mm()).norm() + box.extent_mm().norm();
+      const std::uint32_t facet = index.nearest(p, reach);
+      if (facet == kNoFacet) continue;
+      const double distance_sq = closest_on_facet(mesh.facet(facet), p).distance_sq;
+      part.sum_sq += distance_sq;
+      part.most_sq = std::max(part.most_sq, distance_sq);
+    }
+  });
+  Part all;
+  for (const Part& part : parts) {
+    all.sum_sq += part.sum_sq;
+    all.most_sq = std::max(all.most_sq, part.most_sq);
+  }
+  const double count = static_cast<double>(std::max<std::size_t>(places.size(), 1));
+  return {std::sqrt(all.sum_sq / count), std::sqrt(all.most_sq), places.size()};
 }
 
 }  // namespace palpate::baselines

@@ -1,4 +1,4 @@
-// Ball pivoting by Open3D; only in builds that have it (PALPATE_WITH_OPEN3D).
+// Ball pivoting by Open3D, only in builds with PALPATE_WITH_OPEN3D.
 #include "baselines/reconstruct/oriented_normals.h"
 
 #include <open3d/geometry/PointCloud.h>

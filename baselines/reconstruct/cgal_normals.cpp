@@ -1,6 +1,5 @@
-// CGAL's normals: a unit of its own, since its point set processing takes long to compile.
+// Normals by CGAL, in a separate file because its point set processing compiles slowly.
 #include "baselines/reconstruct/cgal_points.h"
-#include "baselines/reconstruct/cgal_threads.h"
 #include "baselines/reconstruct/oriented_normals.h"
 
 #include <CGAL/Random.h>

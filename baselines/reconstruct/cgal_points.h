@@ -1,13 +1,18 @@
-// Points as CGAL's point set processing takes them. Include in .cpp files of CGAL's units alone.
+// Points in the form of CGAL's point set processing, and CGAL's parallel algorithms on a given number of
+// threads (in units with CGAL_LINKED_WITH_TBB). Only for .cpp files of CGAL units.
 #pragma once
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/property_map.h>
+#include <CGAL/tags.h>
 
+#include <cstddef>
 #include <cstdint>
+#include <exception>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
+#include <palpate/cloud.h>
+#include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {
 
@@ -16,11 +21,10 @@ struct CgalPoint {
   CgalKernel::Point_3 place;
   CgalKernel::Vector_3 normal;
   std::uint32_t index;
-  /// CGAL compares with a default to learn whether it was given constraints.
+  /// CGAL compares with a default to detect constraints.
   friend bool operator==(const CgalPoint& a, const CgalPoint& b) noexcept { return a.index == b.index; }
 };
 
-/// One member of a CgalPoint, as CGAL's property maps read and write it.
 template <class Value, Value CgalPoint::*member>
 struct CgalMap {
   using key_type = CgalPoint;
@@ -34,8 +38,8 @@ struct CgalMap {
 using CgalPlaceMap = CgalMap<CgalKernel::Point_3, &CgalPoint::place>;
 using CgalNormalMap = CgalMap<CgalKernel::Vector_3, &CgalPoint::normal>;
 
-/// Relative to the cloud's origin and divided by `unit_mm`, so that CGAL's own tolerances see numbers about
-/// 1; without normals.
+/// Relative to the cloud's origin and divided by `unit_mm`, so that CGAL's tolerances see numbers near 1;
+/// without normals.
 inline std::vector<CgalPoint> cgal_points(const cloud::Cloud& cloud, double unit_mm) {
   std::vector<CgalPoint> points;
   points.reserve(cloud.size());
@@ -48,5 +52,25 @@ inline std::vector<CgalPoint> cgal_points(const cloud::Cloud& cloud, double unit
 inline Vec3 place_of(const CgalKernel::Point_3& p) {
   return {p.x(), p.y(), p.z()};
 }
+
+#ifdef CGAL_LINKED_WITH_TBB
+/// Calls work(tag) with CGAL's sequential or parallel tag on `threads` (0: all); passes exceptions on. For
+/// algorithms with separate output per point, whose results do not depend on `threads`.
+template <class Work>
+void with_cgal_threads(int threads, const Work& work) {
+  if (threads == 1) return work(CGAL::Sequential_tag());
+  constexpr std::size_t kWorkAndRoom = 2;  // the second task is empty: a single task would get no threads
+  std::exception_ptr failure;
+  parallel_chunks(kWorkAndRoom, 1, threads, [&](std::size_t begin, std::size_t) {
+    if (begin > 0) return;
+    try {
+      work(CGAL::Parallel_tag());
+    } catch (...) {
+      failure = std::current_exception();
+    }
+  });
+  if (failure) std::rethrow_exception(failure);
+}
+#endif
 
 }  // namespace palpate::baselines

@@ -1,4 +1,4 @@
-// A direction at every point, all on one side: what Poisson, ball pivoting and PCL's methods start from.
+// Oriented normals for Poisson, ball pivoting and PCL's methods.
 #pragma once
 
 #include <vector>
@@ -7,7 +7,7 @@
 
 namespace palpate::baselines {
 
-/// The phases that making normals is timed as.
+/// Timed phases of making normals.
 inline constexpr const char* kNeighboursPhase = "neighbours for normals";
 inline constexpr const char* kNormalsPhase = "normals";
 inline constexpr const char* kOrientationPhase = "orientation of normals";
@@ -15,17 +15,17 @@ inline constexpr const char* kOrientationPhase = "orientation of normals";
   return phase.name == kNeighboursPhase || phase.name == kNormalsPhase || phase.name == kOrientationPhase;
 }
 
-/// A unit vector for every point, or zero where none could be found. Outward where the points enclose a
-/// volume. Chosen by the options `normals` and `normal_neighbours`; two phases or three.
+/// A unit vector per point, or zero if none was found; outward if the points enclose a volume. Options
+/// `normals` and `normal_neighbours`; two or three phases.
 [[nodiscard]] std::vector<Vec3> oriented_normals(const MethodInput& input, render::PreparePhases& phases);
 
-/// By CGAL: principal components or (jets) a fitted quadric over k neighbours, turned along a minimum
-/// spanning tree. Its unit is one of CGAL's.
+/// By CGAL: principal components or (jets) a fitted quadric over k neighbours, oriented along a minimum
+/// spanning tree.
 [[nodiscard]] std::vector<Vec3> cgal_normals(const MethodInput& input, bool jets, unsigned k,
                                              render::PreparePhases& phases);
 
-/// The points with a normal, each place once, as the libraries take them: relative to the cloud's origin and
-/// divided by `unit_mm`, so that their own tolerances see numbers about 1.
+/// The points with a normal, each place once, relative to the cloud's origin and divided by `unit_mm`: near
+/// 1, to suit the libraries' tolerances.
 struct OrientedPoints {
   std::vector<Vec3> place, normal;
   std::vector<std::uint32_t> index;  ///< in the cloud

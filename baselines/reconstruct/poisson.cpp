@@ -1,8 +1,10 @@
 // Poisson reconstruction by CGAL: the function on a Delaunay refinement of the points, its level set meshed
-// by another refinement.
-#define CGAL_EIGEN3_ENABLED 1  // its conjugate gradient
+// by a second refinement.
+#define CGAL_EIGEN3_ENABLED 1  // for the conjugate gradient
 #include <fmt/format.h>
 
+#include <palpate/result.h>
+#include "baselines/failure.h"
 #include "baselines/reconstruct/oriented_normals.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -28,8 +30,8 @@ using Surface = CGAL::Implicit_surface_3<Kernel, Function>;
 using Mesh = CGAL::Surface_mesh<Kernel::Point_3>;
 using Search = CGAL::Orthogonal_k_neighbor_search<CGAL::Search_traits_3<Kernel>>;
 
-/// CGAL's manual: the sphere that holds the surface, in radii of the points', and how finely the level set is
-/// found on a segment, in units of the allowed distance.
+/// From CGAL's manual: radius of the surface's sphere in radii of the points' sphere; accuracy of the level
+/// set along a segment in allowed distances.
 constexpr double kSphereRadii = 5.0, kDichotomy = 1e-3;
 
 Result<Mesh> level_set(const std::vector<PointWithNormal>& points, const Options& options,
@@ -38,7 +40,7 @@ Result<Mesh> level_set(const std::vector<PointWithNormal>& points, const Options
   Function function(points.begin(), points.end(), CGAL::First_of_pair_property_map<PointWithNormal>(),
                     CGAL::Second_of_pair_property_map<PointWithNormal>());
   if (!function.compute_implicit_function())
-    return Error{"the Poisson equation could not be solved", "check the normals of the cloud", {}, 0};
+    return failure("the Poisson equation could not be solved", "check the normals of the cloud");
   phases.end();
   phases.begin("surface meshing");
   const double radius = kSphereRadii * std::sqrt(function.bounding_sphere().squared_radius());
@@ -57,7 +59,7 @@ Result<Mesh> level_set(const std::vector<PointWithNormal>& points, const Options
   return mesh;
 }
 
-/// Corners within `trim` of some point; all where `trim` is 0.
+/// Corners within `trim` of a point; all if `trim` is 0.
 std::vector<bool> near_points(const Mesh& mesh, const std::vector<PointWithNormal>& points, double trim) {
   std::vector<bool> near(mesh.number_of_vertices(), true);
   if (trim == 0.0) return near;
@@ -79,20 +81,19 @@ Result<geometry::TriangleMesh> poisson(const MethodInput& input, render::Prepare
     const Vec3 &p = given.place[i], &n = given.normal[i];
     points.emplace_back(Kernel::Point_3(p.x(), p.y(), p.z()), Kernel::Vector_3(n.x(), n.y(), n.z()));
   }
-  Result<Mesh> found = level_set(points, input.options, phases);
-  if (!found) return std::move(found).error();
+  PALPATE_ASSIGN(Mesh found, level_set(points, input.options, phases));
   phases.begin("trimming");
-  const std::vector<bool> near = near_points(*found, points, input.options.number("poisson_trim"));
+  const std::vector<bool> near = near_points(found, points, input.options.number("poisson_trim"));
   geometry::TriangleMesh mesh;
-  for (const Mesh::Vertex_index v : found->vertices()) {
-    const Kernel::Point_3& p = found->point(v);
+  for (const Mesh::Vertex_index v : found.vertices()) {
+    const Kernel::Point_3& p = found.point(v);
     mesh.vertices_mm.push_back(input.cloud.origin_mm + Vec3(p.x(), p.y(), p.z()) * given.unit_mm);
   }
   std::size_t trimmed = 0;
-  for (const Mesh::Face_index face : found->faces()) {
+  for (const Mesh::Face_index face : found.faces()) {
     std::array<std::uint32_t, 3> corners{};
     std::size_t k = 0;
-    for (const Mesh::Vertex_index v : CGAL::vertices_around_face(found->halfedge(face), *found))
+    for (const Mesh::Vertex_index v : CGAL::vertices_around_face(found.halfedge(face), found))
       corners[k++] = static_cast<std::uint32_t>(v);
     if (near[corners[0]] && near[corners[1]] && near[corners[2]])
       mesh.triangles.push_back(corners);

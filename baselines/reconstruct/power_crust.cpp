@@ -1,14 +1,6 @@
-// The power crust (Amenta, Choi and Kolluri 2001): balls about the poles of the samples, the farthest corners
-// of their Voronoi cells on either side, approximate the medial axis; the faces of the balls' power diagram
-// between inner and outer balls are the surface. From the paper's description, on CGAL's triangulations.
-#include <fmt/format.h>
-
-#include <algorithm>
-#include <array>
-
-#include "baselines/reconstruct/join_near.h"
-#include "baselines/reconstruct/method_functions.h"
-#include "baselines/reconstruct/pole_labels.h"
+// The power crust (Amenta, Choi and Kolluri 2001). Balls about the poles (the farthest corners of each
+// sample's Voronoi cell on either side) approximate the medial axis; faces of their power diagram between
+// inner and outer balls are the surface. From the paper's description, on CGAL's triangulations.
 
 #include <CGAL/Delaunay_triangulation_3.h>
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -16,8 +8,96 @@
 #include <CGAL/Robust_weighted_circumcenter_filtered_traits_3.h>
 #include <CGAL/Triangulation_cell_base_with_info_3.h>
 #include <CGAL/Triangulation_vertex_base_with_info_3.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <queue>
+
+#include "baselines/reconstruct/mesh_tidy.h"
+#include "baselines/reconstruct/method_functions.h"
 
 namespace palpate::baselines {
+namespace {
+
+/// Links by starting pole, each in both directions.
+struct Graph {
+  struct To {
+    std::uint32_t pole;
+    float confidence;
+    bool opposite;
+  };
+  std::vector<std::size_t> first;
+  std::vector<To> to;
+
+  Graph(std::size_t poles, std::span<const PoleLink> links) : first(poles + 1, 0), to(2 * links.size()) {
+    for (const PoleLink& link : links) {
+      ++first[link.a + 1];
+      ++first[link.b + 1];
+    }
+    for (std::size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
+    std::vector<std::size_t> next(first.begin(), first.end() - 1);
+    for (const PoleLink& link : links) {
+      to[next[link.a]++] = {link.b, link.confidence, link.opposite};
+      to[next[link.b]++] = {link.a, link.confidence, link.opposite};
+    }
+  }
+};
+
+struct Belief {
+  float in = 0.0F, out = 0.0F;
+  bool done = false;
+
+  /// The paper's priority: one-sided beliefs by strength, contradictory ones last.
+  [[nodiscard]] float priority() const noexcept {
+    return in > 0.0F && out > 0.0F ? std::abs(in - out) - 1.0F : std::max(in, out);
+  }
+};
+
+struct PoleEntry {
+  float priority;
+  std::uint32_t pole;
+  bool operator<(const PoleEntry& other) const noexcept {
+    return priority != other.priority ? priority < other.priority : pole > other.pole;
+  }
+};
+
+}  // namespace
+
+std::vector<bool> label_poles(std::size_t poles, std::span<const PoleLink> links,
+                              std::span<const std::uint32_t> outside) {
+  const Graph graph(poles, links);
+  std::vector<Belief> beliefs(poles);
+  std::priority_queue<PoleEntry> queue;
+  for (const std::uint32_t pole : outside) {
+    beliefs[pole].out = 1.0F;
+    queue.push({1.0F, pole});
+  }
+  std::vector<bool> inside(poles, false);
+  while (!queue.empty()) {
+    const auto [priority, pole] = queue.top();
+    queue.pop();
+    Belief& own = beliefs[pole];
+    // An entry is outdated once its belief has changed; a newer one exists then.
+    if (own.done || priority != own.priority()) continue;
+    own.done = true;
+    inside[pole] = own.in > own.out;
+    const float sure = std::max(own.in, own.out);
+    for (std::size_t i = graph.first[pole]; i < graph.first[pole + 1]; ++i) {
+      const Graph::To& link = graph.to[i];
+      Belief& other = beliefs[link.pole];
+      if (other.done) continue;
+      float& belief = inside[pole] != link.opposite ? other.in : other.out;
+      const float told = sure * link.confidence;
+      if (told <= belief) continue;
+      belief = told;
+      queue.push({other.priority(), link.pole});
+    }
+  }
+  return inside;
+}
+
 namespace {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
@@ -26,11 +106,11 @@ using Point = Kernel::Point_3;
 
 constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 constexpr std::uint32_t kCorner = 0xFFFFFFFEu;  ///< a corner of the box around all samples
-/// Half the box, in extents of the cloud: far enough for the outer poles to be on the medial axis of the
-/// outside (the paper's "five times larger").
+/// Half the box in extents of the cloud: puts the outer poles on the outside's medial axis (the paper's "five
+/// times larger").
 constexpr double kBox = 2.5;
-/// Corners nearer than this are one, spacings. Where poles nearly coincide, so do the corners of their faces,
-/// but for the rounding of their construction: up to 1e-6 spacings, while true edges begin above 1e-4.
+/// Corners nearer than this, in spacings, are merged. Rounding separates corners of nearly coincident poles
+/// by up to 1e-6 spacings; true edges begin above 1e-4.
 constexpr double kJoin = 0x1p-16;
 
 using DelaunayStructure = CGAL::Triangulation_data_structure_3<
@@ -155,8 +235,8 @@ Power power_diagram(const Poles& poles) {
   return Power(balls.begin(), balls.end());
 }
 
-/// Balls that are neighbours in the power diagram and overlap deeply are on one side: their surfaces meet at
-/// an angle whose cosine, by the law of cosines, is near one.
+/// Deeply overlapping neighbours in the power diagram are on one side: their surfaces meet at an angle with
+/// cosine near one (law of cosines).
 void link_overlapping(const Power& power, Poles& poles) {
   for (auto edge = power.finite_edges_begin(); edge != power.finite_edges_end(); ++edge) {
     const std::uint32_t a = edge->first->vertex(edge->second)->info();
@@ -168,7 +248,7 @@ void link_overlapping(const Power& power, Poles& poles) {
   }
 }
 
-/// The faces between inner and outer balls, each a fan of triangles, all turned one way.
+/// The faces between inner and outer balls as consistently oriented fans of triangles.
 class Faces {
  public:
   Faces(const Power& power, const MethodInput& input, geometry::TriangleMesh& mesh)
@@ -197,8 +277,8 @@ class Faces {
       }
       corners_.push_back(vertex(cell));
     } while (++cell != start);
-    // Cells go round an edge one way as seen from its first end, so two faces agree along their common edge
-    // whatever their shape; make_mesh() knows inside from outside.
+    // Cells circle an edge in one direction from its first end, so two faces agree at a common edge;
+    // make_mesh() finds the outside.
     if (turned) std::reverse(corners_.begin(), corners_.end());
     for (std::size_t i = 2; i < corners_.size(); ++i)
       mesh_.triangles.push_back({corners_[0], corners_[i - 1], corners_[i]});
@@ -231,7 +311,7 @@ Result<geometry::TriangleMesh> power_crust(const MethodInput& input, render::Pre
   phases.end();
   phases.begin("poles");
   PoleFinder(samples, poles).find();
-  samples.clear();  // its memory is needed for the next one
+  samples.clear();  // frees memory for the next one
   phases.end();
   phases.begin("power diagram");
   const Power power = power_diagram(poles);
@@ -246,7 +326,7 @@ Result<geometry::TriangleMesh> power_crust(const MethodInput& input, render::Pre
   faces.collect(inside);
   phases.end();
   phases.begin("joining corners");
-  const Joined joined = join_near(mesh, kJoin * input.spacing);
+  const WeldCounts joined = weld_vertices(mesh, kJoin * input.spacing);
   phases.end();
   phases.note(fmt::format("power crust: {} poles, {} of them inside", poles.centre.size(),
                           std::count(inside.begin(), inside.end(), true)));

@@ -9,8 +9,9 @@
 #include <filesystem>
 #include <optional>
 
-#include "baselines/reconstruct/worker_protocol.h"
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
+#include <palpate/result.h>
+#include "baselines/failure.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::baselines {
@@ -20,7 +21,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kProgram = "palpate-reconstruct";
 constexpr double kGigabyte = 1e9, kMsPerS = 1e3;
-constexpr std::uint64_t kLongestMessage = std::uint64_t{1} << 37;  // a mesh of a billion triangles is shorter
+constexpr std::uint64_t kLongestMessage = std::uint64_t{1}
+                                          << 37;  // longer than a mesh of a billion triangles
 constexpr std::size_t kPiece = std::size_t{1} << 18;
 
 Result<std::string> find_program() {
@@ -41,20 +43,19 @@ Result<std::string> find_program() {
                0};
 }
 
-/// What one worker says, message by message, and what is told of it.
+/// Parses a worker's messages and reports its progress.
 class Talk {
  public:
   Talk(const Limits& limits, std::string method, Progress& progress)
       : limits_(limits), method_(std::move(method)), progress_(progress) {}
 
-  /// False once the answer is there.
+  /// False once the answer is complete.
   bool hear(std::string& received) {
     while (!answer_ && received.size() >= kMessageHead) {
       std::uint64_t size = 0;
       std::memcpy(&size, received.data() + 1, sizeof size);
       if (size > kLongestMessage) {
-        answer_ =
-            Error{method_ + " gave an answer that cannot be read", "install all of Palpate anew", {}, 0};
+        answer_ = failure(method_ + " gave an answer that cannot be read", "install all of Palpate anew");
         break;
       }
       if (received.size() - kMessageHead < size) {
@@ -68,7 +69,7 @@ class Talk {
     }
     return !answer_;
   }
-  /// False where it is to be stopped.
+  /// False: stop the worker.
   bool tell() {
     if (progress_.cancelled()) return false;
     const double s = watch_.ms() / kMsPerS;
@@ -78,13 +79,13 @@ class Talk {
                      -1.0);
     return true;
   }
-  /// What came of it, when the worker has ended.
   Result<Reconstruction> result_of(const ProcessOutcome& outcome) && {
     if (answer_) return *std::move(answer_);
     if (outcome.timed_out)
       return gave_up(fmt::format("did not finish in {:g} s", limits_.time_s), "allow more time");
-    if (outcome.stopped) return Error{method_ + " was stopped", {}, {}, 0};
-    Error error{method_ + " ended without an answer", "take other options or another reconstruction", {}, 0};
+    if (outcome.stopped) return failure(method_ + " was stopped");
+    Error error =
+        failure(method_ + " ended without an answer", "take other options or another reconstruction");
     if (outcome.signal != 0)
       error.what = fmt::format("{} crashed ({})", method_, ::strsignal(outcome.signal));
     if (!outcome.last_line.empty()) error.what += ": " + outcome.last_line;
@@ -112,10 +113,8 @@ class Talk {
     }
   }
   [[nodiscard]] Error gave_up(const std::string& why, const std::string& remedy) const {
-    Error error{fmt::format("{} {} (it was at: {})", method_, why, phase_),
-                remedy + ", or use fewer points or another reconstruction",
-                {},
-                0};
+    Error error = failure(fmt::format("{} {} (it was at: {})", method_, why, phase_),
+                          remedy + ", or use fewer points or another reconstruction");
     error.gave_up = true;
     return error;
   }
@@ -138,26 +137,24 @@ std::size_t memory_limit(const Limits& limits) {
 
 Result<Reconstruction> run_limited(const Method& method, const cloud::Cloud& cloud, const Options& options,
                                    const Limits& limits, int threads, Progress& progress) {
-  const Result<std::string> program = find_program();
-  if (!program) return program.error();
-  if (progress.cancelled()) return Error{method.name + " was stopped", {}, {}, 0};
-  std::vector<std::string> arguments = {*program, method.name, std::to_string(threads),
+  PALPATE_ASSIGN(const std::string program, find_program());
+  if (progress.cancelled()) return failure(method.name + " was stopped");
+  std::vector<std::string> arguments = {program, method.name, std::to_string(threads),
                                         std::to_string(memory_limit(limits)), std::to_string(::getpid())};
   for (const auto& [key, value] : options.all()) arguments.push_back(key + "=" + value);
   ByteWriter body, message;
   write(body, cloud);
-  message.text(body.bytes());
+  message(body.bytes());
   Talk talk(limits, method.name, progress);
-  ProcessTalk channel{std::move(message).take(),
-                      [&talk](std::string& received) { return talk.hear(received); }};
+  ProcessSocket channel{std::move(message).take(),
+                        [&talk](std::string& received) { return talk.hear(received); }};
   ProcessOptions how;
   how.time_limit_s = limits.time_s;
-  how.grace_s = 0.0;  // it has nothing to put in order
+  how.grace_s = 0.0;  // nothing to clean up
   how.tick = [&talk] { return talk.tell(); };
   how.talk = &channel;
-  const Result<ProcessOutcome> outcome = run_process(arguments, how);
-  if (!outcome) return outcome.error();
-  return std::move(talk).result_of(*outcome);
+  PALPATE_ASSIGN(const ProcessOutcome outcome, run_process(arguments, how));
+  return std::move(talk).result_of(outcome);
 }
 
 }  // namespace palpate::baselines

@@ -1,8 +1,7 @@
-// Scale space by CGAL: smoothing makes the points lie so smoothly that they are easy to connect; the
-// triangles are then those of the original points.
-#define CGAL_EIGEN3_ENABLED 1  // its eigenvectors
-#include "baselines/reconstruct/cgal_threads.h"
-#include "baselines/reconstruct/fixed_order.h"
+// Scale space by CGAL: smoothed points are easy to connect; the triangles then use the original points.
+#define CGAL_EIGEN3_ENABLED 1  // for the eigenvectors
+#include "baselines/reconstruct/cgal_points.h"
+#include "baselines/reconstruct/mesh_tidy.h"
 #include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -22,8 +21,7 @@ template <class Tag>
 using PcaSmoother = steps::Weighted_PCA_smoother<Kernel, CGAL::Default_diagonalize_traits<double, 3>, Tag>;
 template <class Tag>
 using JetSmoother = steps::Jet_smoother<Kernel, Tag>;
-/// Radius of the ball where the alpha shape follows jets, which find none of their own, spacings: the
-/// default of the method alpha-shape.
+/// Ball radius in spacings for the alpha shape after jets, which have none: the default of alpha-shape.
 constexpr double kAlphaRadius = 2.5;
 
 }  // namespace
@@ -64,7 +62,7 @@ Result<geometry::TriangleMesh> scale_space(const MethodInput& input, render::Pre
                               static_cast<std::uint32_t>((*facet)[1]),
                               static_cast<std::uint32_t>((*facet)[2])});
   phases.end();
-  // CGAL's order and orientation follow where its faces lie in memory, which other threads' work moves.
+  // CGAL's order and orientation depend on memory addresses, which vary with other threads.
   phases.begin("one order");
   fix_order(mesh, input.threads);
   phases.end();

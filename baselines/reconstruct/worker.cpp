@@ -1,6 +1,5 @@
-// palpate-reconstruct: one reconstruction in a process of its own, so that it can be stopped and kept within
-// limits, which the libraries that do the work know nothing about. Started by run_limited.h; it ends with the
-// process that started it.
+// palpate-reconstruct: one reconstruction in a process that can be stopped and limited. Started by
+// run_limited.h; ends with its parent.
 #include <fmt/format.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -15,9 +14,11 @@
 #include <new>
 #include <string>
 
-#include "baselines/reconstruct/make_mesh.h"
+#include <palpate/result.h>
+#include "baselines/failure.h"
+#include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruction.h"
-#include "baselines/reconstruct/worker_protocol.h"
+#include "baselines/reconstruct/run_limited.h"
 
 namespace palpate::baselines {
 namespace {
@@ -42,7 +43,7 @@ void say(WorkerMessage kind, std::string_view bytes) noexcept {
   if (send_all({head.data(), head.size()})) send_all(bytes);
 }
 
-/// Allocates nothing: there is no memory.
+/// Must not allocate: memory is exhausted.
 [[noreturn]] void out_of_memory() {
   say(WorkerMessage::kNoMemory, {});
   std::_Exit(kExitFailed);
@@ -75,7 +76,7 @@ Result<cloud::Cloud> receive_cloud() {
   return read_cloud(reader);
 }
 
-/// VmHWM: of this program alone, where getrusage would count what was before it.
+/// VmHWM covers this program only; getrusage would include what ran before exec.
 std::size_t peak_bytes() {
   constexpr std::size_t kKibi = 1024;
   std::ifstream status("/proc/self/status");
@@ -86,25 +87,20 @@ std::size_t peak_bytes() {
 }
 
 Result<Reconstruction> work(const std::string& name, int threads, int argc, char** argv) {
-  const Result<const Method*> method = find_method(name);
-  if (!method) return method.error();
+  PALPATE_ASSIGN(const Method* const method, find_method(name));
   Options given;
   for (int i = 0; i < argc; ++i) {
     const std::string_view option = argv[i];
     const std::size_t equals = option.find('=');
-    if (equals == std::string_view::npos) return Error{fmt::format("'{}' is no option", option), {}, {}, 0};
+    if (equals == std::string_view::npos) return failure(fmt::format("'{}' is no option", option));
     given.set(std::string(option.substr(0, equals)), std::string(option.substr(equals + 1)));
   }
-  const Result<Options> options = validate(given, (*method)->options, name);
-  if (!options) return options.error();
-  const Result<cloud::Cloud> cloud = receive_cloud();
-  if (!cloud) return cloud.error();
+  PALPATE_ASSIGN(const Options options, validate(given, method->options, name));
+  PALPATE_ASSIGN(const cloud::Cloud cloud, receive_cloud());
   SendProgress progress;
   Reconstruction made;
   render::PreparePhases phases(made.made, {threads, &progress});
-  Result<geometry::TriangleMesh> mesh = make_mesh(**method, *cloud, *options, threads, phases);
-  if (!mesh) return std::move(mesh).error();
-  made.mesh = *std::move(mesh);
+  PALPATE_ASSIGN(made.mesh, make_mesh(*method, cloud, options, threads, phases));
   made.threads = threads;
   made.made_on = now_text();
   made.peak_bytes = peak_bytes();
@@ -116,15 +112,15 @@ int run(int argc, char** argv) {
     std::fputs("palpate-reconstruct is started by palpate; by itself it does nothing\n", stderr);
     return kExitUsage;
   }
-  // Only the socket speaks to the other side; what libraries print is kept for an error.
+  // Only the socket carries messages; library output is kept for an error.
   ::dup2(STDERR_FILENO, STDOUT_FILENO);
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::getppid() != std::atoi(argv[4])) return kExitFailed;  // it ended before the line above
+  if (::getppid() != std::atoi(argv[4])) return kExitFailed;  // the parent ended before the line above
   if (const auto limit = static_cast<rlim_t>(std::strtoull(argv[3], nullptr, 10)); limit > 0) {
     const rlimit data{limit, limit};
     ::setrlimit(RLIMIT_DATA, &data);
   }
-  const rlimit no_core{0, 0};  // a crash is reported, not kept
+  const rlimit no_core{0, 0};  // crashes are reported without a core file
   ::setrlimit(RLIMIT_CORE, &no_core);
   std::set_new_handler(out_of_memory);
   const Result<Reconstruction> made =
@@ -136,7 +132,7 @@ int run(int argc, char** argv) {
     write(writer, made.error());
   say(made ? WorkerMessage::kResult : WorkerMessage::kError, writer.bytes());
   std::fflush(nullptr);
-  // Without the destructors of hundreds of megabytes of triangulation.
+  // Skips destructors of hundreds of megabytes.
   std::_Exit(made ? 0 : kExitFailed);
 }
 

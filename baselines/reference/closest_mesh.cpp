@@ -15,9 +15,10 @@
 #include <tuple>
 #include <vector>
 
+#include <palpate/aabb.h>
+#include "baselines/failure.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/geometry/aabb.h"
-#include "toolkit/geometry/subdivide.h"
+#include "toolkit/geometry/loop_subdivision.h"
 
 namespace palpate::baselines {
 namespace {
@@ -28,13 +29,11 @@ using TrianglePrimitive = CGAL::AABB_triangle_primitive<ExactKernel, Triangles::
 using TriangleTree = CGAL::AABB_tree<CGAL::AABB_traits<ExactKernel, TrianglePrimitive>>;
 using TriangleCorners = std::array<std::uint32_t, 3>;
 
-/// A place is on an edge where its share of the opposite corner is no more: the place was computed with some
-/// dozens of roundings.
+/// Largest share of the opposite corner for a place on an edge: some dozens of roundings.
 constexpr double kOnEdge = 1024.0 * kUnitRoundoff;
-/// Two facets are met at one place of a way where the shares of the way differ by no more.
+/// Largest difference of two shares of the way that are one place.
 constexpr double kOnePlace = 1024.0 * kUnitRoundoff;
-/// Ways to the nearest facet, by the shares of its corners at their ends: the middle, then places off it that
-/// no symmetry of a mesh has in common.
+/// Targets on the nearest facet, as corner shares: the centre, then places off any symmetry.
 constexpr std::array<std::array<double, 3>, 4> kLookAt = {
     {{1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0}, {0.58, 0.27, 0.15}, {0.17, 0.61, 0.22}, {0.24, 0.13, 0.63}}};
 
@@ -45,8 +44,7 @@ Vec3 plain(const ExactKernel::Point_3& p) {
   return {p.x(), p.y(), p.z()};
 }
 
-/// Which edges (bit i: corner i to the next) of each facet no other facet has, and which corners (bit 3 + i)
-/// are on such an edge.
+/// Boundary edges of each facet (bit i: corner i to the next) and corners on such edges (bit 3 + i).
 std::vector<std::uint8_t> open_parts(const std::vector<TriangleCorners>& facets, std::size_t vertices) {
   struct Side {
     std::uint32_t low, high, facet, edge;
@@ -75,7 +73,7 @@ std::vector<std::uint8_t> open_parts(const std::vector<TriangleCorners>& facets,
   return open;
 }
 
-/// Shares of the corners in a place of the triangle, by areas along its normal.
+/// Barycentric shares of a place, by areas along the normal.
 Vec3 shares_of(const std::array<Vec3, 3>& t, const Vec3& p) {
   const Vec3 n = (t[1] - t[0]).cross(t[2] - t[0]);
   const double all = n.squaredNorm();
@@ -124,10 +122,9 @@ bool ClosestMesh::Tree::beyond_rim(std::size_t facet, const Vec3& p, const Vec3&
   return (way - way.dot(n) * n).norm() > kOnEdge * (way.norm() + q.norm());
 }
 
-/// Whether the first facet on the way is seen from behind; nothing where facets that face opposite ways are
-/// met at one place.
+/// Whether the way meets the first facet from behind; nothing if it meets opposite facets at one place.
 std::optional<bool> ClosestMesh::Tree::inside_seen(const Vec3& p, const Vec3& towards) const {
-  // On beyond it as far again, so that the facet itself is met whatever the rounding of its place.
+  // Twice the way, so that the facet itself is met despite rounding.
   const ExactKernel::Point_3 from = exact_point(p), to = exact_point(p + 2.0 * (towards - p));
   if (from == to) return std::nullopt;
   std::vector<TrianglePrimitive::Id> met;
@@ -137,7 +134,7 @@ std::optional<bool> ClosestMesh::Tree::inside_seen(const Vec3& p, const Vec3& to
   bool both = false;
   for (const TrianglePrimitive::Id& id : met) {
     const CGAL::Orientation side = CGAL::orientation((*id)[0], (*id)[1], (*id)[2], from);
-    if (side == CGAL::COPLANAR) continue;  // seen from its edge, or the point stands on it
+    if (side == CGAL::COPLANAR) continue;  // seen edge-on, or the point is in its plane
     const double here = CGAL::volume((*id)[0], (*id)[1], (*id)[2], from),
                  there = CGAL::volume((*id)[0], (*id)[1], (*id)[2], to);
     const double share = here == there ? 1.0 : here / (here - there);
@@ -173,7 +170,7 @@ ClosestMesh::Tree::Answer ClosestMesh::Tree::ask(const Vec3& p) const {
   const double distance = way.norm();
   const std::array<Vec3, 3> t = corners(facet);
   const Vec3 n = (t[1] - t[0]).cross(t[2] - t[0]).normalized();
-  // On the surface within rounding a way has no direction.
+  // On the surface within rounding the way has no direction.
   if (!(distance > kOnEdge * (p.norm() + answer.point.norm()))) {
     answer.normal = n;
     answer.signed_distance = distance;
@@ -197,7 +194,7 @@ Result<std::unique_ptr<ClosestMesh>> ClosestMesh::build(const geometry::Triangle
   geometry::Aabb box;
   for (std::size_t i = 0; i < mesh.vertices_mm.size(); ++i) {
     if (!is_finite(mesh.vertices_mm[i]))
-      return Error{"vertex " + std::to_string(i) + " of the true mesh is not finite", "mend the mesh", {}, 0};
+      return failure("vertex " + std::to_string(i) + " of the true mesh is not finite", "mend the mesh");
     box.add(mesh.vertices_mm[i]);
   }
   auto tree = std::make_unique<Tree>();
@@ -214,8 +211,7 @@ Result<std::unique_ptr<ClosestMesh>> ClosestMesh::build(const geometry::Triangle
     tree->triangles.push_back(triangle);
     facets.push_back(t);
   }
-  if (facets.empty())
-    return Error{"the true mesh has no facet with an area", "give a mesh with triangles", {}, 0};
+  if (facets.empty()) return failure("the true mesh has no facet with an area", "give a mesh with triangles");
   tree->open = open_parts(facets, one.vertices_mm.size());
   tree->tree.rebuild(tree->triangles.cbegin(), tree->triangles.cend());
   tree->tree.accelerate_distance_queries();

@@ -1,25 +1,24 @@
-// A mesh as a true surface that shares nothing with the mesh renderers and their reference: CGAL's tree of
-// triangles and its exact predicates, no neighbourhood of facets, no normals of vertices or edges.
+// A mesh as a true surface, independent of the mesh renderers and their reference: CGAL's triangle tree and
+// exact predicates, no facet neighbours, no pseudonormals.
 #pragma once
 
 #include <memory>
 
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/rigid_transform.h"
-#include "toolkit/geometry/triangle_mesh.h"
-#include "toolkit/metrics/truth.h"
+#include <palpate/reference.h>
+#include <palpate/result.h>
+#include <palpate/rigid_transform.h>
+#include <palpate/triangle_mesh.h>
 
 namespace palpate::baselines {
 
-/// Closest points of the whole mesh. The side is that from which the first facet is seen on the straight way
-/// from the point to the middle of its nearest facet: counter-clockwise is outside. What the way meets is
-/// found by exact predicates; where two facets are met at one place and face opposite ways, another place of
-/// the nearest facet is looked at. Beyond the rim of an open mesh (its nearest place is on an edge of one
-/// facet alone, and it does not lie over that facet) a point is outside. Facets without area are left out;
-/// corners at one and the same place are one. Not for frames: some microseconds a question.
+/// Closest points of the whole mesh. The sign is that of the first facet on the straight way from the point
+/// to the centre of its nearest facet, found by exact predicates: counter-clockwise is outside. If the way
+/// meets opposite facets at one place, another place of the nearest facet is tried. Beyond the rim of an open
+/// mesh (nearest place on an edge of a single facet, point not over that facet) a point is outside. Facets
+/// without area are ignored; corners at one place are merged. Not for frames: some microseconds a query.
 class ClosestMesh final : public metrics::TruthSurface {
  public:
-  /// An Error where no facet has an area, or a vertex is not finite. O(n log n).
+  /// An Error if no facet has an area or a vertex is not finite. O(n log n).
   [[nodiscard]] static Result<std::unique_ptr<ClosestMesh>> build(
       const geometry::TriangleMesh& mesh, const geometry::RigidTransform& world_from_model);
   ~ClosestMesh() override;

@@ -4,23 +4,54 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include <palpate/result.h>
+#include "baselines/failure.h"
 #include "baselines/reference/facet_tree.h"
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/percentiles.h"
 
 namespace palpate::baselines {
+
+MeshTruth::MeshTruth(SurfaceMesh mesh, const geometry::RigidTransform& world_from_model)
+    : mesh_(std::move(mesh)),
+      tree_(mesh_),
+      world_from_model_(world_from_model),
+      model_from_world_(world_from_model.inverse()) {}
+
+Result<std::unique_ptr<MeshTruth>> MeshTruth::build(const geometry::TriangleMesh& mesh,
+                                                    const geometry::RigidTransform& world_from_model) {
+  PALPATE_ASSIGN(auto surface, SurfaceMesh::build(mesh, 0));
+  return std::unique_ptr<MeshTruth>(new MeshTruth(std::move(surface), world_from_model));
+}
+
+double MeshTruth::signed_distance_mm(const Vec3& p_mm) const {
+  const Vec3 p = model_from_world_ * p_mm - mesh_.origin_mm();
+  const FacetTree::Nearest near = tree_.closest(p);
+  const double distance = std::sqrt(near.point.distance_sq);
+  return outward(near).dot(p - near.point.point) < 0.0 ? -distance : distance;
+}
+
+geometry::SurfacePoint MeshTruth::closest(const Vec3& p_mm) const {
+  const FacetTree::Nearest near = tree_.closest(model_from_world_ * p_mm - mesh_.origin_mm());
+  return {world_from_model_ * (near.point.point + mesh_.origin_mm()),
+          world_from_model_.rotate(outward(near))};
+}
+
+Vec3 MeshTruth::outward(const FacetTree::Nearest& near) const noexcept {
+  bool boundary = false;
+  return mesh_.pseudonormal(half_facet(near.facet, 0), near.point.feature, &boundary);
+}
+
 namespace {
 
-/// Facets around a vertex looked at in one step are all of its star; a walk of a piece that takes more steps
-/// than this is cut and counted: pieces are a quarter of an edge, so a handful is usual.
+/// Most steps of one piece of the way, each over a vertex's whole star; longer walks are cut and counted.
+/// Pieces of a quarter edge usually take a handful.
 constexpr int kMaxSteps = 4096;
-/// Times one piece may leave one place and meet another.
+/// Most flights of one piece.
 constexpr int kMaxFlights = 16;
-/// The god object's distance agrees with the closest point's when they differ by no more than this part and
-/// rounding.
+/// Relative difference, besides rounding, up to which god object and closest point agree in distance.
 constexpr double kAgreement = 1e-9;
-/// Frames between two reports of progress; decides nothing.
 constexpr std::size_t kReportEvery = 1024;
 
 struct Tally {
@@ -28,8 +59,8 @@ struct Tally {
               free = 0;
 };
 
-/// The reference's own probe: facets by the star of a vertex instead of half-facets, the side as a sign
-/// against the facets' own orientation.
+/// The reference's own probe: vertex stars instead of half-facets, and as the side a sign relative to each
+/// facet's orientation.
 class ReferenceProbe {
  public:
   ReferenceProbe(const SurfaceMesh& mesh, const FacetTree& tree, Tally& tally)
@@ -66,8 +97,7 @@ class ReferenceProbe {
   Vec3 from_ = Vec3::Zero();
 };
 
-/// The side of `next` that continues the present side: unchanged where all edges between agree, which a fan
-/// walk tells.
+/// The side of `next` that continues the present one, from a fan walk: disagreeing edges flip it.
 std::uint32_t ReferenceProbe::side_across(std::uint32_t next) const {
   for (std::uint32_t corner = 0; corner < 3; ++corner) {
     std::uint32_t found = kNoFacet;
@@ -76,7 +106,7 @@ std::uint32_t ReferenceProbe::side_across(std::uint32_t next) const {
     });
     if (found != kNoFacet) return found;
   }
-  return kNoFacet;  // touches at a vertex alone: another fan
+  return kNoFacet;  // touches at a vertex only: another fan
 }
 
 void ReferenceProbe::descend(const Vec3& hip) {
@@ -136,7 +166,7 @@ bool ReferenceProbe::advance(const Vec3& hip) {
     }
     descend(hip);
     if (!outside(hip)) return true;
-    // Leaving: the facets that the god object touches do not count, everything else on the way does.
+    // Leaving: facets that the god object touches are ignored.
     const Vec3 start = at_.point + outward() * mesh_.rounding_mm();
     const FacetTree::Crossing crossing = tree_.first_crossing(start, hip, facet_);
     if (crossing.facet == kNoFacet) {
@@ -160,12 +190,10 @@ double median_edge_mm(const SurfaceMesh& mesh) {
 std::string exactness(const Tally& t, double edge_mm, const MeshReferenceOptions& o, double rounding_mm) {
   return fmt::format(
       "double precision on the original mesh, rounding under {:.1e} mm; the HIP's way in pieces of at most "
-      "{:.3g} of the "
-      "median edge ({:.4g} mm); of {} contact frames the god object is the exact closest point of the whole "
-      "mesh in {}, in "
-      "{} a facet within an edge length is nearer (both hold a local minimum), in {} another part of the "
-      "surface is (the "
-      "god object does not change sheets); {} free frames; {} frames with longer pieces, {} walks cut",
+      "{:.3g} of the median edge ({:.4g} mm); of {} contact frames the god object is the exact closest point "
+      "of the whole mesh in {}, in {} a facet within an edge length is nearer (both hold a local minimum), "
+      "in {} another part of the surface is (the god object does not change sheets); {} free frames; {} "
+      "frames with longer pieces, {} walks cut",
       rounding_mm, o.piece_per_edge, edge_mm, t.contact, t.agree, t.next_facet, t.other_sheet, t.free,
       t.cut_frames, t.cut_walks);
 }
@@ -244,7 +272,7 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
     if (i % kReportEvery == 0) {
       progress.report("reference on the original mesh",
                       static_cast<double>(i) / static_cast<double>(path.size()));
-      if (progress.cancelled()) return Error{"the reference was stopped", "", {}, 0};
+      if (progress.cancelled()) return failure("the reference was stopped");
     }
     const bool contact = follower.advance(path.hip_mm[i]);
     const Vec3& hip = follower.hip;
@@ -266,7 +294,7 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
     } else {
       ++tally.free;
       frame.frame.god_object_mm = path.hip_mm[i];
-      // Towards the HIP, on whichever side of the surface it is.
+      // Towards the HIP, on either side of the surface.
       const Vec3 away = hip - near.point.point;
       frame.normal = nearest > 0.0 ? Vec3(world_from_model.rotate(away / nearest))
                                    : Vec3(world_from_model.rotate(mesh.normal(half_facet(near.facet, 0))));

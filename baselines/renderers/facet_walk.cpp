@@ -7,22 +7,21 @@
 namespace palpate::baselines {
 namespace {
 
-/// Multiple of the rounding bound that keeps the god object provably in front of a wall.
+/// Distance to a wall in rounding bounds, so that the god object is provably in front.
 constexpr double kWallRoundings = 16.0;
-/// Walls that hold at once: of a facet's own plane and any others three hold a point; one more for a bent
-/// one.
+/// Walls that hold at once: a facet's plane and three others; one more for a bent wall.
 constexpr std::size_t kMaxWalls = 4;
-/// Walls that one move may meet: each of those, and each once replaced by its neighbour.
+/// Walls met by one move: each of those, and each once replaced by its neighbour.
 constexpr int kWallTries = 2 * kMaxWalls;
-/// A place this many wall distances from a corner is at it: the strip along a wall past a vertex is no wider.
+/// Radius of a corner in wall distances: the strip along a wall past a vertex is no wider.
 constexpr double kAtCorner = 4.0;
-/// Just off a sheet, in wall distances: above rounding, and nearer than any wall that stands there.
+/// Distance just off a sheet in wall distances: above rounding, nearer than any wall there.
 constexpr double kJustOff = 1.0 / 8.0;
-/// Facets without area that are looked through at once: chains of more are rare, and left to be flown over.
+/// Most facets without area crossed at once; a flight crosses the rare longer chains.
 constexpr std::size_t kMaxFlat = 32;
 /// A triangle cut by four planes has at most seven corners.
 constexpr std::size_t kMaxPolygon = 8;
-/// Tag of a polygon's edge that lies on a wall; 0, 1, 2 are the facet's own edges.
+/// Tag of polygon edges on a wall; 0, 1, 2 are the facet's edges.
 constexpr std::uint32_t kWallEdge = 3;
 
 struct Wall {
@@ -33,7 +32,7 @@ struct Wall {
 
 struct Polygon {
   std::array<Vec3, kMaxPolygon> corner;
-  std::array<std::uint32_t, kMaxPolygon> edge;  ///< tag of the edge corner i -> i + 1
+  std::array<std::uint32_t, kMaxPolygon> edge;  ///< tag of the edge from corner i to i + 1
   std::size_t size = 0;
   void add(const Vec3& p, std::uint32_t tag) noexcept {
     if (size == kMaxPolygon) return;
@@ -55,7 +54,7 @@ Polygon cut(const Polygon& in, const Wall& wall) noexcept {
   return out;
 }
 
-/// The facet's feature at a place on a polygon's edge of this tag: what lies on beyond it can be walked to.
+/// Feature of the facet at a place on a polygon edge of this tag, for walking on beyond it.
 Feature feature_at(const Facet& f, std::uint32_t tag, const Vec3& place, double near) noexcept {
   if (tag == kWallEdge) return kInside;
   for (const std::uint32_t corner : {tag, after(tag)})
@@ -64,7 +63,7 @@ Feature feature_at(const Facet& f, std::uint32_t tag, const Vec3& place, double 
   return static_cast<Feature>(kEdge + tag);
 }
 
-/// The point of a convex plane polygon, a part of facet f, nearest to p, with the feature of f it lies on.
+/// Closest point to p of a convex polygon on facet f, with its feature of f.
 FacetPoint closest_on_polygon(const Facet& f, const Polygon& polygon, const Vec3& normal, const Vec3& p,
                               double near) noexcept {
   FacetPoint best{Vec3::Zero(), HUGE_VAL, kInside};
@@ -81,7 +80,7 @@ FacetPoint closest_on_polygon(const Facet& f, const Polygon& polygon, const Vec3
     const Vec3 at = a + ab * t;
     const double d = (p - at).squaredNorm();
     if (!(d < best.distance_sq)) continue;
-    // At a corner of the polygon two edges end: the way may go on over the one that is the facet's own.
+    // A polygon corner ends two edges: prefers the facet's own, over which the walk may go on.
     std::uint32_t tag = polygon.edge[i];
     if (tag == kWallEdge && t == 0.0) tag = polygon.edge[(i + polygon.size - 1) % polygon.size];
     if (tag == kWallEdge && t == 1.0) tag = polygon.edge[next];
@@ -91,23 +90,19 @@ FacetPoint closest_on_polygon(const Facet& f, const Polygon& polygon, const Vec3
   return best;
 }
 
-/// Whether two walls are one bent away from the god object: the way may go on around the bend, so that only
-/// the later one counts.
+/// Whether two walls form one surface bent away from the god object, which may pass around the bend: only the
+/// later wall counts.
 bool bent_away(const SurfaceMesh& mesh, const Wall& a, const Wall& b) noexcept {
-  bool connected = false;
-  for (const std::uint32_t v : mesh.facet(a.facet).vertex)
-    for (const std::uint32_t w : mesh.facet(b.facet).vertex) connected = connected || v == w;
-  if (!connected) return false;
+  if (!share_vertex(mesh.facet(a.facet), mesh.facet(b.facet))) return false;
   const auto behind = [&](const Wall& wall, std::uint32_t other) {
     for (const Vec3& corner : mesh.facet(other).corner)
-      if (wall.normal.dot(corner) > wall.offset) return false;  // the offset is a wall distance in front
+      if (wall.normal.dot(corner) > wall.offset) return false;  // the offset lies one wall distance in front
     return true;
   };
   return behind(a, b.facet) && behind(b, a.facet);
 }
 
-/// The nearest point of a facet that crosses others, no further than the walls between it and `from` let one
-/// go; infinitely far where they do not let one there.
+/// Closest point of a crossing facet reachable from `from` without passing walls; infinitely far if none is.
 FacetPoint reach_behind_walls(const SurfaceMesh& mesh, const Crossings& crossings, HalfFacet half,
                               const Vec3& from, const Vec3& hip, FacetPoint target) noexcept {
   const Facet& f = mesh.facet(facet_of(half));
@@ -138,8 +133,7 @@ FacetPoint reach_behind_walls(const SurfaceMesh& mesh, const Crossings& crossing
   return {from, HUGE_VAL, kInside};
 }
 
-/// visit(half-facet) for what lies beyond facets without area around `at`: they are no way in themselves, as
-/// nothing on them is nearer.
+/// visit(half-facet) for facets behind those without area around `at`, where nothing is nearer.
 template <class Visit>
 void beyond_flat(const SurfaceMesh& mesh, const SurfacePosition& at, Visit&& visit) noexcept {
   std::array<HalfFacet, kMaxFlat> flat;
@@ -151,10 +145,7 @@ void beyond_flat(const SurfaceMesh& mesh, const SurfacePosition& at, Visit&& vis
       flat[count++] = half;
   };
   note(at.half);
-  if (at.feature >= kCorner)
-    mesh.around_corner(at.half, static_cast<std::uint32_t>(at.feature - kCorner), note);
-  else
-    for_edges_at(mesh, at, note);
+  for_facets_at(mesh, at, note);
   for (std::size_t i = 0; i < count; ++i)
     for (std::uint32_t e = 0; e < 3; ++e) {
       const HalfFacet over = mesh.neighbour(flat[i], e);
@@ -171,11 +162,7 @@ void beyond_flat(const SurfaceMesh& mesh, const SurfacePosition& at, Visit&& vis
 Vec3 just_off(const SurfaceMesh& mesh, const SurfacePosition& at) noexcept {
   const double keep = wall_distance_mm(mesh);
   Vec3 away = mesh.normal(at.half);
-  const auto beside = [&](HalfFacet other) noexcept { away += mesh.normal(other); };
-  if (at.feature >= kCorner)
-    mesh.around_corner(at.half, static_cast<std::uint32_t>(at.feature - kCorner), beside);
-  else
-    for_edges_at(mesh, at, beside);
+  for_facets_at(mesh, at, [&](HalfFacet other) noexcept { away += mesh.normal(other); });
   const double length = away.norm();
   return length > 0.0 ? Vec3(at.point + away * (kJustOff * keep / length)) : at.point;
 }
@@ -205,7 +192,7 @@ std::uint32_t first_wall(const SurfaceMesh& mesh, const Crossings& crossings, Ha
       before = -before;
       behind = -behind;
     }
-    // Ending nearer than half the kept distance counts as piercing; starting and ending in front does not.
+    // Piercing: the end is nearer than half the kept distance. Starting and ending in front is not.
     if (behind >= keep / 2 || before <= behind) continue;
     const double t = std::fmin(1.0, before / (before - behind));
     if (first != kNoFacet && t >= *fraction) continue;
@@ -218,8 +205,8 @@ std::uint32_t first_wall(const SurfaceMesh& mesh, const Crossings& crossings, Ha
   return first;
 }
 
-FacetPoint before_walls(const SurfaceMesh& mesh, const Crossings* crossings, HalfFacet half, const Vec3& from,
-                        const Vec3& place) noexcept {
+FacetPoint closest_point_before_walls(const SurfaceMesh& mesh, const Crossings* crossings, HalfFacet half,
+                                      const Vec3& from, const Vec3& place) noexcept {
   const FacetPoint free = closest_on_facet(mesh.facet(facet_of(half)), place);
   if (crossings == nullptr || crossings->of(facet_of(half)).empty()) return free;
   const FacetPoint held = reach_behind_walls(mesh, *crossings, half, from, place, free);
@@ -265,8 +252,7 @@ SlideCount slide(const SurfaceMesh& mesh, const Crossings* crossings, const Vec3
     }
     if (best == kNoFacet && mesh.counts().flat_facets > 0) beyond_flat(mesh, at, consider);
     if (best == kNoFacet && crossed(at.half)) {
-      // Walls are found anew from every place: what held back before may not from here. And what holds may
-      // lead on along itself.
+      // Walls are searched anew from every place. A holding wall may lead on along itself.
       consider(at.half);
       const Vec3 eye = just_off(mesh, at);
       walls_at(mesh, crossings, at, [&](HalfFacet wall) noexcept { consider_from(wall, eye); });
@@ -277,6 +263,84 @@ SlideCount slide(const SurfaceMesh& mesh, const Crossings* crossings, const Vec3
   }
   count.finished = false;
   return count;
+}
+
+namespace {
+
+/// Most facets at one place that are examined for planes.
+constexpr std::size_t kMaxMeeting = 64;
+struct Meeting {
+  std::array<HalfFacet, kMaxMeeting> half{};
+  std::size_t size = 0;
+  void add(HalfFacet h) noexcept {
+    if (size < half.size()) half[size++] = h;
+  }
+};
+
+Meeting meeting_at(const SurfaceMesh& mesh, const SurfacePosition& at) noexcept {
+  Meeting meeting;
+  meeting.add(at.half);
+  if (mesh.is_free_edge(at.half, at.feature)) return meeting;
+  for_facets_at(mesh, at, [&](HalfFacet half) noexcept { meeting.add(half); });
+  return meeting;
+}
+
+/// Whether all facets there lie on the half-facet's free side or in its plane.
+bool bounds(const SurfaceMesh& mesh, HalfFacet half, const Meeting& meeting) noexcept {
+  const Vec3 n = mesh.normal(half);
+  const Vec3& on = mesh.facet(facet_of(half)).corner[0];
+  const double clear = wall_distance_mm(mesh);
+  for (std::size_t i = 0; i < meeting.size; ++i)
+    for (const Vec3& corner : mesh.facet(facet_of(meeting.half[i])).corner)
+      if (n.dot(corner - on) < -clear) return false;
+  return n != Vec3::Zero();
+}
+
+}  // namespace
+
+ContactPlanes::ContactPlanes(const SurfaceMesh& mesh, const Crossings* crossings, const SurfacePosition& at,
+                             const Vec3& probe) noexcept
+    : pull_(at.point - probe) {
+  const Meeting meeting = meeting_at(mesh, at);
+  for (std::size_t i = 0; i < meeting.size; ++i)
+    if (bounds(mesh, meeting.half[i], meeting)) add(mesh.normal(meeting.half[i]));
+  if (size_ == 0) {
+    bool boundary = false;
+    const Vec3 n = mesh.pseudonormal(at.half, at.feature, &boundary);
+    if (n != Vec3::Zero()) add(n);
+  }
+  walls_at(mesh, crossings, at, [&](HalfFacet wall) noexcept { add(mesh.normal(wall)); });
+}
+
+void ContactPlanes::add(const Vec3& normal) noexcept {
+  if (size_ < normal_.size()) {
+    normal_[size_++] = normal;
+    return;
+  }
+  std::size_t least = size_;
+  double depth = normal.dot(pull_);
+  for (std::size_t i = 0; i < size_; ++i) {
+    if ((normal_[i] - normal).norm() < geometry::kMinIndependence) return;
+    if (normal_[i].dot(pull_) < depth) {
+      depth = normal_[i].dot(pull_);
+      least = i;
+    }
+  }
+  if (least < size_) normal_[least] = normal;
+}
+
+Vec3 ContactPlanes::allowed_motion(const Vec3& way) const noexcept {
+  std::array<geometry::HalfSpace, render::kMaxPlanesPerTouch> planes;
+  for (std::size_t i = 0; i < size_; ++i) planes[i] = {normal_[i], 0.0};
+  return geometry::nearest_feasible(std::span(planes).first(size_), way, render::kJointSlack * way.norm())
+      .point;
+}
+
+bool is_on_other_sheet(const SurfaceMesh& mesh, const Crossings* crossings,
+                       const SurfacePosition& at) noexcept {
+  bool any = false;
+  walls_at(mesh, crossings, at, [&](HalfFacet) noexcept { any = true; });
+  return any;
 }
 
 }  // namespace palpate::baselines

@@ -1,26 +1,27 @@
-// The god object on a mesh: the local minimum of the distance to the HIP, reached along the surface.
+// The god object on a mesh: the local minimum of the distance to the HIP along the surface.
 //
-// This is Zilles and Salisbury's minimisation (1995) with the active planes found from the mesh's
-// neighbourhood: at rest the god object lies inside a facet (one plane), on an edge that is concave seen from
-// its side (two), or at a corner (three or more). Every facet is minimised over within its own borders, so
-// nearly coplanar facets cannot form the false corners that three infinite planes form. Each move strictly
-// shortens the distance, so no facet order can make it cycle. Where facets of other sheets cross the way,
-// their planes join in (Crossings), and the way may go on along them.
+// Zilles and Salisbury's minimisation (1995) with active planes from the mesh's neighbourhood: at rest the
+// god object is inside a facet (one plane), on a concave edge (two), or at a corner (three or more). Each
+// facet is minimised within its own borders, so nearly coplanar facets form no false corners. Every move
+// strictly shortens the distance, so no order of facets can cycle. Facets of other sheets across the way add
+// their planes (Crossings), and the way may go on along them.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <span>
 
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/proximity/crossings.h"
+#include "toolkit/render/joint_contact.h"
 
 namespace palpate::baselines {
 
-/// Facets looked at in one frame, at most (one fan may be finished beyond it); the rest is done in the next
-/// frame. At 1 mm a frame and 0.05 mm spacing some 40 are needed.
+/// Most facets examined per frame (a fan may be finished beyond it); the next frame continues. About 40 are
+/// needed at 1 mm a frame and 0.05 mm spacing.
 inline constexpr std::uint32_t kMaxFacetsPerFrame = 512;
 
-/// A point of the mesh, seen from one side.
 struct SurfacePosition {
   HalfFacet half = kNoFacet;
   Feature feature = kInside;
@@ -30,43 +31,40 @@ struct SurfacePosition {
 
 struct SlideCount {
   std::uint32_t looked_at = 0;  ///< facets
-  std::uint32_t moves = 0;      ///< from facet to facet
-  bool finished = true;         ///< false: the bound was reached
+  std::uint32_t moves = 0;
+  bool finished = true;  ///< false: bound reached
 };
 
-/// Moves `at` along the surface until no facet around it holds a point nearer to `hip`. `crossings` may be
+/// Moves `at` along the surface until no facet around it has a point nearer to `hip`. `crossings` may be
 /// null.
 SlideCount slide(const SurfaceMesh& mesh, const Crossings* crossings, const Vec3& hip,
                  SurfacePosition& at) noexcept;
 
-/// What is nearer to a wall than this many wall distances stands before it.
+/// Within this many wall distances a place is in front of the wall.
 inline constexpr double kAtWall = 2.0;
-/// A place this many wall distances from an edge is on it: joint solutions lie on edges up to rounding.
+/// Within this many wall distances a place is on an edge, as joint solutions are up to rounding.
 inline constexpr double kOnEdge = 4.0;
 
-/// Whether `other`, which crosses half's facet or touches it, stands in the way on that side: where some of
-/// it is in front.
+/// Whether `other`, which crosses or touches half's facet, blocks that side: some of it is in front.
 [[nodiscard]] bool in_front(const SurfaceMesh& mesh, std::uint32_t other, HalfFacet half) noexcept;
 
-/// The facet that crosses or touches half's facet, stands in front of that side, and that the way from -> to
-/// pierces first; kNoFacet without one.
+/// The first facet on the way from -> to that blocks half's side; kNoFacet if none.
 [[nodiscard]] std::uint32_t first_wall(const SurfaceMesh& mesh, const Crossings& crossings, HalfFacet half,
                                        const Vec3& from, const Vec3& to, double* fraction) noexcept;
 
-/// The place of half's facet nearest to `place`, on the same side of what crosses it as `from` is.
-/// `crossings` may be null.
-[[nodiscard]] FacetPoint before_walls(const SurfaceMesh& mesh, const Crossings* crossings, HalfFacet half,
-                                      const Vec3& from, const Vec3& place) noexcept;
+/// Closest point of half's facet to `place`, on the same side of crossing facets as `from`. `crossings` may
+/// be null.
+[[nodiscard]] FacetPoint closest_point_before_walls(const SurfaceMesh& mesh, const Crossings* crossings,
+                                                    HalfFacet half, const Vec3& from,
+                                                    const Vec3& place) noexcept;
 
-/// The god object stays this far in front of a facet of another sheet: above rounding, under anything felt.
+/// Distance kept in front of facets of other sheets: above rounding, below anything felt.
 [[nodiscard]] double wall_distance_mm(const SurfaceMesh& mesh) noexcept;
 
-/// A place on a sheet seen from its free side: from there the sheet itself is a wall like any other, to who
-/// leaves it for another.
+/// A point just off the sheet on its free side, from which the sheet is a wall for motion onto another sheet.
 [[nodiscard]] Vec3 just_off(const SurfaceMesh& mesh, const SurfacePosition& at) noexcept;
 
-/// visit(half-facet) for what lies over the edges that `at` is on, the feature's or one that rounding parts
-/// from it.
+/// visit(half-facet) for neighbours over the edges at `at`: the feature's, or within rounding.
 template <class Visit>
 void for_edges_at(const SurfaceMesh& mesh, const SurfacePosition& at, Visit&& visit) noexcept {
   const Facet& f = mesh.facet(facet_of(at.half));
@@ -78,8 +76,17 @@ void for_edges_at(const SurfaceMesh& mesh, const SurfacePosition& at, Visit&& vi
   }
 }
 
-/// visit(half-facet) for what crosses or touches at.half's facet and holds where `at` is: the sides that face
-/// it. `crossings` may be null.
+/// visit(half-facet) for the others that meet at `at`: around its corner, or over the edges there.
+template <class Visit>
+void for_facets_at(const SurfaceMesh& mesh, const SurfacePosition& at, Visit&& visit) noexcept {
+  if (at.feature >= kCorner)
+    mesh.around_corner(at.half, static_cast<std::uint32_t>(at.feature - kCorner), visit);
+  else
+    for_edges_at(mesh, at, visit);
+}
+
+/// visit(half-facet) for facing sides of facets that cross or touch at.half's facet and hold at `at`.
+/// `crossings` may be null.
 template <class Visit>
 void walls_at(const SurfaceMesh& mesh, const Crossings* crossings, const SurfacePosition& at,
               Visit&& visit) noexcept {
@@ -94,5 +101,30 @@ void walls_at(const SurfaceMesh& mesh, const Crossings* crossings, const Surface
     if (in_front(mesh, wall, here)) visit(half_facet(wall, height < 0.0 ? 1u : 0u));
   }
 }
+
+/// Drops surplus planes: coplanar ones first, then those that the probe violates least. Local to the mesh,
+/// mm. No allocation.
+class ContactPlanes {
+ public:
+  /// One plane inside a facet or on a convex feature, several on a concave one or before other sheets.
+  /// `crossings` may be null.
+  ContactPlanes(const SurfaceMesh& mesh, const Crossings* crossings, const SurfacePosition& at,
+                const Vec3& probe) noexcept;
+  /// Unit, towards the free side; all through at.point.
+  [[nodiscard]] std::span<const Vec3> normals() const noexcept { return {normal_.data(), size_}; }
+  /// The part of a motion from here that the planes allow.
+  [[nodiscard]] Vec3 allowed_motion(const Vec3& way) const noexcept;
+
+ private:
+  void add(const Vec3& normal) noexcept;
+
+  Vec3 pull_;
+  std::array<Vec3, render::kMaxPlanesPerTouch> normal_;
+  std::size_t size_ = 0;
+};
+
+/// Whether another sheet is at `at`.
+[[nodiscard]] bool is_on_other_sheet(const SurfaceMesh& mesh, const Crossings* crossings,
+                                     const SurfacePosition& at) noexcept;
 
 }  // namespace palpate::baselines

@@ -6,26 +6,118 @@
 #include <bit>
 #include <cmath>
 #include <optional>
+#include <utility>
 
+#include <palpate/model_store.h>
+#include <palpate/result.h>
 #include "baselines/mesh/mesh_report.h"
-#include "baselines/renderers/mesh_refine.h"
+#include "baselines/mesh/surface_mesh.h"
+#include "baselines/option_specs.h"
 #include "baselines/renderers/mesh_source.h"
-#include "baselines/renderers/vertex_normals.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/try.h"
-#include "toolkit/partition/point_search.h"
-#include "toolkit/render/model_store.h"
+#include "toolkit/core/percentiles.h"
 #include "toolkit/render/prepare_phases.h"
+#include "toolkit/search/point_search.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// Edges looked at for their median, at most, evenly spread.
+using render::Decision;
+
+/// Measured: mesh, facet links, tree.
+constexpr double kBytesPerFacet = 196.0;
+/// Of decimation, 500,000 facets (docs/results/rivals.md).
+constexpr double kDecimateMsPerMillion = 40'000.0;
+constexpr double kPerMillion = 1e-6;
+
+Decision repair_decision(const MeshDecision& d) {
+  if (d.repairs)
+    return {"repair", "on", "oriented, cut where too many facets meet, small holes filled", true};
+  return {"repair", "none", "the mesh is felt as it is"};
+}
+
+Decision refine_decision(const MeshDecision& d) {
+  if (d.smoothing == 0 && !(d.keeps < 1.0))
+    return {"facets", "all, where they are", "nothing asks for fewer"};
+  std::string choice = d.keeps < 1.0 ? fmt::format("{:.3g} of them", d.keeps) : "all";
+  if (d.smoothing > 0) choice += fmt::format(", smoothed {} times", d.smoothing);
+  return {"facets", std::move(choice), "as given", true};
+}
+
+Decision frame_decision(const MeshDecision& d) {
+  if (d.frame == MeshFrame::kWorld)
+    return {"frame", "the file's", "as given: far from its origin single precision loses the mesh", true};
+  return {"frame", "the mesh's own middle", "single precision resolves the mesh wherever it lies"};
+}
+
+Decision check_decision(const MeshDecision& d) {
+  if (d.checks) return {"check", "pieces and borders", "as given: for people, frames do not read it", true};
+  return {"check", "none", "frames do not need it"};
+}
+
+Decision crossing_decision(const MeshDecision& d, const MeshProbeKind& kind) {
+  if (d.crossings)
+    return {"crossing facets", "found", "as given: where sheets cross, both hold a point", true};
+  return {"crossing facets", "not looked for",
+          kind.crossings ? "Zilles and Salisbury look for none" : "a sphere rides over folds and gaps"};
+}
+
+}  // namespace
+
+Result<MeshDecision> decide_body(const render::ModelInput& input, const Options& options,
+                                 const MeshProbeKind& kind) {
+  PALPATE_ASSIGN(MeshSource source, decide_mesh(input, options));
+  PALPATE_ASSIGN(render::SurfaceDecision surface, render::decide_surface(input));
+  MeshDecision decided;
+  decided.source = std::move(source);
+  decided.repairs = options.flag("repair");
+  decided.smoothing = options.integer("smooth");
+  decided.keeps = options.number("decimate");
+  decided.normals = options.text("shading") == "interpolated";
+  if (options.text("frame") == "world") decided.frame = MeshFrame::kWorld;
+  decided.point = kind.crossings;
+  decided.checks = options.flag("check");
+  decided.crossings = kind.crossings && options.flag("crossings");
+  decided.surface = std::move(surface);
+  return decided;
+}
+
+render::ModelDecisions explanation(const render::ModelInput& input, const MeshDecision& decision,
+                                   const MeshProbeKind& kind) {
+  render::ModelDecisions out;
+  out.name = input.name;
+  out.points = input.cloud->size();
+  const double made = decision.source.facets, facets = made * decision.keeps;
+  out.bytes = static_cast<std::uint64_t>(kBytesPerFacet * facets);
+  out.prepare_ms = expected_ms(decision.source, out.points);
+  if (decision.repairs || decision.smoothing > 0) out.prepare_ms.reset();
+  if (out.prepare_ms)
+    *out.prepare_ms += kPerMillion * (kind.ms_per_million_facets * facets +
+                                      (decision.keeps < 1.0 ? kDecimateMsPerMillion * made : 0.0));
+  out.frame_us = kind.frame_us;
+  out.decisions.push_back(decision.source.explanation);
+  out.decisions.push_back(repair_decision(decision));
+  out.decisions.push_back(refine_decision(decision));
+  out.decisions.push_back(kind.probe);
+  out.decisions.push_back(frame_decision(decision));
+  out.decisions.push_back(check_decision(decision));
+  out.decisions.push_back(crossing_decision(decision, kind));
+  out.decisions.push_back(decision.normals
+                              ? Decision{"shading", "interpolated vertex normals", "as given", true}
+                              : Decision{"shading", "none", "a facet's own plane"});
+  render::describe_surface(input, decision.surface, kMeshFeatures,
+                           decision.source.made ? out.points : input.original_mesh->vertices_mm.size(), out);
+  if (input.motion != nullptr)
+    out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
+  return out;
+}
+
+namespace {
+
+/// Most edges sampled for their median, evenly spread.
 constexpr std::size_t kEdgeSample = 100'000;
 
-/// The options that say which mesh it is.
 std::vector<OptionSpec> mesh_specs() {
   std::vector<OptionSpec> specs = mesh_source_specs();
   for (OptionSpec& spec : mesh_refine_specs()) specs.push_back(std::move(spec));
@@ -44,13 +136,13 @@ double median_edge(const SurfaceMesh& mesh) {
   return upper_median(std::move(lengths));
 }
 
-/// Vertices a chunk, for parallel work; decides nothing about the result.
+/// Vertices a chunk for parallel work; does not affect results.
 constexpr std::size_t kChunk = 4096;
 
-/// For every vertex the cloud's nearest point: the vertex's own where the mesh goes through the points.
+/// The cloud's nearest point for every vertex; in meshes through the points the vertex itself.
 std::vector<std::uint32_t> points_of_vertices(const SurfaceMesh& mesh, const cloud::Cloud& cloud,
                                               int threads) {
-  const partition::PointSearch points(cloud);
+  const search::PointSearch points(cloud);
   std::vector<std::uint32_t> nearest(mesh.vertices().size());
   parallel_chunks(nearest.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v)
@@ -59,11 +151,11 @@ std::vector<std::uint32_t> points_of_vertices(const SurfaceMesh& mesh, const clo
   return nearest;
 }
 
-/// The stiffness rises no faster along the mesh than along points (see blend_stiffness).
+/// Limits how fast stiffness rises along the mesh, as along points (see blend_stiffness).
 std::size_t blend(MeshBody& body) {
   const SurfaceMesh& mesh = body.mesh();
-  std::vector<surface::SurfacePoint> points(mesh.vertices().size());
-  std::vector<neighbourhood::Neighbours> around(points.size());
+  std::vector<surface::OrientedPoint> points(mesh.vertices().size());
+  std::vector<search::Neighbours> around(points.size());
   for (std::uint32_t v = 0; v < points.size(); ++v) {
     const Vec3f p = mesh.vertices()[v].cast<float>();
     points[v] = {p.x(), p.y(), p.z(), surface::kNoNormal};
@@ -86,9 +178,8 @@ Status prepare_surface(const render::ModelInput& input, MeshBody& body, const re
   std::vector<std::uint32_t> order;
   if (input.surface.per_point != nullptr)
     order = points_of_vertices(body.mesh(), *input.cloud, context.threads);
-  Result<render::SurfaceField> surface = render::build_surface_field(input, order, report);
-  if (!surface.ok()) return std::move(surface).error();
-  body.surface = std::move(surface).value();
+  PALPATE_ASSIGN(render::SurfaceField surface, render::build_surface_field(input, order, report));
+  body.surface = std::move(surface);
   if ((body.surface.features & render::kVaried) == 0) return Done{};
   const std::size_t softer = blend(body);
   report.notes.push_back(
@@ -107,32 +198,20 @@ std::size_t MeshGeometry::bytes() const noexcept {
 
 std::vector<OptionSpec> mesh_renderer_specs() {
   std::vector<OptionSpec> specs = mesh_specs();
-  OptionSpec shading{"shading", OptionKind::kChoice, "none",
-                     "force shading by interpolated vertex normals, or none"};
-  shading.choices = {"none", "interpolated"};
-  specs.push_back(std::move(shading));
+  specs.push_back(option::choice("shading", "none", "force shading by interpolated vertex normals, or none",
+                                 {"none", "interpolated"}));
+  specs.push_back(option::choice("frame", "local",
+                                 "coordinates begin in the mesh's middle, or where the file says (Embree "
+                                 "reads them in single precision)",
+                                 {"local", "world"}));
+  specs.push_back(option::flag("check", "false",
+                               "count the mesh's pieces and border loops (OpenMesh), and warn of shards"));
   specs.push_back(
-      {"frame",
-       OptionKind::kChoice,
-       "local",
-       "coordinates begin in the mesh's middle, or where the file says (Embree reads them in single "
-       "precision)",
-       {"local", "world"}});
-  specs.push_back({"check",
-                   OptionKind::kFlag,
-                   "false",
-                   "count the mesh's pieces and border loops (OpenMesh), and warn of shards",
-                   {}});
-  specs.push_back({"crossings",
-                   OptionKind::kFlag,
-                   "false",
-                   "look for facets that cross others, which then hold the god object, and warn of folds",
-                   {}});
-  specs.push_back({"combine",
-                   OptionKind::kChoice,
-                   "joint",
-                   "several models touched at once: constrained jointly, or the sum of their forces",
-                   {"joint", "sum"}});
+      option::flag("crossings", "false",
+                   "look for facets that cross others, which then hold the god object, and warn of folds"));
+  specs.push_back(option::choice(
+      "combine", "joint", "several models touched at once: constrained jointly, or the sum of their forces",
+      {"joint", "sum"}));
   return specs;
 }
 
@@ -145,23 +224,19 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
                                                            render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
   auto made = std::make_shared<MeshGeometry>();
-  auto source = mesh_of(input, decided.source, options, context.threads, phases);
-  if (!source.ok()) return std::move(source).error();
-  source = refined(std::move(source).value(), input, options, context.threads, phases);
-  if (!source.ok()) return std::move(source).error();
+  PALPATE_ASSIGN(auto source, mesh_of(input, decided.source, options, context.threads, phases));
+  PALPATE_ASSIGN(source, refined(std::move(source), input, options, context.threads, phases));
   phases.begin("connect facets");
-  auto mesh = SurfaceMesh::build(**source, context.threads, MeshOrder::kCurve, decided.frame);
-  if (!mesh.ok()) return std::move(mesh).error();
-  made->mesh = std::move(mesh).value();
-  // The scene holds its own faces anyway; any others are given back here.
-  if (*source == input.original_mesh) made->given = input.original_mesh;
-  source->reset();
+  PALPATE_ASSIGN(made->mesh, SurfaceMesh::build(*source, context.threads, MeshOrder::kCurve, decided.frame));
+  // The scene keeps its own faces anyway; others are freed here.
+  if (source == input.original_mesh) made->given = input.original_mesh;
+  source.reset();
   made->median_edge_mm = median_edge(made->mesh);
   if (decided.normals) made->vertex_normals = interpolation_normals(made->mesh);
   phases.end();
   if (decided.point) {
     phases.begin("sides of pieces");
-    made->sides = PieceSides::of(made->mesh, context.threads);
+    made->sides = PieceOrientation::of(made->mesh, context.threads);
     phases.end();
   }
   std::optional<MeshReport> found;
@@ -173,9 +248,8 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   const MeshReport* const seen = found ? &*found : nullptr;
   for (std::string& line : describe(made->mesh, seen)) report.notes.push_back(std::move(line));
   phases.begin("build tree (Embree)");
-  auto index = SegmentIndex::build(made->mesh, context.threads);
-  if (!index.ok()) return std::move(index).error();
-  made->index = std::make_unique<SegmentIndex>(std::move(index).value());
+  PALPATE_ASSIGN(auto index, SegmentIndex::build(made->mesh, context.threads));
+  made->index = std::make_unique<SegmentIndex>(std::move(index));
   phases.end();
   if (decided.crossings) {
     phases.begin("find crossing facets");
@@ -186,7 +260,7 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
           fmt::format("mesh: {} facets cross others ({} pairs): they constrain the god object",
                       made->crossings.facets(), made->crossings.pairs()));
   }
-  // Of a point: a sphere rides over folds and gaps.
+  // Only for a point: a sphere passes over folds and gaps.
   if (decided.point)
     for (std::string& line : doubts(made->mesh, seen, made->crossings.folded(), options.flag("repair")))
       phases.warn(std::move(line));
@@ -194,7 +268,6 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   return std::shared_ptr<const MeshGeometry>(std::move(made));
 }
 
-/// All that the mesh of a model depends on.
 std::string key_of(const render::ModelInput& input, const MeshDecision& decided, const Options& options) {
   ContentHash faces;
   if (input.original_mesh != nullptr) {
@@ -215,11 +288,11 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
                                                const Options& options, const render::PrepareContext& context,
                                                render::PrepareReport& report) {
   auto body = std::make_unique<MeshBody>();
-  Result<std::shared_ptr<const MeshGeometry>> geometry = render::held_or_made<MeshGeometry>(
-      context, report, [&] { return key_of(input, decided, options); },
-      [&](render::PrepareReport& to) { return build_geometry(input, decided, options, context, to); });
-  if (!geometry.ok()) return std::move(geometry).error();
-  body->geometry = std::move(geometry).value();
+  PALPATE_ASSIGN(body->geometry, render::get_or_build<MeshGeometry>(
+                                     context, report, [&] { return key_of(input, decided, options); },
+                                     [&](render::PrepareReport& to) {
+                                       return build_geometry(input, decided, options, context, to);
+                                     }));
   body->pose = render::ModelPose(input, body->mesh().origin_mm());
   render::PreparePhases phases(report, context);
   if (input.surface.per_point != nullptr) phases.begin("surface of the vertices");

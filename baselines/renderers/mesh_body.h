@@ -1,49 +1,81 @@
-// A model's mesh prepared for rendering: what every mesh renderer builds before its first frame.
+// A model's mesh: what a mesh renderer builds for it (decided before, as `palpate plan` prints it), and the
+// result, prepared for frames.
 #pragma once
 
 #include <memory>
 #include <vector>
 
+#include <palpate/options.h>
+#include "baselines/mesh/pieces.h"
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/proximity/crossings.h"
 #include "baselines/proximity/segment_index.h"
-#include "baselines/renderers/free_side.h"
-#include "baselines/renderers/mesh_decision.h"
-#include "toolkit/core/options.h"
+#include "baselines/renderers/mesh_source.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 
 namespace palpate::baselines {
 
-/// The mesh that frames read. Immutable and shared; not moved after building: the index holds its mesh's
-/// address.
+/// Needs and costs of a kind of probe.
+struct MeshProbeKind {
+  bool crossings = true;   ///< whether crossing facets can hold it
+  render::Decision probe;  ///< moves over the mesh
+  // Measured expectations for 1,002,001 points (see render::kReferenceMachine).
+  double frame_us = 0.0;
+  double ms_per_million_facets = 0.0;
+};
+
+struct MeshDecision {
+  MeshSource source;
+  bool repairs = false;
+  long long smoothing = 0;  ///< rounds
+  double keeps = 1.0;       ///< share of facets after decimation
+  bool normals = false;     ///< at vertices, for shading
+  MeshFrame frame = MeshFrame::kLocal;
+  bool point = true;       ///< the probe has no size, so folds can catch it
+  bool checks = false;     ///< report pieces and borders
+  bool crossings = false;  ///< search for crossing facets
+  render::SurfaceDecision surface;
+};
+
+inline constexpr render::Features kMeshFeatures =
+    render::kAllOfRigidSurfaces | render::Feature::kJointContact;
+
+/// `options`: complete, including mesh_renderer_specs(). Errors: those of decide_mesh(), decide_surface().
+[[nodiscard]] Result<MeshDecision> decide_body(const render::ModelInput& input, const Options& options,
+                                               const MeshProbeKind& kind);
+
+/// Describes the decision with estimated bytes and times.
+[[nodiscard]] render::ModelDecisions explanation(const render::ModelInput& input,
+                                                 const MeshDecision& decision, const MeshProbeKind& kind);
+
+/// Mesh data read by frames. Immutable, shared, and not movable: the index holds the mesh's address.
 struct MeshGeometry {
-  /// The model's own faces, where these are felt as they came; null where `mesh` alone has the faces.
+  /// The model's own faces if used unchanged; null if only `mesh` has the faces.
   std::shared_ptr<const geometry::TriangleMesh> given;
   SurfaceMesh mesh;
   std::unique_ptr<SegmentIndex> index;
-  Crossings crossings;                ///< only where asked for
-  PieceSides sides;                   ///< only for a point
-  std::vector<Vec3f> vertex_normals;  ///< only with shading; see vertex_normals.h
+  Crossings crossings;                ///< only on request
+  PieceOrientation sides;             ///< only for a point
+  std::vector<Vec3f> vertex_normals;  ///< only with shading: interpolation_normals()
   double median_edge_mm = 0.0;
 
   [[nodiscard]] std::size_t bytes() const noexcept;
 };
 
-/// One model as one renderer holds it.
+/// One model held by one renderer.
 struct MeshBody {
   std::shared_ptr<const MeshGeometry> geometry;
   render::ModelPose pose;
-  render::SurfaceField surface;  ///< by vertex
+  render::SurfaceField surface;  ///< per vertex
 
   [[nodiscard]] const SurfaceMesh& mesh() const noexcept { return geometry->mesh; }
 };
 
-/// The options of every mesh renderer: which mesh, shading, how contacts combine.
+/// Options of every mesh renderer: mesh, shading, combination of contacts.
 [[nodiscard]] std::vector<OptionSpec> mesh_renderer_specs();
 
-/// Everything from the model to what a frame reads as decided, each step a phase of the report. The mesh
-/// comes from the context's store where it has one.
+/// Builds all that frames read, each step a phase of the report. Uses the context's stored mesh if present.
 [[nodiscard]] Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input,
                                                              const MeshDecision& decided,
                                                              const Options& options,

@@ -13,7 +13,7 @@ constexpr const char* kSummary =
     "god object on a triangle mesh, up to three constraints solved within a frame";
 constexpr const char* kSource = "Zilles and Salisbury 1995 (the thesis's [70]), entries by Embree";
 
-// Measured, what to expect: table 7 of reproduce; with the mesh there already, docs/meshes.md.
+// Measured expectations: table 7 of reproduce; for an existing mesh, docs/results/rivals.md.
 constexpr double kFrameUs = 0.27, kMsPerMillionFacets = 400.0;
 
 }  // namespace
@@ -32,15 +32,20 @@ std::unique_ptr<render::HapticRenderer> make_point_on_mesh(std::string name, std
       });
 }
 
-render::RendererInfo mesh_godobject_info() {
+render::RendererInfo mesh_renderer_info(std::string name, std::string summary, std::string source) {
   render::RendererInfo info;
-  info.name = kName;
-  info.summary = kSummary;
-  info.source = kSource;
+  info.name = std::move(name);
+  info.summary = std::move(summary);
+  info.source = std::move(source);
   info.role = render::Role::kRival;
   info.geometry = render::Geometry::kMesh;
-  info.supports = kMeshFeels;
+  info.supports = kMeshFeatures;
   info.options = mesh_renderer_specs();
+  return info;
+}
+
+render::RendererInfo mesh_godobject_info() {
+  render::RendererInfo info = mesh_renderer_info(kName, kSummary, kSource);
   info.make = [](const Options& options) { return make_point_on_mesh(kName, kSummary, kSource, options); };
   return info;
 }

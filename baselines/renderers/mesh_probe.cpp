@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
-#include "baselines/renderers/planes_here.h"
-#include "baselines/renderers/vertex_normals.h"
+#include "baselines/mesh/surface_mesh.h"
+#include "baselines/renderers/facet_walk.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// A hit this many margins from an edge or corner is decided by the features' pseudonormals: the float hit
-/// may name any of the facets there.
+/// Within this many margins of an edge or corner pseudonormals decide the side: the float hit may name any
+/// facet there.
 constexpr double kNearFeatureMargins = 4.0;
-/// How far before such a hit the side is looked up, in margins: clear of the margin itself.
+/// Distance before such a hit at which the side is tested, in margins: clear of the margin.
 constexpr double kLookBackMargins = 16.0;
 
 double least_edge_distance(const Facet& f, const Vec3& p) noexcept {
@@ -24,7 +24,7 @@ double least_edge_distance(const Facet& f, const Vec3& p) noexcept {
 }  // namespace
 
 MeshProbe::MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings,
-                     const PieceSides& sides)
+                     const PieceOrientation& sides)
     : mesh_(&mesh),
       index_(&index),
       crossings_(crossings.any() ? &crossings : nullptr),
@@ -85,25 +85,24 @@ bool MeshProbe::update(const Vec3& hip) noexcept {
   return false;
 }
 
-/// At rest the HIP is in front of the god object (free) or behind it, as the pseudonormal says. At a rim
-/// nothing is behind, so it is free past the rim too; but only by more than an edge: see
-/// SurfaceMesh::longest_edge_sq. A rim that stands on another sheet ends nothing: past it counts what no
-/// plane there holds back.
+/// At rest the HIP is in front of the god object (free) or behind it, by the pseudonormal. Past a rim it is
+/// free too, but only by more than an edge: see SurfaceMesh::longest_edge_sq. Past a rim on another sheet the
+/// planes there decide.
 bool MeshProbe::outside(const Vec3& hip, Vec3& away) const noexcept {
   bool boundary = false;
   away = mesh_->pseudonormal(at_.half, at_.feature, &boundary);
   const Vec3 r = hip - at_.point;
   const double height = away.dot(r);
   if (height > 0.0) return true;
-  if (mesh_->counts().two_sided_facets > 0 && mesh_->goes_round(at_.half, at_.feature)) {
+  if (mesh_->counts().two_sided_facets > 0 && mesh_->is_free_edge(at_.half, at_.feature)) {
     const double length = r.norm();
     if (length > 0.0) away = r / length;
     return true;
   }
   if (!boundary) return false;
   double past_sq = r.squaredNorm() - height * height;
-  if (stands_on_other(*mesh_, crossings_, at_))
-    past_sq = PlanesHere(*mesh_, crossings_, at_, hip).left_of(r).squaredNorm();
+  if (is_on_other_sheet(*mesh_, crossings_, at_))
+    past_sq = ContactPlanes(*mesh_, crossings_, at_, hip).allowed_motion(r).squaredNorm();
   return past_sq > mesh_->longest_edge_sq(facet_of(at_.half));
 }
 
@@ -116,18 +115,17 @@ bool MeshProbe::attach(std::uint32_t facet, const Vec3& near, const Vec3& from, 
   double towards = n.dot(from - f.corner[0]);
   if (std::abs(towards) <= margin) towards = -n.dot(to - from);
   if (std::abs(towards) <= mesh_->rounding_mm()) return false;
-  stand_on(half_facet(facet, towards > 0.0 ? 0u : 1u), near, from);
+  attach_at(half_facet(facet, towards > 0.0 ? 0u : 1u), near, from);
   return true;
 }
 
-void MeshProbe::stand_on(HalfFacet half, const Vec3& near, const Vec3& from) noexcept {
-  const FacetPoint p = before_walls(*mesh_, crossings_, half, from, near);
+void MeshProbe::attach_at(HalfFacet half, const Vec3& near, const Vec3& from) noexcept {
+  const FacetPoint p = closest_point_before_walls(*mesh_, crossings_, half, from, near);
   at_ = {half, p.feature, p.point, p.distance_sq};
   attached_ = true;
 }
 
-/// The side at an edge or corner: of all facets around, the one nearest to a point shortly before the hit,
-/// and the sign of its feature's pseudonormal there.
+/// Side at an edge or corner: the pseudonormal's sign at the facet nearest to a point shortly before the hit.
 bool MeshProbe::attach_near_feature(std::uint32_t facet, const Vec3& near, const Vec3& from) noexcept {
   const double way = (from - near).norm();
   const double back = std::min(way, kLookBackMargins * index_->margin_mm());
@@ -148,12 +146,12 @@ bool MeshProbe::attach_near_feature(std::uint32_t facet, const Vec3& near, const
   const Vec3 n = mesh_->pseudonormal(half_facet(best, 0), nearest.feature, &boundary);
   const double towards = n.dot(eye - nearest.point);
   if (std::abs(towards) <= mesh_->rounding_mm()) return false;
-  stand_on(half_facet(best, towards > 0.0 ? 0u : 1u), nearest.point, from);
+  attach_at(half_facet(best, towards > 0.0 ? 0u : 1u), nearest.point, from);
   return true;
 }
 
-/// The first of the facets that share a vertex with the present one and that the way to the HIP pierces from
-/// its free side, in double: these are too near for the float query.
+/// First facet around the present one's vertices that the way to the HIP pierces from its free side, in
+/// double: too near for the float query.
 std::uint32_t MeshProbe::first_around(const Vec3& hip, double& fraction) const noexcept {
   const std::uint32_t here = facet_of(at_.half);
   const Vec3& g = at_.point;
@@ -190,7 +188,7 @@ void MeshProbe::planes_near(const Vec3& at, const render::ModelPose& pose,
                             render::JointPlanes& planes) const noexcept {
   SurfacePosition near = at_;
   slide(*mesh_, crossings_, at, near);
-  const PlanesHere here(*mesh_, crossings_, near, at);
+  const ContactPlanes here(*mesh_, crossings_, near, at);
   for (const Vec3& normal : here.normals()) {
     const Vec3 n = pose.direction_to_world(normal);
     planes.add({n, n.dot(pose.to_world(near.point))});
@@ -208,7 +206,7 @@ MeshProbe::Flight MeshProbe::fly(const Vec3& hip, const Vec3& away) noexcept {
     if (const std::uint32_t wall = first_wall(*mesh_, *crossings_, at_.half, g, hip, &fraction);
         wall != kNoFacet) {
       const bool front = mesh_->normal(half_facet(wall, 0)).dot(g - mesh_->facet(wall).corner[0]) > 0.0;
-      stand_on(half_facet(wall, front ? 0u : 1u), g + (hip - g) * fraction, just_off(*mesh_, at_));
+      attach_at(half_facet(wall, front ? 0u : 1u), g + (hip - g) * fraction, just_off(*mesh_, at_));
       return Flight::kMet;
     }
   if (const std::uint32_t around = first_around(hip, fraction); around != kNoFacet)

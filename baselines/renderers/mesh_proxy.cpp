@@ -1,4 +1,3 @@
-#include "baselines/renderers/mesh_proxy.h"
 
 #include <fmt/format.h>
 
@@ -6,6 +5,8 @@
 #include <limits>
 #include <memory>
 
+#include "baselines/failure.h"
+#include "baselines/option_specs.h"
 #include "baselines/renderers/mesh_godobject.h"
 #include "baselines/renderers/mesh_scene.h"
 #include "baselines/renderers/sphere_probe.h"
@@ -19,12 +20,12 @@ constexpr const char* kProxySummary =
     "a sphere that stays outside of a triangle mesh and follows the HIP, up to three constraints a move";
 constexpr const char* kProxySource =
     "Ruspini, Kolarov and Khatib 1997 (the thesis's [71]); exact moves and the skin as tip are ours";
-/// Largest radius that may be asked for, in edges: 2 mm on 0.02 mm spacing.
-constexpr double kMostEdges = 100.0;
-// Measured, what to expect: docs/meshes.md, the median frame.
+/// Largest radius in edges: 2 mm at 0.02 mm spacing.
+constexpr double kMaxEdges = 100.0;
+// Measured median frame: docs/results/rivals.md.
 constexpr double kProxyFrameUs = 3.1, kProxyMsPerMillionFacets = 380.0;
 
-// Measured at a tip of 1,000 facets, where frames take every test there is: 16 ms for 65,536.
+// Measured at a tip of 1,000 facets, where frames use every test: 16 ms for 65,536.
 constexpr double kSphereTestMs = 2.4e-4;
 
 /// One radius for the scene: the probe is one body.
@@ -44,11 +45,9 @@ Status choose_radius(const Options& options, const MeshScene<SphereProbe>::Bodie
   report.notes.push_back(fmt::format("sphere: radius {:.4g} mm, {:.3g} median edges of the finest mesh",
                                      size.radius_mm, size.radius_mm / edge));
   if (size.radius_mm < least)
-    return Error{fmt::format("a sphere of radius {:.3g} mm is below this mesh's rounding, {:.3g} mm",
-                             size.radius_mm, least),
-                 "take a larger radius, or radius=0 for a point",
-                 {},
-                 0};
+    return failure(fmt::format("a sphere of radius {:.3g} mm is below this mesh's rounding, {:.3g} mm",
+                               size.radius_mm, least),
+                   "take a larger radius, or radius=0 for a point");
   return Done{};
 }
 
@@ -83,40 +82,18 @@ std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
 }  // namespace
 
 render::RendererInfo mesh_proxy_info() {
-  render::RendererInfo info;
-  info.name = kProxyName;
-  info.summary = kProxySummary;
-  info.source = kProxySource;
-  info.role = render::Role::kRival;
-  info.geometry = render::Geometry::kMesh;
-  info.supports = kMeshFeels;
-  info.options = mesh_renderer_specs();
-  for (OptionSpec& option : info.options)  // a sphere rides over folds and gaps
-    if (option.key == "crossings") option.only_with = {{"radius", {"0"}}, {"radius_mm", {"0"}}};
-  info.options.push_back({"radius",
-                          OptionKind::kNumber,
-                          "1",
-                          "of the sphere, in median edges of the finest mesh; 0: a point",
-                          {},
-                          0.0,
-                          kMostEdges,
-                          {{"radius_mm", {"0"}}}});
-  info.options.push_back({"radius_mm",
-                          OptionKind::kNumber,
-                          "0",
-                          "of the sphere, in mm; 0: as `radius` says",
-                          {},
-                          0.0,
-                          std::numeric_limits<double>::max()});
-  info.options.push_back({"tip",
-                          OptionKind::kChoice,
-                          "skin",
-                          "what touches first: skin, force from the surface on; centre, force from a radius "
-                          "before it, as printed",
-                          {"skin", "centre"},
-                          0,
-                          0,
-                          {{"radius", {"0"}, true}}});
+  render::RendererInfo info = mesh_renderer_info(kProxyName, kProxySummary, kProxySource);
+  for (OptionSpec& spec : info.options)  // a sphere rides over folds and gaps
+    if (spec.key == "crossings") spec.only_with = {{"radius", {"0"}}, {"radius_mm", {"0"}}};
+  info.options.push_back(option::number("radius", "1",
+                                        "of the sphere, in median edges of the finest mesh; 0: a point", 0.0,
+                                        kMaxEdges, {{"radius_mm", {"0"}}}));
+  info.options.push_back(option::number("radius_mm", "0", "of the sphere, in mm; 0: as `radius` says", 0.0,
+                                        std::numeric_limits<double>::max()));
+  info.options.push_back(option::choice("tip", "skin",
+                                        "what touches first: skin, force from the surface on; centre, force "
+                                        "from a radius before it, as printed",
+                                        {"skin", "centre"}, {{"radius", {"0"}, true}}));
   info.make = [](const Options& options) -> std::unique_ptr<render::HapticRenderer> {
     if (options.number("radius") == 0.0 && options.number("radius_mm") == 0.0)
       return make_point_on_mesh(kProxyName, kProxySummary, kProxySource, options);

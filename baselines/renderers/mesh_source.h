@@ -1,4 +1,5 @@
-// Which mesh a mesh renderer gets: the file's own, or one reconstructed from the points.
+// The mesh of a mesh renderer: the file's own or a reconstruction from the points, then repaired, smoothed
+// and decimated as its options ask, each a timed phase.
 #pragma once
 
 #include <cstdint>
@@ -7,42 +8,51 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/core/options.h"
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/triangle_mesh.h"
+#include <palpate/options.h>
+#include <palpate/renderer.h>
+#include <palpate/result.h>
+#include <palpate/triangle_mesh.h>
 #include "toolkit/render/prepare_phases.h"
-#include "toolkit/render/renderer.h"
 
 namespace palpate::baselines {
 
-/// The options that choose the mesh, the same for every mesh renderer: `mesh`, which is `usual` where nothing
-/// is said, the limits and the cache of a reconstruction, and the options of every method.
+/// Options that choose the mesh of every mesh renderer: `mesh` (default `usual`), limits and cache of
+/// reconstructions, options of every method.
 [[nodiscard]] std::vector<OptionSpec> mesh_source_specs(const std::string& usual = "auto");
 
-/// Which mesh the options mean for a model: told without making it.
+/// The mesh that the options select for a model, before it is made.
 struct MeshSource {
-  std::string name;     ///< "original", or the method that makes it
+  std::string name;     ///< "original", or the reconstruction method
   bool made = false;    ///< by a method
-  double facets = 0.0;  ///< its own, or some two a point
-  render::Decision said;
-  [[nodiscard]] std::string note() const { return said.about + ": " + said.reason; }
+  double facets = 0.0;  ///< its own, or about two a point
+  render::Decision explanation;
+  [[nodiscard]] std::string note() const { return explanation.about + ": " + explanation.reason; }
 };
-/// `options`: complete, of mesh_source_specs() among others. Errors: the model brings no mesh of its own.
+/// `options`: complete, including mesh_source_specs(). An Error if the model lacks the requested own mesh.
 [[nodiscard]] Result<MeshSource> decide_mesh(const render::ModelInput& input, const Options& options);
 
-/// What making such a mesh of so many points takes, where it was measured.
+/// Expected time for so many points, where measured.
 [[nodiscard]] std::optional<double> expected_ms(const MeshSource& source, std::uint64_t points);
 
-/// The mesh as decided, never null or empty. The steps of making it are phases, with the times of the day it
-/// was made where it comes from the cache, and a note says so. Errors: those of reconstruct().
+/// The decided mesh, never null or empty. Its steps are phases; a cached mesh gives the times of its making,
+/// with a note. Errors: those of reconstruct().
 [[nodiscard]] Result<std::shared_ptr<const geometry::TriangleMesh>> mesh_of(const render::ModelInput& input,
                                                                             const MeshSource& source,
                                                                             const Options& options,
                                                                             int threads,
                                                                             render::PreparePhases& phases);
 
-/// How many meshes this process has taken from the cache so far: who measures preparation asks before and
-/// after.
+/// Meshes this process took from the cache so far, for telling whether a preparation did.
 [[nodiscard]] std::uint64_t meshes_from_cache() noexcept;
+
+/// repair, repair_holes, smooth, decimate; all off by default.
+[[nodiscard]] std::vector<OptionSpec> mesh_refine_specs();
+
+/// Applies repair, smoothing and decimation to `source`, in this order, as `options` ask; returns `source`
+/// itself if none. Notes give repairs, facets left, and distances from the points and from `source`, both
+/// ways, measured in a phase that a pipeline in use would omit.
+[[nodiscard]] Result<std::shared_ptr<const geometry::TriangleMesh>> refined(
+    std::shared_ptr<const geometry::TriangleMesh> source, const render::ModelInput& input,
+    const Options& options, int threads, render::PreparePhases& phases);
 
 }  // namespace palpate::baselines

@@ -3,50 +3,50 @@
 #include <algorithm>
 #include <cmath>
 
-#include "baselines/renderers/vertex_normals.h"
-#include "toolkit/geometry/half_spaces.h"
+#include "baselines/mesh/surface_mesh.h"
+#include "toolkit/geometry/half_space_projection.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// The layer around the sphere in which a facet is touched, in rounding bounds of the mesh: constraints keep
-/// to its middle, the way stops a quarter inside, so that rounding can turn neither into the other.
+/// Thickness of the sphere's contact layer in rounding bounds of the mesh. Constraints keep to its middle and
+/// motion stops a quarter inside, so rounding cannot confuse them.
 constexpr double kSkinRoundings = 64.0;
 constexpr double kKeep = 0.5;
 constexpr double kStop = 0.25;
-/// Newton's steps end this near to where the way stops.
+/// Newton's steps end this near to the stop.
 constexpr double kStopWithin = 1.0 / 16.0;
-/// Steps for one facet. Each about doubles the digits; 53 bits need six, a grazing touch some more.
+/// Newton steps for one facet. Each about doubles the digits; 53 bits need six, a grazing touch some more.
 constexpr int kMaxNewton = 32;
-/// Contacts whose normals span less than this are one plane for the pair solver; two such planes give
-/// coordinates to 2^-53 / 2^-17 of the depth.
+/// Contacts whose normals span less are one plane for the pair solver; two such planes give coordinates to
+/// 2^-53 / 2^-17 of the depth.
 constexpr double kFlatContacts = 0x1p-17;
 /// Rounded operations between the HIP's distance and a goal.
 constexpr int kGoalOperations = 64;
-/// A list of facets reaches so many edges (or radii, if more) beyond the sphere, before there are too many.
+/// First reach of a facet list beyond the sphere, in edges (or radii, if more).
 constexpr double kReachEdges = 2.0;
-/// A list is made anew when less than this part of its reach is left.
-constexpr double kLeastRoom = 0.5;
-/// Times the reach is halved for a list that is too long.
+/// A list is renewed when less than this share of its reach is left.
+constexpr double kMinRoom = 0.5;
+/// Most halvings of the reach of a list that is too long.
 constexpr int kMaxHalvings = 12;
 /// Lengths are rounded; the sum of a way's pieces is not below the way.
 constexpr double kTravelRounding = 1.0 + 0x1p-40;
 /// Moves of a trial for the planes of several models.
 constexpr int kMaxTrialMoves = 32;
-/// Facets deeper than the nearest by less than this share of the radius bound the sphere with it.
+/// Facets within this share of the radius of the deepest count with it.
 constexpr double kSameDepth = 0x1p-20;
-/// Planes that one model gives: as many as may hold the sphere at once.
+/// Planes given by one model: as many as may hold the sphere at once.
 constexpr std::size_t kMaxPlanesGiven = kMaxSphereContacts;
-static_assert(kMaxPlanesGiven <= render::kMaxPlanesATouch);
-/// A sphere that begins too near to a facet is smaller than the room by this.
+static_assert(kMaxPlanesGiven <= render::kMaxPlanesPerTouch);
+/// Size of a sphere that starts too near to a facet, as a share of the room.
 constexpr double kBeginShare = 1.0 - 0x1p-10;
-/// Smallest sphere in skins; below it there is none.
-constexpr double kLeastSkins = 16.0;
+/// Smallest sphere in skins; a smaller one does not exist.
+constexpr double kMinSkins = 16.0;
 
 }  // namespace
 
 double SphereProbe::least_radius_mm(const SurfaceMesh& mesh) noexcept {
-  return kLeastSkins * kSkinRoundings * mesh.rounding_mm();
+  return kMinSkins * kSkinRoundings * mesh.rounding_mm();
 }
 
 SphereProbe::SphereProbe(const SurfaceMesh& mesh, const SegmentIndex& index, double radius_mm,
@@ -88,7 +88,7 @@ bool SphereProbe::update(const Vec3& hip) noexcept {
   bound_hit_ = false;
   tests_ = 0;
   if (size_ < radius_) grow();
-  if (size_ < kLeastSkins * skin_) {  // began on the surface: no body yet, so nothing holds it
+  if (size_ < kMinSkins * skin_) {  // started on the surface: no body yet, so nothing holds it
     place(hip);
     return false;
   }
@@ -99,11 +99,11 @@ bool SphereProbe::update(const Vec3& hip) noexcept {
     bound_hit_ = true;
     refresh();
   }
-  // Cut short it may just be off what holds it.
+  // Cut short, it may be just off what holds it.
   return (count_ > 0 || (bound_hit_ && touched_)) && (hip - centre_).norm() > rest;
 }
 
-/// Moves until the sphere rests; false where it does not within the bounds. `rest`: the way that is none.
+/// Moves until the sphere rests; false if the bounds end it. `rest`: motion that counts as none.
 bool SphereProbe::settle(const Vec3& hip, int moves, double& rest) noexcept {
   for (int move = 0; move < moves && tests_ < kMaxSphereTests; ++move) {
     refresh();
@@ -117,7 +117,7 @@ bool SphereProbe::settle(const Vec3& hip, int moves, double& rest) noexcept {
 
 void SphereProbe::planes_near(const Vec3& at, const render::ModelPose& pose,
                               render::JointPlanes& planes) noexcept {
-  // Tried out: the sphere itself stays.
+  // A trial: the sphere itself is restored.
   const Vec3 centre = centre_;
   const auto contacts = contacts_;
   const std::size_t count = count_;
@@ -140,8 +140,9 @@ void SphereProbe::planes_near(const Vec3& at, const render::ModelPose& pose,
     const double distance = out.norm();
     if (distance > within || !(distance > 0.0)) continue;
     const Vec3 n = out / distance;
-    const bool known = std::any_of(normals.begin(), normals.begin() + static_cast<std::ptrdiff_t>(found),
-                                   [&](const Vec3& m) { return (m - n).norm() < geometry::kFlatShare; });
+    const bool known =
+        std::any_of(normals.begin(), normals.begin() + static_cast<std::ptrdiff_t>(found),
+                    [&](const Vec3& m) { return (m - n).norm() < geometry::kMinIndependence; });
     if (known) continue;
     normals[found++] = n;
     const Vec3 world = pose.direction_to_world(n);
@@ -151,10 +152,10 @@ void SphereProbe::planes_near(const Vec3& at, const render::ModelPose& pose,
   contacts_ = contacts;
   count_ = count;
   moves_ = moved;
-  reach_ = -1.0;  // the list may lie elsewhere now
+  reach_ = -1.0;  // the list may be centred elsewhere now
 }
 
-/// Takes the room that there is.
+/// Grows the sphere into the available room.
 void SphereProbe::grow() noexcept {
   const double was = size_;
   const std::uint32_t facet = index_->nearest(centre_, 2.0 * radius_ + skin_);
@@ -165,7 +166,7 @@ void SphereProbe::grow() noexcept {
   if (size_ != was) reach_ = -1.0;
 }
 
-/// Where contact and sphere are now; false where they do not touch.
+/// Updates a contact to the present sphere; false if they do not touch.
 bool SphereProbe::measure(SphereContact& contact) const noexcept {
   contact.place = closest_on_facet(mesh_->facet(contact.facet), centre_);
   const double distance = std::sqrt(contact.place.distance_sq);
@@ -182,25 +183,25 @@ void SphereProbe::refresh() noexcept {
   count_ = kept;
 }
 
-/// The way to the place nearest to the HIP that the contacts allow; computed around the centre, so that its
-/// rounding is that of the depth.
+/// The way to the place nearest to the HIP that the contacts allow, computed around the centre to keep
+/// rounding relative to the depth.
 Vec3 SphereProbe::way_to(const Vec3& hip, double slack) noexcept {
   if (count_ == 0) return hip - centre_;
   std::array<geometry::HalfSpace, kMaxSphereContacts> planes;
   for (std::size_t i = 0; i < count_; ++i)
     planes[i] = {contacts_[i].normal, kKeep * skin_ - contacts_[i].gap};
-  const geometry::NearestAllowed found =
-      geometry::nearest_allowed(std::span(planes).first(count_), hip - centre_, slack, kFlatContacts);
-  for (std::size_t i = 0; i < count_; ++i) contacts_[i].push = found.push_of(i);
+  const geometry::NearestFeasible found =
+      geometry::nearest_feasible(std::span(planes).first(count_), hip - centre_, slack, kFlatContacts);
+  for (std::size_t i = 0; i < count_; ++i) contacts_[i].push = found.multiplier_of(i);
   return found.point;
 }
 
-/// False where nothing moved and nothing new was learnt: the sphere rests.
+/// False if nothing moved and nothing was learnt: the sphere rests.
 bool SphereProbe::advance(const Vec3& way, double length, double rest) noexcept {
   ++moves_;
   double room = reach_ < 0.0 ? -1.0 : reach_ - (centre_ - list_centre_).norm();
   if (room < length) {
-    if (room < kLeastRoom * reach_ || reach_ < 0.0) {
+    if (room < kMinRoom * reach_ || reach_ < 0.0) {
       list_near();
       room = reach_;
     }
@@ -223,7 +224,7 @@ bool SphereProbe::advance(const Vec3& way, double length, double rest) noexcept 
   return true;
 }
 
-/// One more contact; of too many the one that pushes least goes.
+/// Adds a contact; of too many it drops the one with the least push.
 void SphereProbe::remember(std::uint32_t facet) noexcept {
   std::size_t slot = count_;
   if (count_ == kMaxSphereContacts) {
@@ -254,7 +255,7 @@ void SphereProbe::list_near() noexcept {
   list_centre_ = centre_;
   travelled_ = 0.0;
   std::fill_n(planes_.begin(), count, geometry::HalfSpace{Vec3::Zero(), HUGE_VAL});
-  // What is touched first among equals must not depend on the tree; near ones first cut the way short.
+  // Which touch is first among equals must not depend on the tree; near facets first shorten the way.
   std::sort(near_.begin(), near_.begin() + static_cast<std::ptrdiff_t>(count),
             [](const NearFacet& a, const NearFacet& b) {
               return a.distance != b.distance ? a.distance < b.distance : a.facet < b.facet;
@@ -266,8 +267,8 @@ void SphereProbe::move(const Vec3& way, double length, double fraction) noexcept
   travelled_ += length * fraction * kTravelRounding;
 }
 
-/// A lower bound of the distance to the mesh, no more than `most`. Far away that to its box does, where the
-/// tree's float would not.
+/// Lower bound of the distance to the mesh, at most `most`. Far away it is the distance to the mesh's box,
+/// where the tree's float would fail.
 double SphereProbe::clearance(double most) const noexcept {
   const geometry::Aabb& box = mesh_->local_box_mm();
   const Vec3 outside = (box.low_mm - centre_).cwiseMax(centre_ - box.high_mm).cwiseMax(0.0);
@@ -293,8 +294,7 @@ SphereProbe::Touch SphereProbe::first_touch(const Vec3& way, double length, doub
   return first;
 }
 
-/// The part of the way after which the sphere touches, `limit` where it does not before. Renews the facet's
-/// bounds.
+/// Share of the way until the sphere touches; `limit` if not before. Renews the facet's bounds.
 double SphereProbe::touch_fraction(std::size_t i, const Vec3& way, double limit) noexcept {
   const Facet& f = mesh_->facet(near_[i].facet);
   double t = 0.0;
@@ -332,8 +332,8 @@ Vec3 SphereProbe::shaded_target(const Vec3& hip, std::span<const Vec3f> vertex_n
   }
   const double slack = skin_ + gamma(kGoalOperations) * (hip - centre_).norm();
   const Vec3 goal =
-      geometry::nearest_allowed(std::span(smooth).first(n), hip - centre_, slack, kFlatContacts).point;
-  const Vec3 way = geometry::nearest_allowed(std::span(flat).first(n), goal, slack, kFlatContacts).point;
+      geometry::nearest_feasible(std::span(smooth).first(n), hip - centre_, slack, kFlatContacts).point;
+  const Vec3 way = geometry::nearest_feasible(std::span(flat).first(n), goal, slack, kFlatContacts).point;
   const double length = way.norm();
   if (!(length > slack)) return at_tip(centre_, hip);
   const double room = reach_ - (centre_ - list_centre_).norm();

@@ -1,16 +1,14 @@
-// A sphere that stays outside of a mesh and goes as near to the HIP as it can: Ruspini's proxy (Ruspini,
-// Kolarov and Khatib 1997, sections 3 and 4), without sides and without a state of contact, since a body
-// cannot change sides.
+// A sphere outside a mesh that moves as near to the HIP as it can: Ruspini's proxy (Ruspini, Kolarov and
+// Khatib 1997, sections 3 and 4). It needs no sides and no contact state: a body cannot change sides.
 //
-// The centre moves straight to its goal until the sphere touches a facet; the plane tangent there joins the
-// constraints, and the new goal is the place nearest to the HIP that up to three of them hold; repeated
-// until it rests. Two things make this exact:
-//   - Only what really blocks is a constraint, each with the normal from the facet's nearest point to the
-//     centre. Those are the first-order conditions of "stay a radius away", so a rest is a local minimum of
-//     the distance to the HIP, on facets, edges and corners alike, and nearly coplanar facets form no false
-//     corners.
-//   - The distance to a facet is a convex function along the way, so Newton's steps from the free side
-//     approach the touch without ever passing it: no tolerance is wider than rounding.
+// The centre moves straight to its goal until the sphere touches a facet. The tangent plane there joins the
+// constraints, and the new goal is the place nearest to the HIP that up to three of them allow; this repeats
+// until the sphere rests. Two properties make it exact:
+//  - Only a blocking facet is a constraint, with the normal from its nearest point to the centre. These are
+//    the first-order conditions of "stay a radius away", so a rest is a local minimum of the distance to the
+//    HIP on facets, edges and corners, and nearly coplanar facets form no false corners.
+//  - The distance to a facet is convex along the way, so Newton's steps from the free side never pass the
+//    touch: no tolerance is wider than rounding.
 #pragma once
 
 #include <array>
@@ -22,58 +20,57 @@
 
 namespace palpate::baselines {
 
-/// Moves of the sphere a frame, at most; the rest is done in the next.
+/// Most moves of the sphere per frame; the next frame continues.
 inline constexpr int kMaxSphereMoves = 256;
-/// Facets that a frame tests against the sphere's way, repetitions counted, at most (and one list more).
+/// Most facets tested per frame against the sphere's way, repetitions included (plus one list).
 inline constexpr std::size_t kMaxSphereTests = 65'536;
-/// Facets kept at hand around the sphere. Where more are near, fewer are taken from less far.
+/// Most facets listed around the sphere; if more are near, the reach shrinks.
 inline constexpr std::size_t kMaxNearFacets = 1024;
-/// Facets touched at once: three hold a sphere, the rest leaves room for flat places.
+/// Most facets touched at once: three hold a sphere, the rest allows for flat places.
 inline constexpr std::size_t kMaxSphereContacts = 8;
 
 struct SphereContact {
   std::uint32_t facet = kNoFacet;
   FacetPoint place;            ///< of the facet, nearest to the centre
-  Vec3 normal = Vec3::Zero();  ///< from there to the centre, unit
+  Vec3 normal = Vec3::Zero();  ///< from the place to the centre, unit
   double gap = 0.0;            ///< between sphere and facet
   double push = 0.0;           ///< share of the way HIP -> centre along the normal
 };
 
-/// Which point of the sphere follows the device.
+/// The point of the sphere that follows the device.
 enum class SphereTip : std::uint8_t {
-  kSkin,   ///< its skin: force begins where the HIP reaches the surface; the god object is the skin's point
-           ///< nearest to the HIP, on a smooth surface the surface's own closest point
-  kCentre  ///< its centre, as printed: force begins a radius before the surface
+  kSkin,   ///< its skin: force begins where the HIP reaches the surface. The god object is the skin's point
+           ///< nearest to the HIP, on a smooth surface its closest point
+  kCentre  ///< its centre, as in the paper: force begins a radius before the surface
 };
 
-/// One sphere and one mesh, which must outlive it, as must the index. Relative to the mesh's origin, mm.
-/// Allocates when built only. Belongs to one thread.
+/// One sphere and one mesh; mesh and index must outlive it. Relative to the mesh's origin, mm. Allocates only
+/// in the constructor. For one thread.
 class SphereProbe {
  public:
-  /// `radius_mm` > 0 and above rounding (see least_radius_mm); `spacing_mm`: a typical edge, it only decides
-  /// how far facets are kept at hand.
+  /// `radius_mm` above least_radius_mm(); `spacing_mm`: a typical edge, which only sets the reach of facet
+  /// lists.
   SphereProbe(const SurfaceMesh& mesh, const SegmentIndex& index, double radius_mm, double spacing_mm,
               SphereTip tip);
-  /// Spheres below this are rounding.
+  /// Smaller spheres are rounding.
   [[nodiscard]] static double least_radius_mm(const SurfaceMesh& mesh) noexcept;
 
-  /// The sphere's centre is at `hip`. Where a facet is nearer than the radius, the sphere begins smaller and
-  /// grows as it gets room.
+  /// Puts the sphere's centre at `hip`. Near a facet the sphere starts smaller and grows as room allows.
   void reset(const Vec3& hip) noexcept;
-  /// As reset(), in the middle of a path.
+  /// The same in the middle of a path.
   void start_from(const Vec3& hip) noexcept { place(hip); }
-  /// True where something keeps the centre from the HIP. At most kMaxSphereMoves and kMaxSphereTests.
+  /// True if something keeps the centre from the HIP. At most kMaxSphereMoves and kMaxSphereTests.
   bool update(const Vec3& hip) noexcept;
   [[nodiscard]] bool contact() const noexcept { return count_ > 0; }
-  /// Whether a held HIP feels that: a skin only where the HIP is under the surface.
+  /// Whether a held HIP feels force: with kSkin only if the HIP is under the surface.
   [[nodiscard]] bool felt(const Vec3& hip) const noexcept {
     return tip_ == SphereTip::kCentre || (hip - centre_).norm() > size_;
   }
-  /// How far from the mesh it can be touched.
+  /// Distance from the mesh at which contact is possible.
   [[nodiscard]] double reach_mm() const noexcept { return radius_; }
-  /// Held: where the body is, the point or the sphere's centre.
+  /// Held: the point or the sphere's centre.
   [[nodiscard]] const Vec3& body_mm() const noexcept { return centre_; }
-  /// How much nearer to the HIP the felt god object is than the places that planes_near() allows.
+  /// Distance of the felt god object from the places of planes_near(), towards the HIP.
   [[nodiscard]] double skin_mm() const noexcept { return tip_ == SphereTip::kCentre ? 0.0 : size_; }
 
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
@@ -83,7 +80,7 @@ class SphereProbe {
   [[nodiscard]] std::span<const SphereContact> contacts() const noexcept {
     return {contacts_.data(), count_};
   }
-  /// visit(facet, point, share): where the surface's properties are read, shares by push.
+  /// visit(facet, point, share): where the surface's properties are read, with shares by push.
   template <class Visit>
   void places(Visit&& visit) const noexcept {
     double sum = 0.0;
@@ -91,14 +88,14 @@ class SphereProbe {
     for (const SphereContact& contact : contacts())
       if (contact.push > 0.0) visit(contact.facet, contact.place.point, contact.push / sum);
   }
-  /// Held: the planes that keep the centre where it would rest for a HIP at `at`; where it gets there, that
+  /// Held: planes that keep the centre where it would rest for a HIP at `at`; if it reaches `at`, the plane
   /// before the nearest facet. World frame.
   void planes_near(const Vec3& at, const render::ModelPose& pose, render::JointPlanes& planes) noexcept;
-  /// The frictionless god object of the last update.
+  /// The last update's frictionless god object.
   [[nodiscard]] Vec3 target(const Vec3& hip) const noexcept { return at_tip(centre_, hip); }
-  /// The same under Ruspini's shading in two passes: the goal on the planes with normals interpolated from
-  /// `vertex_normals` (per vertex, for side 0 of its first facet), then that goal on the true planes, no
-  /// further than the sphere can go.
+  /// The same with Ruspini's two-pass shading: the goal on planes with normals interpolated from
+  /// `vertex_normals` (for side 0 of each vertex's first facet), then on the true planes, as far as the
+  /// sphere can go.
   [[nodiscard]] Vec3 shaded_target(const Vec3& hip, std::span<const Vec3f> vertex_normals) noexcept;
 
  private:
@@ -127,25 +124,25 @@ class SphereProbe {
   SphereTip tip_;
   double radius_;
   double most_reach_;
-  double skin_;  ///< thickness of "touching"
+  double skin_;  ///< thickness of the contact layer
 
   Vec3 centre_ = Vec3::Zero();
-  double size_ = 0.0;  ///< the sphere's radius now
+  double size_ = 0.0;  ///< present radius of the sphere
   std::array<SphereContact, kMaxSphereContacts> contacts_;
   std::size_t count_ = 0;
-  /// Every facet within size_ + reach_ of list_centre_. `distance` minus the way travelled since bounds a
-  /// facet's distance from below: most facets need no look for many frames.
+  /// All facets within size_ + reach_ of list_centre_. `distance` minus the travelled way bounds a facet's
+  /// distance from below, so most facets are skipped for many frames.
   std::vector<NearFacet> near_;
-  /// The plane through each one's place that was nearest when it was last looked at, across the way to there:
-  /// distances are convex, so the height over it bounds them from below, too.
+  /// For each facet the plane through its closest point at the last look, across the way there. Distances are
+  /// convex: the height above the plane is a lower bound too.
   std::vector<geometry::HalfSpace> planes_;
   std::size_t listed_ = 0;
   Vec3 list_centre_ = Vec3::Zero();
-  double reach_ = -1.0;     ///< below 0: no list
+  double reach_ = -1.0;     ///< negative: no list
   double travelled_ = 0.0;  ///< since the list was made
   std::size_t tests_ = 0;
   bool bound_hit_ = false;
-  bool touched_ = false;  ///< anything in this update, or at its beginning
+  bool touched_ = false;  ///< at any time in this update or at its start
   std::uint64_t moves_ = 0;
 };
 

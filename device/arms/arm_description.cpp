@@ -1,4 +1,4 @@
-// The TOML side of an arm.
+// Reads an arm's TOML description.
 #include "device/arms/arm_description.h"
 
 #include <algorithm>
@@ -9,32 +9,89 @@
 #include <numbers>
 
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/scene/toml_fields.h"
 
 namespace palpate::device {
 namespace {
 
+using Vec2 = Eigen::Vector2d;
+
+// Share of the linkage's lengths: nearer to stretched, the rod passes no torque and the cranks do not
+// determine the forearm's angle.
+constexpr double kStretched = 1e-6;
+constexpr double kGravityMS2 = 9.81;  // kg, mm and m/s^2 give N*mm
+
+/// Turns a planar linkage about z: rho outwards, z upwards, each with derivatives by B and C.
+ArmPose turned(double a, double rho, const std::array<double, 2>& d_rho, double z,
+               const std::array<double, 2>& d_z, const Vec3& origin_mm) noexcept {
+  const double c = std::cos(a), s = std::sin(a);
+  ArmPose pose;
+  pose.position_mm = Vec3(rho * c, rho * s, z) - origin_mm;
+  pose.mm_per_rad.col(0) = Vec3(-rho * s, rho * c, 0.0);
+  for (int i = 0; i < 2; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    pose.mm_per_rad.col(i + 1) = Vec3(d_rho[at] * c, d_rho[at] * s, d_z[at]);
+  }
+  return pose;
+}
+
+ArmPose chain_pose(const ArmGeometry& geometry, const ArmAngles& angles) noexcept {
+  const double shoulder = geometry.lengths_mm[0], upper = geometry.lengths_mm[1],
+               fore = geometry.lengths_mm[2];
+  const double cb = std::cos(angles[1]), sb = std::sin(angles[1]);
+  const double cc = std::cos(angles[2]), sc = std::sin(angles[2]);
+  return turned(angles[0], upper * sb + fore * sc, {upper * cb, fore * cc}, shoulder + upper * cb - fore * cc,
+                {-upper * sb, fore * sc}, geometry.origin_mm);
+}
+
+// In the arm's plane crank B ends at the elbow b, crank C at e. The forearm passes through the elbow to the
+// grip, and back for L4 to the rod from e. With d = b - e and the forearm's direction u, |d - L4 u| = L3
+// gives the angle between d and u.
+std::optional<ArmPose> five_bar_pose(const ArmGeometry& geometry, const ArmAngles& angles) noexcept {
+  const auto [l0, l1, l2, l3, l4, l5] = geometry.lengths_mm;
+  const Vec2 unit_b(std::cos(angles[1]), std::sin(angles[1])),
+      unit_c(std::cos(angles[2]), std::sin(angles[2]));
+  const Vec2 b = Vec2(0.5 * l0, 0.0) + l1 * unit_b, e = Vec2(-0.5 * l0, 0.0) + l2 * unit_c;
+  const Vec2 d = b - e, from_c = b - Vec2(-0.5 * l0, 0.0);
+  // The other sign lies beyond a singular position of the linkage.
+  if (!(from_c.x() * l2 * unit_c.y() - from_c.y() * l2 * unit_c.x() > 0.0)) return std::nullopt;
+  const double distance = d.norm();
+  const double cosine = (d.squaredNorm() + l4 * l4 - l3 * l3) / (2.0 * distance * l4);
+  if (!(std::abs(cosine) < 1.0 - kStretched)) return std::nullopt;
+  const double forearm = std::atan2(d.y(), d.x()) - std::acos(cosine);
+  const Vec2 u(std::cos(forearm), std::sin(forearm)), across(-u.y(), u.x());
+  // The length of r = d - L4 u is constant: r . (dd - L4 across dforearm) = 0.
+  const Vec2 rod = d - l4 * u;
+  const double lever = l4 * rod.dot(across);
+  const Vec2 db(-l1 * unit_b.y(), l1 * unit_b.x()), de(-l2 * unit_c.y(), l2 * unit_c.x());
+  const double forearm_by_b = rod.dot(db) / lever, forearm_by_c = -rod.dot(de) / lever;
+  const Vec2 by_b = db + l5 * forearm_by_b * across, by_c = l5 * forearm_by_c * across;
+  const Vec2 grip = b + l5 * u;
+  return turned(angles[0], grip.x(), {by_b.x(), by_c.x()}, grip.y(), {by_b.y(), by_c.y()},
+                geometry.origin_mm);
+}
+
 using scene::Field;
 using scene::field;
 using scene::Fields;
-using scene::InFile;
 using scene::kAboveZero;
 using scene::kNotNegative;
+using scene::TomlFile;
 
-constexpr std::uint64_t kMostDescriptionBytes = 1U << 16U;  // the shipped ones have 2000
-// The strongest amplifiers of a published build. More is a slip of the pen.
+constexpr std::uint64_t kMaxDescriptionBytes = 1U << 16U;  // shipped ones have 2000
+// Current of the strongest amplifiers in a published build; more is a typing error.
 constexpr NumberRange kAmps{0.0, 6.0, true};
 constexpr NumberRange kReportBytes{0.0, 64.0, false};
-// What a count turns a body by: published arms have 2e-4 rad. A thousand times more or less is no arm.
-constexpr double kLeastStepRad = 2e-7, kMostStepRad = 2e-1;
+// Body angle per count: published arms have 2e-4 rad. A factor of 1000 either way is implausible.
+constexpr double kMinStepRad = 2e-7, kMaxStepRad = 2e-1;
 constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kRateHz = 1000.0;  // USB full speed: one report a frame
+constexpr double kRateHz = 1000.0;  // USB full speed: one report per frame
 
-/// Three numbers, one a joint, each in a range.
+/// Three numbers in a range, one per joint.
 Field joints(std::string key, std::array<double, 3>& into, const NumberRange& range = kAboveZero) {
   return {std::move(key),
-          [&into, range](const toml::node& node, const std::string& name, const InFile& in_file) -> Status {
+          [&into, range](const toml::node& node, const std::string& name, const TomlFile& in_file) -> Status {
             const toml::array* array = node.as_array();
             if (array == nullptr || array->size() != into.size())
               return in_file.at(node, fmt::format("'{}' must be a list of 3 numbers", name),
@@ -47,7 +104,8 @@ Field joints(std::string key, std::array<double, 3>& into, const NumberRange& ra
 }
 
 Field signs(std::array<double, 3>& into) {
-  return {"signs", [&into](const toml::node& node, const std::string& name, const InFile& in_file) -> Status {
+  return {"signs",
+          [&into](const toml::node& node, const std::string& name, const TomlFile& in_file) -> Status {
             PALPATE_TRY(joints(name, into, scene::kAnyNumber).read(node, name, in_file));
             for (const double sign : into)
               if (sign != 1.0 && sign != -1.0)
@@ -73,7 +131,7 @@ Fields link_fields(ArmDescription& arm) {
           field("model", arm.model)};
 }
 
-Status check_link(const toml::node& node, const ArmDescription& arm, const InFile& in_file) {
+Status check_link(const toml::node& node, const ArmDescription& arm, const TomlFile& in_file) {
   const toml::table& table = *node.as_table();
   const bool text = arm.form == ArmForm::kText;
   const auto refuse = [&](std::initializer_list<const char*> keys, const char* of) -> Status {
@@ -102,13 +160,13 @@ Status check_link(const toml::node& node, const ArmDescription& arm, const InFil
   return Done{};
 }
 
-Status read_link(const toml::node& node, ArmDescription& arm, const InFile& in_file) {
+Status read_link(const toml::node& node, ArmDescription& arm, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, scene::table_of(node, "link", in_file));
   PALPATE_TRY(scene::read_fields(*table, link_fields(arm), "[link]", {}, in_file));
   return check_link(node, arm, in_file);
 }
 
-Status read_lengths(const toml::node& node, ArmDescription& arm, const InFile& in_file) {
+Status read_lengths(const toml::node& node, ArmDescription& arm, const TomlFile& in_file) {
   const bool chain = arm.geometry.linkage == ArmLinkage::kChain;
   const std::size_t wanted = chain ? 3 : 6;
   const toml::array* array = node.as_array();
@@ -123,14 +181,14 @@ Status read_lengths(const toml::node& node, ArmDescription& arm, const InFile& i
   return Done{};
 }
 
-Status read_kinematics(const toml::node& node, ArmDescription& arm, const InFile& in_file) {
+Status read_kinematics(const toml::node& node, ArmDescription& arm, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, scene::table_of(node, "kinematics", in_file));
   const Fields fields = {
       scene::choice("linkage", arm.geometry.linkage,
                     {{"chain", ArmLinkage::kChain}, {"five-bar", ArmLinkage::kFiveBar}})
           .must("linkage = \"chain\" or \"five-bar\""),
       Field{"lengths_mm", [&arm](const toml::node& lengths, const std::string&,
-                                 const InFile& file) { return read_lengths(lengths, arm, file); }}
+                                 const TomlFile& file) { return read_lengths(lengths, arm, file); }}
           .must("lengths_mm = [80, 205, 245]"),
       field("origin_mm", arm.geometry.origin_mm).must("origin_mm = [220, 0, 80]"),
       joints("capstan_mm", arm.capstan_mm).must("capstan_mm = [10, 10, 10], the motors' diameters"),
@@ -140,14 +198,14 @@ Status read_kinematics(const toml::node& node, ArmDescription& arm, const InFile
   PALPATE_TRY(scene::read_fields(*table, fields, "[kinematics]", {}, in_file));
   for (std::size_t i = 0; i < arm.sign.size(); ++i) {
     const double step = std::abs(arm.rad_per_count(i));
-    if (!(step >= kLeastStepRad && step <= kMostStepRad))
+    if (!(step >= kMinStepRad && step <= kMaxStepRad))
       return in_file.at(node, fmt::format("one count would turn joint {} by {:.3g} rad", "ABC"[i], step),
                         "check capstan_mm, body_mm and counts_per_turn");
   }
   return Done{};
 }
 
-Status read_rest(const toml::node& node, ArmDescription& arm, const InFile& in_file) {
+Status read_rest(const toml::node& node, ArmDescription& arm, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, scene::table_of(node, "rest", in_file));
   std::array<double, 3> angles{};
   const Fields fields = {
@@ -179,7 +237,7 @@ Status read_rest(const toml::node& node, ArmDescription& arm, const InFile& in_f
   return Done{};
 }
 
-Status read_motors(const toml::node& node, ArmDescription& arm, const InFile& in_file) {
+Status read_motors(const toml::node& node, ArmDescription& arm, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, scene::table_of(node, "motors", in_file));
   const Fields fields = {
       joints("torque_n_mm_per_a", arm.torque_n_mm_per_a).must("torque_n_mm_per_a = [25.9, 25.9, 25.9]"),
@@ -189,7 +247,7 @@ Status read_motors(const toml::node& node, ArmDescription& arm, const InFile& in
   return scene::read_fields(*table, fields, "[motors]", {}, in_file);
 }
 
-Status read_limits(const toml::node& node, ArmDescription& arm, const InFile& in_file) {
+Status read_limits(const toml::node& node, ArmDescription& arm, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, scene::table_of(node, "limits", in_file));
   DeviceLimits& limits = arm.limits;
   geometry::Aabb& box = limits.workspace_mm;
@@ -208,7 +266,7 @@ Status read_limits(const toml::node& node, ArmDescription& arm, const InFile& in
   return Done{};
 }
 
-Status read_weight(const toml::node& node, ArmDescription& arm, const InFile& in_file) {
+Status read_weight(const toml::node& node, ArmDescription& arm, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, scene::table_of(node, "weight", in_file));
   const Fields fields = {field("held", arm.weight).must("held = false"),
                          field("upper_kg", arm.masses.upper_kg, kNotNegative).must("upper_kg = 0.17"),
@@ -221,15 +279,14 @@ Status read_weight(const toml::node& node, ArmDescription& arm, const InFile& in
   return Done{};
 }
 
-/// A table that `read` takes whole.
 Field table_field(std::string key, ArmDescription& arm,
-                  Status (*read)(const toml::node&, ArmDescription&, const InFile&)) {
-  return {std::move(key), [&arm, read](const toml::node& node, const std::string&, const InFile& in_file) {
+                  Status (*read)(const toml::node&, ArmDescription&, const TomlFile&)) {
+  return {std::move(key), [&arm, read](const toml::node& node, const std::string&, const TomlFile& in_file) {
             return read(node, arm, in_file);
           }};
 }
 
-/// In the order of reading: the rest pose needs link and kinematics.
+/// In reading order: the rest pose needs link and kinematics.
 Fields description_fields(ArmDescription& arm) {
   return {
       field("name", arm.name).must("name = \"my-arm\""),
@@ -246,7 +303,7 @@ Fields description_fields(ArmDescription& arm) {
 
 Result<ArmDescription> arm_of(const toml::table& root, const std::string& file) {
   ArmDescription arm;
-  PALPATE_TRY(scene::read_fields(root, description_fields(arm), "the description", {}, InFile{file}));
+  PALPATE_TRY(scene::read_fields(root, description_fields(arm), "the description", {}, TomlFile{file}));
   if (arm.what.empty()) arm.what = arm.name;
   arm.limits.rate_hz = kRateHz;
   std::array<double, 3> steps{};
@@ -265,11 +322,35 @@ std::filesystem::path users_folder() {
 
 }  // namespace
 
+std::optional<ArmPose> arm_pose(const ArmGeometry& geometry, const ArmAngles& angles) noexcept {
+  std::optional<ArmPose> pose =
+      geometry.linkage == ArmLinkage::kChain ? chain_pose(geometry, angles) : five_bar_pose(geometry, angles);
+  if (pose && !(is_finite(pose->position_mm) && pose->mm_per_rad.allFinite())) pose.reset();
+  return pose;
+}
+
+Vec3 weight_torques_n_mm(const ArmGeometry& geometry, const ArmMasses& masses,
+                         const ArmAngles& angles) noexcept {
+  if (geometry.linkage != ArmLinkage::kChain) return Vec3::Zero();
+  const double upper = masses.upper_kg * masses.upper_mm + masses.fore_kg * geometry.lengths_mm[1];
+  return {0.0, -kGravityMS2 * upper * std::sin(angles[1]),
+          kGravityMS2 * masses.fore_kg * masses.fore_mm * std::sin(angles[2])};
+}
+
+double arm_resolution_mm(const ArmGeometry& geometry, const std::array<double, 3>& step_rad) noexcept {
+  const auto& lengths = geometry.lengths_mm;
+  const bool chain = geometry.linkage == ArmLinkage::kChain;
+  const double reach = std::hypot(geometry.origin_mm.x(), geometry.origin_mm.y());
+  // A turn of crank C moves the rod's end by L2 per rad, and the grip by L5 / L4 times that.
+  const double by_b = lengths[1], by_c = chain ? lengths[2] : lengths[5] * lengths[2] / lengths[4];
+  return Vec3(reach * step_rad[0], by_b * step_rad[1], by_c * step_rad[2]).norm();
+}
+
 double ArmDescription::rad_per_count(std::size_t joint) const noexcept {
   return sign[joint] * 2.0 * std::numbers::pi / counts_per_turn[joint] * capstan_mm[joint] / body_mm[joint];
 }
 
-// A motor's torque acts on the body by the same ratio by which its angle does.
+// The transmission ratio of the angles also applies to the torques.
 double ArmDescription::ma_per_n_mm(std::size_t joint) const noexcept {
   constexpr double kMaPerA = 1e3;
   return sign[joint] * capstan_mm[joint] / body_mm[joint] / torque_n_mm_per_a[joint] * kMaPerA;
@@ -292,7 +373,7 @@ Result<ArmDescription> parse_arm_description(std::string_view text, const std::s
 }
 
 Result<ArmDescription> read_arm_description(const std::string& path) {
-  PALPATE_ASSIGN(const std::string text, read_file(path, kMostDescriptionBytes));
+  PALPATE_ASSIGN(const std::string text, read_file(path, kMaxDescriptionBytes));
   if (const Result<std::size_t> mark = byte_order_mark(text); !mark) return Error(mark.error()).in_file(path);
   return parse_arm_description(text, path);
 }
@@ -300,7 +381,7 @@ Result<ArmDescription> read_arm_description(const std::string& path) {
 std::vector<KnownArm> known_arms() {
   std::vector<KnownArm> all;
   const std::filesystem::path folder = users_folder();
-  std::error_code wrong;  // no folder, or one that cannot be read: none of the user's
+  std::error_code wrong;  // folder absent or unreadable: no user descriptions
   std::filesystem::directory_iterator at;
   if (!folder.empty()) at = std::filesystem::directory_iterator(folder, wrong);
   for (; !wrong && at != std::filesystem::directory_iterator(); at.increment(wrong))

@@ -7,37 +7,37 @@
 #include <cstdlib>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
 
 constexpr std::size_t kPollBytes = 65;  // a padded report with its id
-constexpr std::uint32_t kMostMalformedReports = 3;
+constexpr std::uint32_t kMaxMalformedReports = 3;
 constexpr std::int64_t kNsPerMs = 1'000'000;
-// Without an answer for so long a command was lost. As long as the governor bears silence.
+// Without an answer for this long a command counts as lost. Equals the governor's silence limit.
 constexpr std::int64_t kWakeNs = 20 * kNsPerMs;
-// A position older than this moves no motor, not even against the arm's weight.
+// A position older than this drives no motor, not even against the arm's weight.
 constexpr std::int64_t kStaleNs = 20 * kNsPerMs;
-// At rest: so still for so long. Two counts are what an encoder flickers between at an edge, on each side.
+// At rest means at most this motion for this long. An encoder at an edge flickers by one count to each side.
 constexpr std::int64_t kStillCounts = 2, kStillNs = 500 * kNsPerMs;
-// The arm's own counters were set where they show the rest pose to so many counts: what a hand moves in a
-// report or two, and 0.004 rad at most of published arms.
+// Tolerance of counters the arm has set to the rest pose: a hand's motion within two reports, at most 0.004
+// rad for published arms.
 constexpr double kSetCountsWithin = 16.0;
-// Faster than this no joint turns: a hand at 2 m/s on a lever of 40 mm. Two reports may come close together
-// and show a period more than the time between them.
-constexpr double kMostRadPerS = 50.0, kLeastReportS = 2e-3;
+// Fastest joint: a hand at 2 m/s on a lever of 40 mm. Two reports close together may still show the motion of
+// a whole period.
+constexpr double kMaxRadPerS = 50.0, kMinReportS = 2e-3;
 constexpr std::int64_t kWeightRampNs = 1000 * kNsPerMs;  // as long as the longest soft start
 constexpr std::int32_t kPressedAbove = 5000, kPressedAdds = 10000;
 constexpr useconds_t kOpenStepUs = 5000;
-constexpr int kOpenWakeEvery = 20;  // looks: 0.1 s
+constexpr int kOpenWakeEvery = 20;  // polls: 0.1 s
 
 std::int32_t wrapped_difference(std::int32_t now, std::int32_t before) noexcept {
   return static_cast<std::int16_t>(static_cast<std::uint16_t>(now) - static_cast<std::uint16_t>(before));
 }
 
 double whole_ma(double current_ma, double cap_ma) noexcept {
-  constexpr double kRounding = 1.0 + 1e-12;  // a handful of roundings
+  constexpr double kRounding = 1.0 + 1e-12;  // allows for rounding
   return std::trunc(std::clamp(current_ma * kRounding, -cap_ma, cap_ma));
 }
 
@@ -53,7 +53,7 @@ Milliamps limited_currents(const Vec3& force_ma, const Vec3& weight_ma, double c
     const double room = force_ma[i] > 0.0 ? cap_ma - held[i] : cap_ma + held[i];
     if (std::abs(force_ma[i]) > room) share = std::min(share, std::max(0.0, room) / std::abs(force_ma[i]));
   }
-  // Towards zero: rounding up would pass the cap. A product that is a rounding short of a milliampere is one.
+  // Rounds towards zero, so that the cap holds. A product just below a whole milliampere counts as that.
   for (int i = 0; i < 3; ++i)
     currents[static_cast<std::size_t>(i)] =
         static_cast<std::int16_t>(whole_ma(held[i] + share * force_ma[i], cap_ma));
@@ -68,7 +68,7 @@ ArmDevice::ArmDevice(ArmDescription description, std::unique_ptr<Link> link, con
       options_(options),
       zero_(encoded_currents(arm_.form, arm_.report_bytes, {})) {}
 
-// Ready with zero force commanded: what a program before this one left in the motors ends here.
+// Commands zero force, which ends what an earlier program left in the motors.
 Status ArmDevice::open() {
   close();
   PALPATE_TRY(link_->open());
@@ -137,7 +137,7 @@ bool ArmDevice::take_text(std::span<const std::uint8_t> bytes, ArmReport& newest
 bool ArmDevice::poll_newest(ArmReport& newest) noexcept {
   std::array<std::uint8_t, kPollBytes> bytes;
   bool found = false, calibrate = false;
-  for (int i = 0; i < kMostPolls; ++i) {
+  for (int i = 0; i < kMaxPolls; ++i) {
     const Polled polled = link_->poll(bytes);
     gone_ = gone_ || polled.gone;
     if (polled.size == 0) break;
@@ -172,13 +172,12 @@ DeviceState ArmDevice::read() noexcept {
   state_.homing_step = static_cast<std::uint8_t>(step());
   if (gone_)
     state_.status = ReadStatus::kLost;
-  else if (state_.status == ReadStatus::kNothingNew && malformed_in_a_row_ >= kMostMalformedReports)
+  else if (state_.status == ReadStatus::kNothingNew && malformed_in_a_row_ >= kMaxMalformedReports)
     state_.status = ReadStatus::kGarbled;
   return state_;
 }
 
 void ArmDevice::take(const ArmReport& report) noexcept {
-  // A report seen before says nothing new.
   if (arm_.form == ArmForm::kReport8 && counted_ && report.counter == counter_) return;
   counter_ = report.counter;
   const bool other =
@@ -204,13 +203,13 @@ void ArmDevice::take(const ArmReport& report) noexcept {
     state_.position_mm = pose_->position_mm;
     return;
   }
-  // It says where it cannot be: the last position stays, and no force is shown.
+  // An impossible pose: the last position stays, without force.
   ++counters_.strange;
   state_.status = ReadStatus::kGarbled;
 }
 
-/// Runs the counters on over their wraps. A jump means that they were set anew, by the loss of power, say:
-/// then nobody knows where the arm is, until it is put to rest again.
+/// Unwraps the counters. A jump means a reset, for example by a power loss: the position is unknown until the
+/// arm is at rest again.
 void ArmDevice::count_on(const ArmReport& report, std::int64_t now_ns) noexcept {
   const bool wraps = arm_.form != ArmForm::kText;
   const double elapsed_s = 1e-9 * static_cast<double>(now_ns - state_.packet_ns);
@@ -222,7 +221,7 @@ void ArmDevice::count_on(const ArmReport& report, std::int64_t now_ns) noexcept 
     run_[i] = counted_ ? run_[i] + moved : moved;
     raw_[i] = report.counts[i];
     const double turned = std::abs(moved * arm_.rad_per_count(i));
-    jumped = jumped || (counted_ && turned > kMostRadPerS * std::max(kLeastReportS, elapsed_s));
+    jumped = jumped || (counted_ && turned > kMaxRadPerS * std::max(kMinReportS, elapsed_s));
   }
   counted_ = true;
   if (!jumped || !state_.homed) return;
@@ -249,14 +248,14 @@ void ArmDevice::find_rest(const ArmReport& report, std::int64_t now_ns) noexcept
       at_rest = pressed;
       break;
     case ArmRest::kPowerOn:
-      if (lost_rest_) return;  // its counters began anew, who knows where
+      if (lost_rest_) return;  // counters restarted at an unknown place
       offset_ = arm_.rest_counts;
       for (std::size_t i = 0; i < run_.size(); ++i) run_[i] = raw_[i];
       state_.homed = true;
       homed_ns_ = now_ns;
       return;
     case ArmRest::kStart: {
-      if (lost_rest_ || state_.homed) return;  // lying still somewhere is not rest
+      if (lost_rest_ || state_.homed) return;  // lying still elsewhere is not the rest pose
       bool still = still_from_ns_ != 0;
       for (std::size_t i = 0; i < run_.size(); ++i)
         still = still && std::abs(run_[i] - still_[i]) <= kStillCounts;
@@ -275,7 +274,7 @@ void ArmDevice::find_rest(const ArmReport& report, std::int64_t now_ns) noexcept
     state_.homed = false;
   }
   if (!setting_ || !set_sent_) return;
-  // The arm shows the rest pose once it has heard of it.
+  // The arm shows the rest pose after it received it.
   for (std::size_t i = 0; i < raw_.size(); ++i)
     if (std::abs(raw_[i] - arm_.rest_counts[i]) > kSetCountsWithin) return;
   for (std::size_t i = 0; i < raw_.size(); ++i) run_[i] = raw_[i];
@@ -306,14 +305,14 @@ CommandBytes ArmDevice::command_for(const Vec3& force_n) noexcept {
   return encoded_currents(arm_.form, arm_.report_bytes, limited_currents(force_ma, held_ma, cap_ma));
 }
 
-// Every frame, zero included.
+// Called every frame, also for zero.
 void ArmDevice::send(GovernedForce force) noexcept {
   if (!open_ || gone_) return;
   const Vec3 newtons = force.newtons();
   const bool zero = newtons == Vec3::Zero();
   if (!zero) cut_.store(false, std::memory_order_relaxed);
   const std::int64_t now_ns = clock_.now_ns();
-  const bool force_ends = zero && !sent_zero_;  // does not wait for the beat
+  const bool force_ends = zero && !sent_zero_;  // sent outside the command rhythm
   if (alternates(arm_.form) && awaiting_ && !force_ends) {
     if (now_ns - sent_ns_ < kWakeNs) return;
     ++counters_.woken;
@@ -334,7 +333,7 @@ void ArmDevice::send(GovernedForce force) noexcept {
   sent_ns_ = now_ns;
 }
 
-// Another thread's: touches nothing but the link, a flag, and what the constructor made.
+// Called by another thread: uses only the link, a flag and data fixed by the constructor.
 bool ArmDevice::cut_force() noexcept {
   cut_.store(true, std::memory_order_relaxed);
   return link_->submit(zero_.span());
@@ -355,19 +354,12 @@ ArmStep ArmDevice::step() const noexcept {
 }
 
 std::string arm_homing_prompt(std::uint8_t homing_step) {
-  switch (static_cast<ArmStep>(homing_step)) {
-    case ArmStep::kNothing:
-      break;
-    case ArmStep::kLieStill:
-      return "Lay the arm in its rest pose and let go for half a second";
-    case ArmStep::kPressButton:
-      return "Hold the arm in its rest pose and press its calibration button";
-    case ArmStep::kWait:
-      return "Wait for the arm's first line";
-    case ArmStep::kSwitchOffAndOn:
-      return "The arm's counters jumped: lay it in its rest pose, switch it off and on, and start again";
-  }
-  return {};
+  constexpr std::array kPrompts = {
+      "", "Lay the arm in its rest pose and let go for half a second",
+      "Hold the arm in its rest pose and press its calibration button", "Wait for the arm's first line",
+      "The arm's counters jumped: lay it in its rest pose, switch it off and on, and start again"};
+  static_assert(kPrompts.size() == static_cast<std::size_t>(ArmStep::kSwitchOffAndOn) + 1);
+  return homing_step < kPrompts.size() ? kPrompts[homing_step] : "";
 }
 
 }  // namespace palpate::device

@@ -1,11 +1,9 @@
-// An open arm over its link: counts to mm by its description, forces to motor currents.
+// An open arm over its link: counts become mm by its description, forces become motor currents.
 //
-// Above the governor there are forces; here they become currents by the transposed Jacobian, scaled down
-// together where one would exceed the cap, so that the direction stays. Where the description says so the
-// arm's weight is held as well: those currents pass below the governor, so that a fault does not let the arm
-// drop, but count in the cap; they end with homing, with silence, and with cut_force until a force is shown
-// again. The firmware switches its amplifiers off half a second after the last command; that is no substitute
-// for the guard.
+// The transposed Jacobian turns governed forces into currents, scaled down together to the cap so that the
+// direction stays. Optional weight compensation bypasses the governor, so that a fault does not drop the arm,
+// but counts in the cap; it ends with homing, with silence, and with cut_force until the next force. The
+// firmware turns its amplifiers off half a second after the last command, which does not replace the guard.
 #pragma once
 
 #include <array>
@@ -15,34 +13,34 @@
 #include <optional>
 #include <string>
 
+#include <palpate/clock.h>
+#include <palpate/device/device.h>
+#include <palpate/device/drivers.h>
+#include <palpate/device/link.h>
 #include "device/arms/arm_description.h"
-#include "device/interface/device.h"
-#include "device/interface/link.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 
-/// Currents of a force and of the arm's weight, mA, as the motors get them: the weight's first, all three
-/// scaled down together to the cap; then as much of the force as there is room for. Zero where a number is
-/// not finite.
+/// Motor currents (mA) of a force and the arm's weight: the weight first, scaled down together to the cap,
+/// then as much force as fits. Zero if a number is not finite.
 [[nodiscard]] Milliamps limited_currents(const Vec3& force_ma, const Vec3& weight_ma, double cap_ma) noexcept;
 
 struct ArmCounters {
-  std::uint64_t reports = 0;    ///< that were whole
-  std::uint64_t malformed = 0;  ///< of a wrong length, or no line
-  std::uint64_t strange = 0;    ///< of another model, with an error, or of a pose that cannot be
-  std::uint64_t jumps = 0;      ///< of the counters, faster than any joint turns
-  std::uint64_t woken = 0;      ///< commands sent anew because none was answered
-  std::uint64_t limited = 0;    ///< commands at the cap of current
+  std::uint64_t reports = 0;    ///< valid
+  std::uint64_t malformed = 0;  ///< wrong length, or not a line
+  std::uint64_t strange = 0;    ///< other model, error code, or impossible pose
+  std::uint64_t jumps = 0;      ///< of the counters, faster than any joint
+  std::uint64_t woken = 0;      ///< commands repeated for lack of an answer
+  std::uint64_t limited = 0;    ///< commands at the current cap
 };
 
-/// What a person has to do before the arm knows where it is.
+/// What the user must do before the arm knows its position.
 enum class ArmStep : std::uint8_t { kNothing, kLieStill, kPressButton, kWait, kSwitchOffAndOn };
-/// In words, for a DeviceState::homing_step; empty: nothing is to be done, or it is none.
+/// Words for a DeviceState::homing_step; empty: nothing to do, or unknown step.
 [[nodiscard]] std::string arm_homing_prompt(std::uint8_t homing_step);
 
 struct ArmDeviceOptions {
-  /// How often open() looks for a first report, 5 ms apart; 0: it does not wait for one.
+  /// Polls for a first report in open(), 5 ms apart; 0: does not wait.
   int open_tries = 200;
 };
 
@@ -58,22 +56,22 @@ class ArmDevice final : public Device {
   [[nodiscard]] Status open() override;
   void close() noexcept override;
   [[nodiscard]] DeviceLimits limits() const noexcept override { return arm_.limits; }
-  /// At most kMostPolls polls; of what came the newest report counts.
+  /// At most kMaxPolls polls; the newest report counts.
   [[nodiscard]] DeviceState read() noexcept override;
-  /// An arm that alternates gets one command for each report, one more where it has not answered for
-  /// 20 ms, and one at once where the force ends.
+  /// Sends an alternating arm one command per report, one more after 20 ms without an answer, one at once
+  /// when the force ends.
   void send(GovernedForce force) noexcept override;
   bool cut_force() noexcept override;
 
   [[nodiscard]] const ArmDescription& description() const noexcept { return arm_; }
   [[nodiscard]] const ArmCounters& counters() const noexcept { return counters_; }
-  /// What is added to the counters a, b, c so that the rest pose is where the description has it: its
-  /// calibration, once it is homed.
-  [[nodiscard]] const std::array<double, 3>& counts_added() const noexcept { return offset_; }
-  /// What the user is to do now. The thread that reads; others see it as DeviceState::homing_step.
+  /// Calibration of counters a, b, c, valid when homed: added to them, it puts the rest pose where the
+  /// description has it.
+  [[nodiscard]] const std::array<double, 3>& calibration_offset() const noexcept { return offset_; }
+  /// What the user must do now. For the reading thread; others use DeviceState::homing_step.
   [[nodiscard]] ArmStep step() const noexcept;
 
-  static constexpr int kMostPolls = 16;
+  static constexpr int kMaxPolls = 16;
 
  private:
   [[nodiscard]] bool poll_newest(ArmReport& newest) noexcept;
@@ -99,18 +97,26 @@ class ArmDevice final : public Device {
   bool open_ = false, gone_ = false, counted_ = false;
   std::uint32_t malformed_in_a_row_ = 0;
   std::uint16_t counter_ = 0;
-  // Counters as they came, and run on over their wraps; what must be added to be right.
+  // Counters as received, unwrapped, and the correction.
   std::array<std::int32_t, 3> raw_{};
   std::array<std::int64_t, 3> run_{};
   std::array<double, 3> offset_{};
-  // The search for the rest pose.
+  // Search for the rest pose.
   bool setting_ = false, set_sent_ = false, lost_rest_ = false, calibrate_before_ = false;
   std::array<std::int64_t, 3> still_{};
   std::int64_t still_from_ns_ = 0, homed_ns_ = 0;
-  // The beat of commands.
+  // Rhythm of commands.
   bool awaiting_ = false, sent_zero_ = true;
   std::int64_t sent_ns_ = 0;
   std::atomic<bool> cut_{false};
 };
+
+/// "arm". The USB ids are those of the boards' frameworks, shared by other gadgets, so an arm is opened only
+/// by name. Options: path, serial, current_cap_a, force_n, weight.
+void register_arm_driver(Drivers& drivers);
+
+[[nodiscard]] std::unique_ptr<Link> arm_link(const ArmDescription& arm);
+
+[[nodiscard]] Result<ArmDescription> requested_arm(const DeviceRequest& request);
 
 }  // namespace palpate::device

@@ -1,17 +1,13 @@
-#include "device/arms/arm_driver.h"
-
 #include <fmt/format.h>
 
 #include <string>
 #include <utility>
 
+#include <palpate/result.h>
 #include "device/arms/arm_device.h"
-#include "device/interface/device_facts.h"
+#include "device/interface/driver_options.h"
 #include "device/links/hid_link.h"
 #include "device/links/tty_link.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::device {
 namespace {
@@ -23,7 +19,7 @@ struct WhereArm {
   bool there = false, allowed = false;
 };
 
-/// Where something answers to the description's ids or name; nothing is opened.
+/// Looks for a device with the description's ids or name, without opening it.
 WhereArm where_arm(const ArmDescription& arm) {
   WhereArm where;
   const auto add = [&where](const std::string& text, bool allowed) {
@@ -51,11 +47,11 @@ DeviceEntry arm_entry(const KnownArm& known) {
     entry.needs.emplace_back("connect it");
     return entry;
   }
-  // What answers may be another gadget with the same board.
+  // It may be another gadget with the same board.
   entry.what += "; perhaps " + where.text;
   entry.status = where.allowed ? DeviceStatus::kReady : DeviceStatus::kRefused;
   if (!where.allowed)
-    entry.needs.emplace_back("install Palpate's udev rules (`palpate devices --doctor` prints them)");
+    entry.needs.emplace_back("install Palpate's udev rules (`palpate list devices --doctor` prints them)");
   return entry;
 }
 
@@ -65,41 +61,24 @@ std::vector<DeviceEntry> look_for_arms() {
   return all;
 }
 
-Status apply_arm_option(ArmDescription& arm, const std::string& key, const std::string& value) {
-  const auto number = [&](double& into, const NumberRange& range) -> Status {
-    const Result<double> read = read_number(value, range);
-    if (!read) return Error{key + ": " + read.error().what, read.error().remedy, "", 0};
-    into = *read;
-    return Done{};
-  };
-  if (key == "path") {
-    (arm.form == ArmForm::kText ? arm.serial_line : arm.hid.path) = value;
-    return Done{};
-  }
-  if (key == "serial" && arm.form != ArmForm::kText) {
-    arm.hid.serial = value;
-    return Done{};
-  }
-  // Limits may be lowered here, and raised in the description alone, where they are seen.
-  if (key == "current_cap_a") return number(arm.current_cap_a, {0.0, arm.current_cap_a, true});
-  if (key == "force_n") return number(arm.limits.force_max_n, {0.0, arm.limits.force_max_n, true});
-  if (key == "weight" && (value == "on" || value == "off")) {
-    arm.weight = value == "on" && arm.geometry.linkage == ArmLinkage::kChain;
-    if (arm.weight || value == "off") return Done{};
+/// Options may only lower limits; raising one requires a visible change of the description.
+Status take_arm_options(ArmDescription& arm, const DeviceRequest& request) {
+  const bool text = arm.form == ArmForm::kText;
+  std::vector<DriverOption> options = {text_option("path", text ? arm.serial_line : arm.hid.path)};
+  if (!text) options.push_back(text_option("serial", arm.hid.serial));
+  options.push_back(number_option("current_cap_a", arm.current_cap_a, {0.0, arm.current_cap_a, true}));
+  options.push_back(number_option("force_n", arm.limits.force_max_n, {0.0, arm.limits.force_max_n, true}));
+  options.push_back(switch_option("weight", arm.weight));
+  PALPATE_TRY(take_options(request, "an arm", options));
+  if (arm.weight && arm.geometry.linkage != ArmLinkage::kChain)
     return Error{"only a chain's weight can be held", "leave 'weight' out", "", 0};
-  }
-  if (key == "weight") return Error{"weight is " + shown(value), "give on or off", "", 0};
-  return Error{"an arm has no option " + shown(key),
-               did_you_mean(key, {"path", "serial", "current_cap_a", "force_n", "weight"},
-                            "choose from path, serial (of reports), current_cap_a, force_n, weight"),
-               "", 0};
+  return Done{};
 }
 
 std::string three(const std::array<double, 3>& values) {
   return fmt::format("{:g} {:g} {:g}", values[0], values[1], values[2]);
 }
 
-/// What the arm is calibrated with and what came of it.
 DeviceFacts arm_facts(const ArmDevice& device) {
   const ArmDescription& arm = device.description();
   const ArmCounters& counted = device.counters();
@@ -113,7 +92,7 @@ DeviceFacts arm_facts(const ArmDevice& device) {
                        {"current_cap_a", fmt::format("{:g}", arm.current_cap_a)},
                        {"rest", kRests[static_cast<std::size_t>(arm.rest)]},
                        {"rest_counts", three(arm.rest_counts)},
-                       {"counts_added", three(device.counts_added())}};
+                       {"calibration_offset", three(device.calibration_offset())}};
   add_counts(facts, {{"reports", counted.reports},
                      {"reports_malformed", counted.malformed},
                      {"reports_strange", counted.strange},
@@ -123,7 +102,7 @@ DeviceFacts arm_facts(const ArmDevice& device) {
   return facts;
 }
 
-/// The arm over a link whose counters its facts tell too.
+/// Makes the arm over a link whose counters become facts.
 template <class ArmLink>
 void make_over(std::unique_ptr<ArmLink> link, const ArmDescription& arm, const Clock& clock,
                MadeDevice& made) {
@@ -131,11 +110,8 @@ void make_over(std::unique_ptr<ArmLink> link, const ArmDescription& arm, const C
   auto device = std::make_unique<ArmDevice>(arm, std::move(link), clock);
   made.facts = [held = device.get(), raw] {
     DeviceFacts facts = arm_facts(*held);
-    const LinkCounters counted = raw->counters();
     facts.emplace_back("path", raw->path());
-    facts.emplace_back("link_received", std::to_string(counted.received));
-    facts.emplace_back("link_commands", std::to_string(counted.written));
-    facts.emplace_back("link_commands_overtaken", std::to_string(counted.replaced));
+    add_link_counts(facts, raw->counters());
     return facts;
   };
   made.device = std::move(device);
@@ -180,11 +156,11 @@ Result<ArmDescription> requested_arm(const DeviceRequest& request) {
   if (name.empty() == request.description.empty())
     return Error{
         name.empty() ? "'arm' alone says not which arm" : "an arm is named, and a description given too",
-        "give a name, as arm:polhem-v3 (`palpate devices` lists them), or a description file", "", 0};
+        "give a name, as arm:polhem-v3 (`palpate list devices` lists them), or a description file", "", 0};
   Result<ArmDescription> arm =
       name.empty() ? read_arm_description(request.description.string()) : find_arm(name);
   if (!arm) return arm;
-  for (const auto& [key, value] : request.options) PALPATE_TRY(apply_arm_option(*arm, key, value));
+  PALPATE_TRY(take_arm_options(*arm, request));
   return arm;
 }
 

@@ -1,29 +1,30 @@
-#include "device/arms/arm_protocol.h"
+#include "device/arms/arm_description.h"
 
 #include <algorithm>
 #include <charconv>
 #include <limits>
 #include <system_error>
 
+#include "toolkit/core/bytes.h"
+
 namespace palpate::device {
 namespace {
 
-constexpr std::uint16_t kCalibrationButton = 1;  // of info
-constexpr std::uint16_t kSetCounts = 1;          // of command
-constexpr std::int32_t kMostCounts = 10'000'000;
+constexpr std::uint16_t kCalibrationButton = 1;  // bit of info
+constexpr std::uint16_t kSetCounts = 1;          // value of command
+constexpr std::int32_t kMaxCounts = 10'000'000;
 // Shorter commands wait in the board's buffer.
 constexpr std::size_t kTextCommandBytes = 16;
 
 std::uint16_t word_at(std::span<const std::uint8_t> bytes, std::size_t word) noexcept {
-  return static_cast<std::uint16_t>(bytes[2 * word] | (bytes[2 * word + 1] << 8U));
+  return ByteReader(bytes.subspan(2 * word)).u16();
 }
 
 void put_word(CommandBytes& command, std::size_t word, std::uint16_t value) noexcept {
-  command.bytes[2 * word] = static_cast<std::uint8_t>(value & 0xFFU);
-  command.bytes[2 * word + 1] = static_cast<std::uint8_t>(value >> 8U);
+  ByteWriter(std::span(command.bytes).subspan(2 * word)).u16(value);
 }
 
-/// Zeros of the padded length, at least the form's own.
+/// A zero report of the padded length, at least that of the form.
 CommandBytes blank_report(ArmForm form, std::size_t padded) noexcept {
   CommandBytes command;
   command.size = std::clamp(padded, report_size(form), CommandBytes::kMost);
@@ -63,7 +64,7 @@ std::optional<ArmReport> decoded_line(std::span<const std::uint8_t> line) noexce
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     while (at != end && blank(*at)) ++at;
     const auto [next, wrong] = std::from_chars(at, end, numbers[i]);
-    if (wrong != std::errc{} || numbers[i] > kMostCounts || numbers[i] < -kMostCounts) return std::nullopt;
+    if (wrong != std::errc{} || numbers[i] > kMaxCounts || numbers[i] < -kMaxCounts) return std::nullopt;
     at = next;
     while (at != end && blank(*at)) ++at;
     const bool last = i + 1 == numbers.size();
@@ -83,7 +84,7 @@ void ArmLineReader::malformed() noexcept {
 std::optional<ArmReport> ArmLineReader::take(std::uint8_t byte) noexcept {
   if (byte == '\r') return std::nullopt;
   if (byte != '\n') {
-    if (size_ == kMostLine) {  // a line that never ends is none, each time it fills the space of one
+    if (size_ == kMaxLine) {  // an endless line is discarded each time the buffer is full
       too_long_ = true;
       size_ = 0;
       malformed();
@@ -116,7 +117,7 @@ CommandBytes encoded_currents(ArmForm form, std::size_t padded, const Milliamps&
   CommandBytes command;
   char* const begin = reinterpret_cast<char*>(command.bytes.data());
   char* at = begin;
-  char* const end = begin + command.bytes.size();  // 3 * 6 signs and 5 more: it fits
+  char* const end = begin + command.bytes.size();  // 3 * 6 characters and 5 more fit
   for (std::size_t i = 0; i < currents.size(); ++i) {
     *at++ = i == 0 ? '[' : ',';
     at = std::to_chars(at, end, currents[i]).ptr;

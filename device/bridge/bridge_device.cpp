@@ -1,26 +1,74 @@
 #include "device/bridge/bridge_device.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 #include <random>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "device/interface/driver_options.h"
+#include "device/links/udp_link.h"
 
 namespace palpate::device {
 namespace {
 
-constexpr timespec kBridgeWait{0, 1'000'000};
-// Three in a row, and nothing that comes can be believed.
-constexpr int kMostMalformed = 3;
-constexpr int kReleaseTries = 20;  // a millisecond apart: as long as the far end's own watchdog takes
+// Three in a row mean a broken connection.
+constexpr int kMaxMalformed = 3;
+constexpr int kReleaseTries = 20;  // one millisecond apart: as long as the far end's own watchdog
 
 Datagram release_datagram(std::uint64_t session) noexcept {
   Datagram datagram;
   datagram.kind = DatagramKind::kRelease;
   datagram.session = session;
   return datagram;
+}
+
+constexpr double kSPerMs = 1e-3;
+
+Result<UdpAddress> bridge_address(const std::string& name) {
+  static const std::string kPrefix = "bridge:";
+  if (!name.starts_with(kPrefix) || name.size() == kPrefix.size())
+    return Error{"'" + name + "' names no far end", "write bridge:HOST:PORT", "", 0};
+  std::string where = name.substr(kPrefix.size());
+  const bool bare = where.find(':') == std::string::npos || where.back() == ']';
+  if (bare) where += ":" + std::to_string(kBridgePort);
+  return UdpAddress::of(where);
+}
+
+Result<MadeDevice> make_bridge(const DeviceRequest& request, const Clock& clock) {
+  PALPATE_ASSIGN(const UdpAddress address, bridge_address(request.name));
+  if (!request.description.empty())
+    return Error{"the bridge has no description file", "give it to the far end", request.description.string(),
+                 0};
+  BridgeOptions options;
+  options.name = request.name;
+  options.session = new_session();
+  double most_age_ms = options.max_age_s / kSPerMs;
+  PALPATE_TRY(
+      take_options(request, "the bridge", {number_option("most-age-ms", most_age_ms, {1.0, 1000.0})}));
+  options.max_age_s = kSPerMs * most_age_ms;
+  MadeDevice made;
+  auto device = std::make_unique<BridgeDevice>(std::make_unique<UdpLink>(address), clock, options);
+  made.facts = [held = device.get()] {
+    const BridgeCounters& counted = held->counters();
+    DeviceFacts facts = {{"far_device", std::string(held->welcome().name())}};
+    add_counts(facts, {{"states", counted.states},
+                       {"states_malformed", counted.malformed},
+                       {"states_overtaken", counted.overtaken},
+                       {"states_old", counted.old},
+                       {"states_disobeying", counted.disobeying},
+                       {"states_lost", counted.lost}});
+    constexpr std::int64_t kNsPerUs = 1000;
+    facts.emplace_back("round_trip_newest_us", std::to_string(counted.round_trip_ns / kNsPerUs));
+    return facts;
+  };
+  made.device = std::move(device);
+  made.zero = [where = address.text()] { return release_far_end(where); };
+  made.homing_prompt = [](std::uint8_t) {
+    return std::string("Home the device at the other machine, as `palpate live serve` tells there");
+  };
+  made.unproven = {
+      "the bridge was run on one machine and on a pretended network, never between two machines"};
+  return made;
 }
 
 }  // namespace
@@ -35,15 +83,8 @@ BridgeDevice::BridgeDevice(std::unique_ptr<Link> link, const Clock& clock, Bridg
     : link_(std::move(link)),
       clock_(clock),
       options_(std::move(options)),
-      most_age_ns_(std::llround(1e9 * options_.most_age_s)),
+      most_age_ns_(std::llround(1e9 * options_.max_age_s)),
       release_(release_datagram(options_.session)) {}
-
-void BridgeDevice::wait() const {
-  if (options_.wait)
-    options_.wait();
-  else
-    ::nanosleep(&kBridgeWait, nullptr);
-}
 
 Status BridgeDevice::open() {
   close();
@@ -67,31 +108,32 @@ Status BridgeDevice::wait_for_welcome() {
     hello.sequence = ++sequence_;
     sent_.note(hello.sequence, clock_.now_ns());
     link_->submit(DatagramBytes(hello).bytes());
-    wait();
+    options_.wait();
     static_cast<void>(read());
   }
   if (busy_)
     return Error{"the far end serves another program", "end that one, or wait a second after its end", name(),
                  0};
   if (!welcomed_)
-    return Error{gone_ ? "nobody listens there" : "nobody answers there",
-                 "start `palpate bridge --device NAME` on that machine and let its port through the firewall",
-                 name(), 0};
+    return Error{
+        gone_ ? "nobody listens there" : "nobody answers there",
+        "start `palpate live serve --device NAME` on that machine and let its port through the firewall",
+        name(), 0};
   return Done{};
 }
 
-// What a program before this one left in the motors ends here: the far end has said that it obeys this one.
+// One byte more than any datagram, so that longer ones are rejected and not cut.
 Status BridgeDevice::wait_for_obedience() {
   for (int i = 0; i < options_.open_tries; ++i) {
     command(Vec3::Zero());
-    wait();
+    options_.wait();
     if (read().status == ReadStatus::kFresh) return Done{};
   }
   if ((far_flags_ & Datagram::kStatusMask) != 0)
     return Error{"the far end is there, its device is not", "look at the far end: cable, power, homing",
                  name(), 0};
   return Error{"the far end does not take commands: the network is slower than " +
-                   std::to_string(std::lround(1e3 * std::min(options_.most_age_s, welcome_.most_age_s))) +
+                   std::to_string(std::lround(1e3 * std::min(options_.max_age_s, welcome_.max_age_s))) +
                    " ms there and back, or its device has a fault",
                "use a cable, and look at the far end", name(), 0};
 }
@@ -101,7 +143,7 @@ void BridgeDevice::close() noexcept {
   released_ = false;
   for (int i = 0; i < kReleaseTries && !released_ && !gone_; ++i) {
     link_->submit(release_.bytes());
-    if (i > 0) wait();
+    if (i > 0) options_.wait();
     static_cast<void>(read());
   }
   open_ = false;
@@ -110,9 +152,9 @@ void BridgeDevice::close() noexcept {
 
 DeviceState BridgeDevice::read() noexcept {
   state_.status = open_ ? ReadStatus::kNothingNew : ReadStatus::kLost;
-  // One more byte than any datagram has: a longer one is not taken for its beginning.
-  std::array<std::uint8_t, kMostDatagramBytes + 1> into;
-  for (int i = 0; open_ && i < kMostPolls; ++i) {
+  // Also for a far end that holds zero: this may be its reason.
+  std::array<std::uint8_t, kMaxDatagramBytes + 1> into;
+  for (int i = 0; open_ && i < kMaxPolls; ++i) {
     const Polled polled = link_->poll(into);
     gone_ = gone_ || polled.gone;
     if (polled.size == 0) break;
@@ -120,13 +162,13 @@ DeviceState BridgeDevice::read() noexcept {
     const std::optional<Datagram> datagram = decoded_datagram(bytes);
     if (!datagram || datagram->session != options_.session) {
       ++counters_.malformed;
-      malformed_in_a_row_ = std::min(malformed_in_a_row_ + 1, kMostMalformed);
+      malformed_in_a_row_ = std::min(malformed_in_a_row_ + 1, kMaxMalformed);
       continue;
     }
     malformed_in_a_row_ = 0;
     take(*datagram, bytes);
   }
-  if (state_.status == ReadStatus::kNothingNew && malformed_in_a_row_ >= kMostMalformed)
+  if (state_.status == ReadStatus::kNothingNew && malformed_in_a_row_ >= kMaxMalformed)
     state_.status = ReadStatus::kGarbled;
   if (gone_) state_.status = ReadStatus::kLost;
   return state_;
@@ -192,6 +234,37 @@ void BridgeDevice::command(const Vec3& force_n) noexcept {
 
 void BridgeDevice::send(GovernedForce force) noexcept {
   if (open_) command(force.newtons());
+}
+
+bool release_far_end(const std::string& host_and_port) {
+  const Result<UdpAddress> address = UdpAddress::of(host_and_port);
+  if (!address) return false;
+  UdpLink link(*address);
+  if (!link.open()) return false;
+  const DatagramBytes bytes(release_datagram(0));
+  constexpr int kTries = 50, kEvery = 10;  // one millisecond apart; repeats the request every ten
+  for (int i = 0; i < kTries; ++i) {
+    if (i % kEvery == 0) link.submit(bytes.bytes());
+    sleep_ms();
+    std::array<std::uint8_t, kMaxDatagramBytes + 1> into;
+    const Polled polled = link.poll(into);
+    const auto answer = decoded_datagram(std::span<const std::uint8_t>(into).first(polled.size));
+    if (answer && answer->kind == DatagramKind::kReleased) return true;
+  }
+  return false;
+}
+
+void register_bridge_driver(Drivers& drivers) {
+  drivers.add(
+      {"bridge", "network",
+       [] {
+         return std::vector<DeviceEntry>{
+             {"bridge:HOST:PORT",
+              "a device at another machine, over UDP",
+              DeviceStatus::kMissing,
+              {"a far end: run `palpate live serve --device NAME --listen ADDRESS:PORT` on that machine"}}};
+       },
+       make_bridge});
 }
 
 }  // namespace palpate::device

@@ -1,8 +1,11 @@
 #include "device/bridge/datagrams.h"
 
+#include <zlib.h>
+
 #include <algorithm>
-#include <bit>
 #include <cmath>
+
+#include "toolkit/core/bytes.h"
 
 namespace palpate::device {
 namespace {
@@ -14,10 +17,10 @@ constexpr std::size_t kStateBytes = kVectorBytes + 2 * sizeof(std::uint32_t);
 constexpr std::size_t kWelcomeNumbers = 13, kShapeBytes = 4;
 constexpr std::size_t kWelcomeBytes =
     kWelcomeNumbers * sizeof(double) + kShapeBytes + BridgeWelcome::kNameBytes;
-static_assert(kHeadBytes + kWelcomeBytes + kCrcBytes == kMostDatagramBytes);
+static_assert(kHeadBytes + kWelcomeBytes + kCrcBytes == kMaxDatagramBytes);
 static_assert(kHeadBytes + kStateBytes + kCrcBytes <= RawPacket::kMost, "recordings hold a state");
 
-/// Of what follows the head; nothing for what is no kind.
+/// Size of what follows the head; nothing for an unknown kind.
 std::optional<std::size_t> payload_of(std::uint8_t kind) noexcept {
   switch (static_cast<DatagramKind>(kind)) {
     case DatagramKind::kHello:
@@ -35,72 +38,29 @@ std::optional<std::size_t> payload_of(std::uint8_t kind) noexcept {
   return std::nullopt;
 }
 
-/// Writes numbers one after the other.
-class DatagramWriter {
- public:
-  explicit DatagramWriter(std::span<std::uint8_t> into) noexcept : into_(into) {}
-  template <class T>
-  void number(T value) noexcept {
-    for (std::size_t i = 0; i < sizeof(T); ++i) {
-      into_[at_++] = static_cast<std::uint8_t>(value & 0xFFU);
-      if constexpr (sizeof(T) > 1) value = static_cast<T>(value >> 8U);
-    }
-  }
-  void real(double value) noexcept { number(std::bit_cast<std::uint64_t>(value)); }
-  void vector(const Vec3& value) noexcept {
-    for (int axis = 0; axis < 3; ++axis) real(value[axis]);
-  }
-  [[nodiscard]] std::size_t size() const noexcept { return at_; }
-
- private:
-  std::span<std::uint8_t> into_;
-  std::size_t at_ = 0;
-};
-
-class DatagramParser {
- public:
-  explicit DatagramParser(std::span<const std::uint8_t> from) noexcept : from_(from) {}
-  template <class T>
-  [[nodiscard]] T number() noexcept {
-    std::uint64_t value = 0;
-    for (std::size_t i = 0; i < sizeof(T); ++i) value |= std::uint64_t{from_[at_++]} << (8U * i);
-    return static_cast<T>(value);
-  }
-  [[nodiscard]] double real() noexcept { return std::bit_cast<double>(number<std::uint64_t>()); }
-  [[nodiscard]] Vec3 vector() noexcept {
-    Vec3 value;
-    for (int axis = 0; axis < 3; ++axis) value[axis] = real();
-    return value;
-  }
-
- private:
-  std::span<const std::uint8_t> from_;
-  std::size_t at_ = 0;
-};
-
-void write_welcome(DatagramWriter& out, const BridgeWelcome& welcome) noexcept {
+void write_welcome(ByteWriter& out, const BridgeWelcome& welcome) noexcept {
   const DeviceLimits& limits = welcome.limits;
   out.real(limits.force_max_n);
-  out.vector(limits.workspace_mm.low_mm);
-  out.vector(limits.workspace_mm.high_mm);
+  out.vec(limits.workspace_mm.low_mm);
+  out.vec(limits.workspace_mm.high_mm);
   for (const double value : {limits.resolution_mm, limits.rate_hz, limits.stiffness_max_n_per_mm,
-                             limits.damping_max_n_s_per_mm, welcome.watchdog_s, welcome.most_age_s})
+                             limits.damping_max_n_s_per_mm, welcome.watchdog_s, welcome.max_age_s})
     out.real(value);
-  out.number(static_cast<std::uint32_t>(limits.workspace_shape));
-  for (const char c : welcome.name_bytes) out.number(static_cast<std::uint8_t>(c));
+  out.u32(static_cast<std::uint32_t>(limits.workspace_shape));
+  for (const char c : welcome.name_bytes) out.u8(static_cast<std::uint8_t>(c));
 }
 
-BridgeWelcome read_welcome(DatagramParser& in, std::uint32_t& shape) noexcept {
+BridgeWelcome read_welcome(ByteReader& in, std::uint32_t& shape) noexcept {
   BridgeWelcome welcome;
   DeviceLimits& limits = welcome.limits;
   limits.force_max_n = in.real();
-  limits.workspace_mm.low_mm = in.vector();
-  limits.workspace_mm.high_mm = in.vector();
+  limits.workspace_mm.low_mm = in.vec();
+  limits.workspace_mm.high_mm = in.vec();
   for (double* value : {&limits.resolution_mm, &limits.rate_hz, &limits.stiffness_max_n_per_mm,
-                        &limits.damping_max_n_s_per_mm, &welcome.watchdog_s, &welcome.most_age_s})
+                        &limits.damping_max_n_s_per_mm, &welcome.watchdog_s, &welcome.max_age_s})
     *value = in.real();
-  shape = in.number<std::uint32_t>();
-  for (char& c : welcome.name_bytes) c = static_cast<char>(in.number<std::uint8_t>());
+  shape = in.u32();
+  for (char& c : welcome.name_bytes) c = static_cast<char>(in.u8());
   return welcome;
 }
 
@@ -111,10 +71,10 @@ bool is_name(const std::array<char, BridgeWelcome::kNameBytes>& name) noexcept {
          std::all_of(end, name.end(), [](char c) { return c == '\0'; });
 }
 
-/// What a governor can be made for.
+/// Whether a governor can be made for it.
 bool is_welcome(const BridgeWelcome& welcome, std::uint32_t shape) noexcept {
   const DeviceLimits& limits = welcome.limits;
-  for (const double value : {limits.force_max_n, limits.rate_hz, welcome.watchdog_s, welcome.most_age_s})
+  for (const double value : {limits.force_max_n, limits.rate_hz, welcome.watchdog_s, welcome.max_age_s})
     if (!(std::isfinite(value) && value > 0.0)) return false;
   for (const double value :
        {limits.resolution_mm, limits.stiffness_max_n_per_mm, limits.damping_max_n_s_per_mm})
@@ -137,32 +97,26 @@ std::string_view BridgeWelcome::name() const noexcept {
 }
 
 std::uint32_t crc32_of(std::span<const std::uint8_t> bytes) noexcept {
-  constexpr std::uint32_t kReflected = 0xEDB88320U;
-  std::uint32_t crc = ~std::uint32_t{0};
-  for (const std::uint8_t byte : bytes) {
-    crc ^= byte;
-    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? kReflected : 0U);
-  }
-  return ~crc;
+  return static_cast<std::uint32_t>(::crc32(0, bytes.data(), static_cast<uInt>(bytes.size())));
 }
 
 DatagramBytes::DatagramBytes(const Datagram& datagram) noexcept {
-  DatagramWriter out(bytes_);
-  for (const std::uint8_t byte : kMagic) out.number(byte);
-  out.number(kBridgeVersion);
-  out.number(static_cast<std::uint8_t>(datagram.kind));
-  out.number(datagram.flags);
-  out.number(datagram.session);
-  out.number(datagram.sequence);
-  out.number(datagram.answers);
+  ByteWriter out{std::span(bytes_)};
+  for (const std::uint8_t byte : kMagic) out.u8(byte);
+  out.u8(kBridgeVersion);
+  out.u8(static_cast<std::uint8_t>(datagram.kind));
+  out.u16(datagram.flags);
+  out.u64(datagram.session);
+  out.u32(datagram.sequence);
+  out.u32(datagram.answers);
   if (datagram.kind == DatagramKind::kCommand || datagram.kind == DatagramKind::kState)
-    out.vector(datagram.vector);
+    out.vec(datagram.vector);
   if (datagram.kind == DatagramKind::kState) {
-    out.number(datagram.buttons);
-    out.number(datagram.age_us);
+    out.u32(datagram.buttons);
+    out.u32(datagram.age_us);
   }
   if (datagram.kind == DatagramKind::kWelcome) write_welcome(out, datagram.welcome);
-  out.number(crc32_of(std::span(bytes_).first(out.size())));
+  out.u32(crc32_of(std::span(bytes_).first(out.size())));
   size_ = out.size();
 }
 
@@ -174,22 +128,21 @@ std::optional<Datagram> decoded_datagram(std::span<const std::uint8_t> bytes) no
   const std::optional<std::size_t> payload = payload_of(bytes[kKindAt]);
   if (!payload || bytes.size() != kHeadBytes + *payload + kCrcBytes) return std::nullopt;
   const auto body = bytes.first(bytes.size() - kCrcBytes);
-  if (DatagramParser(bytes.subspan(body.size())).number<std::uint32_t>() != crc32_of(body))
-    return std::nullopt;
-  DatagramParser in(bytes.subspan(kFlagsAt));
+  if (ByteReader(bytes.subspan(body.size())).u32() != crc32_of(body)) return std::nullopt;
+  ByteReader in(bytes.subspan(kFlagsAt));
   Datagram datagram;
   datagram.kind = static_cast<DatagramKind>(bytes[kKindAt]);
-  datagram.flags = in.number<std::uint16_t>();
+  datagram.flags = in.u16();
   if ((datagram.flags & ~unsigned{flags_allowed(datagram.kind)}) != 0) return std::nullopt;
-  datagram.session = in.number<std::uint64_t>();
-  datagram.sequence = in.number<std::uint32_t>();
-  datagram.answers = in.number<std::uint32_t>();
+  datagram.session = in.u64();
+  datagram.sequence = in.u32();
+  datagram.answers = in.u32();
   if (datagram.kind == DatagramKind::kCommand || datagram.kind == DatagramKind::kState)
-    datagram.vector = in.vector();
+    datagram.vector = in.vec();
   if (datagram.kind == DatagramKind::kCommand && !is_finite(datagram.vector)) return std::nullopt;
   if (datagram.kind == DatagramKind::kState) {
-    datagram.buttons = in.number<std::uint32_t>();
-    datagram.age_us = in.number<std::uint32_t>();
+    datagram.buttons = in.u32();
+    datagram.age_us = in.u32();
   }
   if (datagram.kind == DatagramKind::kWelcome) {
     std::uint32_t shape = 0;

@@ -1,13 +1,13 @@
-#include "device/drivers/all_drivers.h"
+#include <palpate/device/drivers.h>
 
-#include "device/arms/arm_driver.h"
-#include "device/bridge/bridge_driver.h"
-#include "device/falcon/falcon_driver.h"
-#include "device/haply/inverse3_driver.h"
-#include "device/haply/planar_driver.h"
+#include "device/arms/arm_device.h"
+#include "device/bridge/bridge_device.h"
+#include "device/falcon/falcon_device.h"
+#include "device/haply/inverse3_device.h"
+#include "device/haply/planar_device.h"
 #include "device/plugins/plugin_host.h"
-#include "device/simulated/simulated_drivers.h"
-#include "device/spacemouse/spacemouse_driver.h"
+#include "device/simulated/arm_models.h"
+#include "device/spacemouse/spacemouse_device.h"
 
 namespace palpate::device {
 

@@ -1,4 +1,4 @@
-#include "device/falcon/falcon_kinematics.h"
+#include "device/falcon/falcon_device.h"
 
 #include <Eigen/LU>
 
@@ -12,12 +12,12 @@ namespace {
 // Stamper's symbols, mm.
 constexpr double kThighMm = 60.0;                     // a
 constexpr double kShinMm = 102.5;                     // b
-constexpr double kGripU = 14.43, kGripV = -25.0;      // c, f: where a shin ends, from the grip's middle
+constexpr double kGripU = 14.43, kGripV = -25.0;      // c, f: end of a shin, from the grip's middle
 constexpr double kStubsMm = 2.0 * 11.25;              // d + e: above and below the parallelogram
-constexpr double kBaseU = 40.0, kBaseV = -23.09;      // r, s: where a thigh begins
+constexpr double kBaseU = 40.0, kBaseV = -23.09;      // r, s: start of a thigh
 constexpr double kDegree = std::numbers::pi / 180.0;  // rad
-// Legs from the top, clockwise as the user sees them: top at 105 degrees, right at -15, left at -135. Their
-// cosines and sines, in the last digit of a double.
+// Cosines and sines of the legs' directions, to the last digit of a double. Clockwise from the top as the
+// user sees them: 105, -15 (right), -135 degrees (left).
 struct LegTurn {
   double c, s;
 };
@@ -26,26 +26,25 @@ constexpr double kHalfRoot = std::numbers::sqrt2 / 2.0;
 constexpr std::array<LegTurn, 3> kLegs = {LegTurn{-kSin15, kCos15}, LegTurn{kCos15, -kSin15},
                                           LegTurn{-kHalfRoot, -kHalfRoot}};
 
-// 320 lines, each seen four times in a turn of the motor; its capstan drives a sector.
+// 320 lines, four counts each per motor turn; the capstan drives a sector.
 constexpr double kCountsPerTurn = 320.0 * 4.0, kCapstanMm = 14.25, kSectorMm = 110.0;
 constexpr double kRadPerCount = 2.0 * std::numbers::pi / kCountsPerTurn * kCapstanMm / kSectorMm;
 constexpr double kAngleAtZero = 35.0 * kDegree;
 
-// Newton's method doubles the digits: below this the next step would be rounding. A count is 6e5 times as
-// much.
+// Newton's method doubles the digits: the next step is rounding. A count is 6e5 times larger.
 constexpr double kConvergedRad = 1e-10;
-// A determinant of A below this, (rad/mm)^3, is no pose to push at: at the centre it is 4e-6, and it varies
-// 3.5-fold over the workspace.
-constexpr double kLeastDeterminant = 1e-9;
+// A smaller determinant of A, (rad/mm)^3, is a singular pose: the centre has 4e-6, the workspace a 3.5-fold
+// range.
+constexpr double kMinDeterminant = 1e-9;
 
-/// A leg's plane: u outwards, v across, w along z.
+/// Leg plane: u outwards, v across, w along z.
 struct LegPoint {
   double u, v_plus_f, w;
-  double q;       // the shin's length seen along v
-  double across;  // q and the stubs: L
+  double q;       // length of the shin seen along v
+  double across;  // q plus the stubs: L
 };
 
-/// Nothing where the parallelogram cannot lean so far.
+/// Nothing if the parallelogram cannot lean that far.
 std::optional<LegPoint> leg_point(const Vec3& position_mm, std::size_t leg) noexcept {
   const auto [c, s] = kLegs[leg];
   const double u = c * position_mm.x() + s * position_mm.y() - kBaseU;
@@ -80,7 +79,7 @@ std::optional<Vec3> falcon_angles(const Vec3& position_mm) noexcept {
   return angles;
 }
 
-// From g = (U - a cos θ)² + (w - a sin θ)² - L² = 0, whose change is nothing along the leg's motion.
+// From g = (U - a cos θ)² + (w - a sin θ)² - L² = 0, constant along the leg's motion.
 std::optional<Mat3> falcon_jacobian(const Vec3& position_mm, const Vec3& angles_rad) noexcept {
   Mat3 jacobian;
   for (std::size_t leg = 0; leg < kLegs.size(); ++leg) {
@@ -100,7 +99,7 @@ std::optional<Mat3> falcon_jacobian(const Vec3& position_mm, const Vec3& angles_
 }
 
 std::optional<Vec3> falcon_torques(const Mat3& jacobian, const Vec3& force_n) noexcept {
-  if (!(std::abs(jacobian.determinant()) > kLeastDeterminant)) return std::nullopt;
+  if (!(std::abs(jacobian.determinant()) > kMinDeterminant)) return std::nullopt;
   const Vec3 torques = jacobian.inverse().transpose() * force_n;
   if (!is_finite(torques)) return std::nullopt;
   return torques;
@@ -116,9 +115,9 @@ FalconPose falcon_position(const Vec3& angles_rad, const Vec3& start_mm) noexcep
     if (missing.cwiseAbs().maxCoeff() < kConvergedRad) break;
     if (pose.steps == kFalconNewtonSteps) return pose;
     const std::optional<Mat3> jacobian = falcon_jacobian(pose.position_mm, *angles);
-    if (!jacobian || !(std::abs(jacobian->determinant()) > kLeastDeterminant)) return pose;
+    if (!jacobian || !(std::abs(jacobian->determinant()) > kMinDeterminant)) return pose;
     Vec3 step = jacobian->inverse() * missing;
-    // A step may leave what the legs reach, where there are no angles: half of it then.
+    // Halves a step that leaves the reach of the legs, where no angles exist.
     std::optional<Vec3> next = falcon_angles(pose.position_mm + step);
     for (int halvings = 0; !next && halvings < kFalconHalvings; ++halvings) {
       step *= 0.5;
@@ -128,7 +127,7 @@ FalconPose falcon_position(const Vec3& angles_rad, const Vec3& start_mm) noexcep
     pose.position_mm += step;
     angles = next;
   }
-  // The same angles belong to a mirrored arm behind the base, which no Falcon has.
+  // The same angles fit a mirrored arm behind the base, which no Falcon has.
   pose.converged = pose.position_mm.z() > 0.0;
   return pose;
 }

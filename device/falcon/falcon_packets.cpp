@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace palpate::device {
 namespace {
@@ -10,8 +9,8 @@ namespace {
 constexpr std::uint8_t kFirst = '<', kLast = '>', kBase = 'A';
 constexpr std::size_t kFlagsAt = 13, kSpareAt = 14, kLastAt = 15;
 constexpr unsigned kNibble = 0xF, kNibbleBits = 4;
-constexpr std::size_t kNibbles = 4;  // of a number
-constexpr unsigned kMostReplyFlags = 0x7F, kMostCommandFlags = 0x0F;
+constexpr std::size_t kNibbles = 4;  // per number
+constexpr unsigned kMaxReplyFlags = 0x7F, kMaxCommandFlags = 0x0F;
 constexpr unsigned kHomedShift = 4;
 
 void put_number(FalconBytes& bytes, std::size_t axis, int value) noexcept {
@@ -60,7 +59,7 @@ FalconBytes encoded(const FalconCommand& command) noexcept {
   std::array<int, 3> motors{};
   for (std::size_t axis = 0; axis < motors.size(); ++axis)
     motors[axis] = std::clamp(command.motors[axis], -kFalconMostCounts, kFalconMostCounts);
-  return frame_of(motors, command.flags & kMostCommandFlags);
+  return frame_of(motors, command.flags & kMaxCommandFlags);
 }
 
 FalconBytes encoded(const FalconReply& reply) noexcept {
@@ -71,7 +70,7 @@ FalconBytes encoded(const FalconReply& reply) noexcept {
 
 std::optional<FalconCommand> falcon_command(
     std::span<const std::uint8_t, kFalconPacketBytes> bytes) noexcept {
-  const std::optional<Framed> found = framed(bytes, kMostCommandFlags);
+  const std::optional<Framed> found = framed(bytes, kMaxCommandFlags);
   if (!found) return std::nullopt;
   return FalconCommand{{found->numbers[0], found->numbers[1], found->numbers[2]},
                        static_cast<std::uint8_t>(found->flags)};
@@ -84,7 +83,7 @@ bool falcon_lets_go(std::span<const std::uint8_t> bytes) noexcept {
 }
 
 std::optional<FalconReply> falcon_reply(std::span<const std::uint8_t, kFalconPacketBytes> bytes) noexcept {
-  const std::optional<Framed> found = framed(bytes, kMostReplyFlags);
+  const std::optional<Framed> found = framed(bytes, kMaxReplyFlags);
   if (!found) return std::nullopt;
   return FalconReply{found->numbers, static_cast<std::uint8_t>(found->flags & kNibble),
                      static_cast<std::uint8_t>(found->flags >> kHomedShift)};
@@ -99,33 +98,6 @@ std::array<int, 3> falcon_motors(const Vec3& torques_n_mm, double counts_per_n_m
   for (std::size_t axis = 0; axis < motors.size(); ++axis)
     motors[axis] = static_cast<int>(std::lround(counts[static_cast<Eigen::Index>(axis)]));
   return motors;
-}
-
-std::optional<FalconReply> FalconReader::take(std::uint8_t byte) noexcept {
-  if (size_ == 0 && byte != kFirst) {
-    ++dropped_;
-    return std::nullopt;
-  }
-  held_[size_++] = byte;
-  if (size_ < kFalconPacketBytes) return std::nullopt;
-  const std::optional<FalconReply> reply = falcon_reply(held_);
-  if (reply) {
-    last_ = held_;
-    size_ = 0;
-    malformed_in_a_row_ = 0;
-  } else {
-    ++malformed_;
-    if (malformed_in_a_row_ < std::numeric_limits<std::uint32_t>::max()) ++malformed_in_a_row_;
-    drop_to_next_start();
-  }
-  return reply;
-}
-
-void FalconReader::drop_to_next_start() noexcept {
-  const auto end = held_.begin() + static_cast<std::ptrdiff_t>(size_);
-  const auto next = std::find(held_.begin() + 1, end, kFirst);
-  dropped_ += static_cast<std::uint64_t>(next - held_.begin());
-  size_ = static_cast<std::size_t>(std::copy(next, end, held_.begin()) - held_.begin());
 }
 
 }  // namespace palpate::device

@@ -1,24 +1,21 @@
 #include "device/haply/inverse3_device.h"
 
-#include <time.h>
-
 #include <algorithm>
 
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/core/number_format.h"
 
 namespace palpate::device {
 namespace {
 
-// Three in a row, and nothing that comes can be believed.
+// Three in a row mean a broken connection.
 constexpr int kMostNonsense = 3;
-// The service answers commands. Where an answer was lost, or it has none to give, it is asked again so soon:
-// four times within what counts as silence.
+// Repeats the command after this time without an answer: four times within the silence limit.
 constexpr std::int64_t kAskAgainNs = 5'000'000;
 
 }  // namespace
 
-void Inverse3Talk::take(std::string_view text) noexcept {
+void Inverse3Session::take(std::string_view text) noexcept {
   texts_.fetch_add(1);
   const std::string wanted = wanted_id_.empty() ? device_id() : wanted_id_;
   const Inverse3Text read = parsed_inverse3(text, wanted);
@@ -27,7 +24,7 @@ void Inverse3Talk::take(std::string_view text) noexcept {
     return;
   }
   malformed_.store(0);
-  // Texts without a list of devices are about something else.
+  // A text without a device list is about something else.
   if (!read.has_device) {
     if (read.devices >= 0) present_.store(false);
     return;
@@ -42,7 +39,7 @@ void Inverse3Talk::take(std::string_view text) noexcept {
   present_.store(true);
 }
 
-bool Inverse3Talk::give(std::string& text) noexcept {
+bool Inverse3Session::give(std::string& text) noexcept {
   const std::string id = device_id();
   if (id.empty()) return false;
   if (!gate_given_) {
@@ -52,8 +49,8 @@ bool Inverse3Talk::give(std::string& text) noexcept {
   }
   const std::int64_t now_ns = monotonic_ns();
   const Vec3 force_n = force_.load();
-  const bool lets_go = force_n.isZero(0.0) && !given_n_.isZero(0.0);
-  if (!answer_due_ && !lets_go && now_ns - given_ns_ < kAskAgainNs) return false;
+  const bool is_zero_command = force_n.isZero(0.0) && !given_n_.isZero(0.0);
+  if (!answer_due_ && !is_zero_command && now_ns - given_ns_ < kAskAgainNs) return false;
   answer_due_ = false;
   given_ns_ = now_ns;
   given_n_ = force_n;
@@ -62,25 +59,25 @@ bool Inverse3Talk::give(std::string& text) noexcept {
   return true;
 }
 
-bool Inverse3Talk::last(std::string& text) noexcept {
+bool Inverse3Session::last(std::string& text) noexcept {
   const std::string id = device_id();
   if (id.empty()) return false;
   text = inverse3_force_text(id, Vec3::Zero());
   return true;
 }
 
-bool Inverse3Talk::newest(Seen& seen) noexcept {
+bool Inverse3Session::newest(Seen& seen) noexcept {
   const bool fresh = seen_.acquire();
   if (fresh) seen = seen_.front();
   return fresh;
 }
 
-std::string Inverse3Talk::device_id() const {
+std::string Inverse3Session::device_id() const {
   const std::lock_guard lock(mutex_);
   return device_id_;
 }
 
-std::string Inverse3Talk::config() const {
+std::string Inverse3Session::config() const {
   const std::lock_guard lock(mutex_);
   return config_;
 }
@@ -88,17 +85,9 @@ std::string Inverse3Talk::config() const {
 Inverse3Device::Inverse3Device(std::unique_ptr<TextLink> link, const Clock& clock, Inverse3Options options)
     : link_(std::move(link)), clock_(clock), options_(std::move(options)) {}
 
-void Inverse3Device::wait() const {
-  constexpr timespec kWait{0, 1'000'000};
-  if (options_.wait)
-    options_.wait();
-  else
-    ::nanosleep(&kWait, nullptr);
-}
-
 Status Inverse3Device::open() {
   close();
-  talks_.push_back(std::make_unique<Inverse3Talk>(clock_, options_.device_id, options_.force_gate));
+  talks_.push_back(std::make_unique<Inverse3Session>(clock_, options_.device_id, options_.force_gate));
   talk_.store(talks_.back().get());
   PALPATE_TRY(link_->open(*talks_.back()));
   state_ = {};
@@ -113,11 +102,11 @@ Status Inverse3Device::open() {
 }
 
 Status Inverse3Device::wait_for_device() {
-  const Inverse3Talk& talk = *talk_.load();
+  const Inverse3Session& talk = *talk_.load();
   for (int i = 0; i < options_.open_tries; ++i) {
-    if (talk.present() && talk.zero_given()) return Done{};
+    if (talk.present() && talk.zero_sent()) return Done{};
     if (talk.gone()) return Error{"the service hung up", "look at its log, start it again", name(), 0};
-    wait();
+    options_.wait();
   }
   if (talk.texts() == 0)
     return Error{"the service says nothing", "start it again: systemctl restart haply-inverse-service",
@@ -129,12 +118,12 @@ Status Inverse3Device::wait_for_device() {
                "connect it and switch it on; its light says when it is ready", name(), 0};
 }
 
-/// The service takes this one over HTTP alone. Told back as it answers: what it does with it nobody has seen.
+/// The service takes this setting only over HTTP. Its answer is reported; nobody has observed its effect.
 void Inverse3Device::set_scaling() {
-  const Inverse3Talk& talk = *talk_.load();
+  const Inverse3Session& talk = *talk_.load();
   facts_ = {{"device_id", talk.device_id()},
             {"service", options_.service.host + ":" + std::to_string(options_.service.port)},
-            {"force_gate_set", short_number(options_.force_gate)},
+            {"force_gate_set", format_number(options_.force_gate)},
             {"torque_scaling_set", options_.torque_scaling ? "on" : "off"},
             {"config_at_start", talk.config()}};
   HttpRequest request{options_.service.host, options_.service.port, "POST",
@@ -163,8 +152,8 @@ void Inverse3Device::close() noexcept {
 DeviceState Inverse3Device::read() noexcept {
   state_.status = open_ ? ReadStatus::kNothingNew : ReadStatus::kLost;
   if (!open_) return state_;
-  Inverse3Talk& talk = *talk_.load(std::memory_order_relaxed);
-  Inverse3Talk::Seen seen;
+  Inverse3Session& talk = *talk_.load(std::memory_order_relaxed);
+  Inverse3Session::Seen seen;
   if (talk.newest(seen)) {
     state_.position_mm = seen.position_mm - options_.centre_mm;
     state_.buttons = seen.buttons;
@@ -182,7 +171,7 @@ void Inverse3Device::send(GovernedForce force) noexcept {
 }
 
 bool Inverse3Device::cut_force() noexcept {
-  Inverse3Talk* const talk = talk_.load();
+  Inverse3Session* const talk = talk_.load();
   if (talk == nullptr) return false;
   talk->zero();
   return !talk->gone();

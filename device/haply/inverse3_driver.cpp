@@ -1,11 +1,7 @@
-#include "device/haply/inverse3_driver.h"
-
-#include <time.h>
-
+#include <palpate/result.h>
 #include "device/haply/inverse3_device.h"
+#include "device/interface/driver_options.h"
 #include "device/links/udp_link.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::device {
 namespace {
@@ -24,44 +20,33 @@ Status read_centre(const std::string& value, Vec3& centre_mm) {
   return Done{};
 }
 
-Status set_option(Inverse3Options& options, const std::string& key, const std::string& value) {
-  constexpr NumberRange kShare{0.0, 1.0}, kForce{0.0, 10.0, true};
-  const auto number = [&](const NumberRange& range, double& into) -> Status {
-    const Result<double> read = read_number(value, range);
-    if (!read) return Error{key + ": " + read.error().what, "", "", 0};
-    into = *read;
-    return Done{};
-  };
-  if (key == "force-gate") return number(kShare, options.force_gate);
-  if (key == "force-max-n") return number(kForce, options.limits.force_max_n);
-  if (key == "centre-mm") return read_centre(value, options.centre_mm);
-  if (key == "service") {
+Status take_inverse3_options(Inverse3Options& options, const DeviceRequest& request) {
+  const auto take_service = [&options](const std::string& value) -> Status {
     PALPATE_ASSIGN(const UdpAddress address, UdpAddress::of(value));
     options.service.host = address.host;
     options.service.port = address.port;
     return Done{};
-  }
-  if (key == "torque-scaling") {
-    if (value != "on" && value != "off")
-      return Error{"torque-scaling is '" + value + "'", "write on or off", "", 0};
-    options.torque_scaling = value == "on";
-    return Done{};
-  }
-  return Error{"inverse3 has no option '" + key + "'",
-               "it has service, force-gate, torque-scaling, centre-mm, force-max-n", "", 0};
+  };
+  const auto take_centre = [&options](const std::string& value) {
+    return read_centre(value, options.centre_mm);
+  };
+  return take_options(request, "inverse3",
+                      {{"service", take_service},
+                       number_option("force-gate", options.force_gate, {0.0, 1.0}),
+                       switch_option("torque-scaling", options.torque_scaling),
+                       {"centre-mm", take_centre},
+                       number_option("force-max-n", options.limits.force_max_n, {0.0, 10.0, true})});
 }
 
-/// A connection of its own that says zero and leaves.
 bool release_inverse3(const Inverse3Options& options) {
   constexpr int kTries = 300;
-  constexpr timespec kWait{0, 1'000'000};
   const MonotonicClock clock;
-  Inverse3Talk talk(clock, options.device_id, options.force_gate);
+  Inverse3Session talk(clock, options.device_id, options.force_gate);
   WebSocketLink link(options.service);
   if (!link.open(talk)) return false;
-  for (int i = 0; i < kTries && !talk.zero_given() && !talk.gone(); ++i) ::nanosleep(&kWait, nullptr);
+  for (int i = 0; i < kTries && !talk.zero_sent() && !talk.gone(); ++i) sleep_ms();
   link.close();
-  return talk.zero_given();
+  return talk.zero_sent();
 }
 
 Result<MadeDevice> make_inverse3(const DeviceRequest& request, const Clock& clock) {
@@ -71,7 +56,7 @@ Result<MadeDevice> make_inverse3(const DeviceRequest& request, const Clock& cloc
     options.device_id = request.name.substr(colon + 1);
   if (!request.description.empty())
     return Error{"the Inverse3 has no description file", "leave it out", request.description.string(), 0};
-  for (const auto& [key, value] : request.options) PALPATE_TRY(set_option(options, key, value));
+  PALPATE_TRY(take_inverse3_options(options, request));
   MadeDevice made;
   auto device =
       std::make_unique<Inverse3Device>(std::make_unique<WebSocketLink>(options.service), clock, options);
@@ -89,7 +74,7 @@ std::vector<DeviceEntry> look_for_inverse3() {
   request.port = kInverse3Port;
   DeviceEntry entry{
       "inverse3", "Haply Inverse3, through its maker's local service", DeviceStatus::kReady, {}};
-  // Whoever answers there is taken for it: what is connected shows when it is opened.
+  // Any service that answers counts; opening shows what is connected.
   if (!http_request(request)) {
     entry.status = DeviceStatus::kMissing;
     entry.needs = {"the maker's service on port " + std::to_string(kInverse3Port) +

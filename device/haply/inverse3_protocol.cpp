@@ -1,4 +1,4 @@
-#include "device/haply/inverse3_protocol.h"
+#include "device/haply/inverse3_device.h"
 
 #include <nlohmann/json.hpp>
 
@@ -9,14 +9,14 @@ using ServiceJson = nlohmann::json;
 
 constexpr double kMmPerM = 1000.0;
 
-/// A member of an object; null where it is none or has none.
+/// Member of an object; null if absent or not an object.
 const ServiceJson* member(const ServiceJson* of, const char* name) {
   if (of == nullptr || !of->is_object()) return nullptr;
   const auto at = of->find(name);
   return at == of->end() ? nullptr : &*at;
 }
 
-/// The first object of a list; null where there is none.
+/// First object of a list; null if absent.
 const ServiceJson* first_of(const ServiceJson* list) {
   return list != nullptr && list->is_array() && !list->empty() ? &list->front() : nullptr;
 }
@@ -53,7 +53,7 @@ std::uint32_t buttons_of(const ServiceJson& whole) {
 std::string command_text(const std::string& device_id, const char* section, ServiceJson what) {
   ServiceJson one = {{"device_id", device_id}};
   one[section] = std::move(what);
-  // An id of a service that lies may be no UTF-8: replaced, never thrown about.
+  // Replaces invalid UTF-8 in a service's id, which would throw otherwise.
   return ServiceJson{{"inverse3", ServiceJson::array({std::move(one)})}}.dump(
       -1, ' ', false, ServiceJson::error_handler_t::replace);
 }
@@ -63,8 +63,7 @@ std::string command_text(const std::string& device_id, const char* section, Serv
 Inverse3Text parsed_inverse3(std::string_view text, const std::string& wanted_id) {
   Inverse3Text read;
   constexpr bool kThrows = false;
-  // Nesting is bounded: the library descends by recursion only where it destroys, and a text is 64 KB at
-  // most.
+  // Nesting is bounded: the library recurses only when destroying, and a text has at most 64 KB.
   const ServiceJson whole = ServiceJson::parse(text, nullptr, kThrows);
   if (whole.is_discarded() || !whole.is_object()) return read;
   read.is_json = true;

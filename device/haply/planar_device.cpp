@@ -1,14 +1,20 @@
 #include "device/haply/planar_device.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "device/interface/driver_options.h"
+#include "device/links/tty_link.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::device {
 namespace {
@@ -16,22 +22,21 @@ namespace {
 constexpr std::size_t kPlanePollBytes = 64;
 constexpr std::uint32_t kPlaneMostMalformed = 3;
 constexpr std::int64_t kPlaneWakeNs = 20'000'000,
-                       kPlaneStaleNs = 20'000'000;  // as long as the governor bears silence
+                       kPlaneStaleNs = 20'000'000;  // the governor's silence limit
 constexpr useconds_t kPlaneOpenStepUs = 5000, kPlaneSetUpUs = 20000;
-constexpr int kPlaneOpenWakeEvery = 20;  // looks: 0.1 s
-// A board answers within a ms or two; a quiet line for longer, and all that was sent before is answered.
+constexpr int kPlaneOpenWakeEvery = 20;  // polls: 0.1 s
+// A board answers within two ms; after a longer quiet everything sent before is answered.
 constexpr useconds_t kPlaneLookUs = 1000;
 constexpr int kPlaneQuietLooks = 5, kPlaneAnswerLooks = 20, kPlaneLetGoRounds = 5;
-// A reply does not say which command it answers: one that is later than a quiet line lets expect would vouch
-// for a zero that the board has not taken.
+// A reply does not name its command: one later than a quiet line allows would confirm a zero not taken by the
+// board.
 constexpr int kPlaneZerosAnswered = 2;
 constexpr double kPlaneRateHz = 1000.0;
-// Where both editions reach without their bars nearing a line; tests walk it.
+// Both editions reach this without aligned bars; tests walk it.
 constexpr double kHalfWidthMm = 50.0, kHalfHeightMm = 30.0, kPlaneMiddleMm = 90.0;
-constexpr double kHalfThicknessMm = 5.0;  // of a plane: a box must have some
+constexpr double kHalfThicknessMm = 5.0;  // a planar device still needs a box with thickness
 constexpr double kPlaneDegree = std::numbers::pi / 180.0;
 
-/// Whether a whole reply comes within so many looks.
 bool plane_answers(Link& link, int looks) noexcept {
   PlanarReader reader;
   std::array<std::uint8_t, kPlanePollBytes> bytes;
@@ -45,7 +50,6 @@ bool plane_answers(Link& link, int looks) noexcept {
   return false;
 }
 
-/// Throws away what comes until the line is quiet.
 void await_quiet_plane(Link& link) noexcept {
   std::array<std::uint8_t, kPlanePollBytes> bytes;
   for (int look = 0, quiet = 0; look < kPlaneAnswerLooks && quiet < kPlaneQuietLooks; ++look) {
@@ -54,12 +58,81 @@ void await_quiet_plane(Link& link) noexcept {
   }
 }
 
+constexpr const char* kPlanarWhat = "Haply 2DIY: planar, 2 degrees of freedom; no force along z";
+
+std::string serial_lines_text() {
+  std::vector<std::string> paths;
+  for (const TtyFound& one : tty_lines()) paths.push_back(one.path);
+  return paths.empty() ? "none is connected now" : "there are " + joined(paths);
+}
+
+std::vector<DeviceEntry> look_for_planar() {
+  return {{"planar",
+           kPlanarWhat,
+           DeviceStatus::kMissing,
+           {"name its serial line, as --device-option path=/dev/serial/by-id/NAME (" + serial_lines_text() +
+            ")"}}};
+}
+
+struct RequestedPlanar {
+  TtyLinkOptions line;
+  const PlanarModel* model = planar_model(2);
+  PlanarOptions options;
+};
+
+Status take_planar_options(RequestedPlanar& planar, const DeviceRequest& request) {
+  const auto take_generation = [&planar](const std::string& value) -> Status {
+    planar.model = value == "2" ? planar_model(2) : value == "3" ? planar_model(3) : nullptr;
+    if (planar.model == nullptr) return Error{"generation is " + shown(value), "give 2 or 3", "", 0};
+    return Done{};
+  };
+  PlanarOptions& options = planar.options;
+  return take_options(request, "the 2DIY",
+                      {text_option("path", planar.line.path),
+                       {"generation", take_generation},
+                       number_option("force_n", options.force_max_n, {0.0, options.force_max_n, true})});
+}
+
+Result<MadeDevice> make_planar(const DeviceRequest& request, const Clock& clock) {
+  if (request.name != "planar" || !request.description.empty())
+    return Error{"'planar' takes no name and no description file", "give `--device planar`", "", 0};
+  RequestedPlanar planar;
+  PALPATE_TRY(take_planar_options(planar, request));
+  if (planar.line.path.empty())
+    return Error{"the 2DIY's serial line must be named: " + serial_lines_text(),
+                 "give --device-option path=/dev/serial/by-id/NAME", "", 0};
+  MadeDevice made;
+  auto line = std::make_unique<TtyLink>(planar.line);
+  made.facts = [model = planar.model, raw = line.get()] {
+    DeviceFacts facts = {{"model", model->name},
+                         {"path", raw->path()},
+                         {"rest_deg", fmt::format("{:g} {:g}", model->rest_deg[0], model->rest_deg[1])},
+                         {"counts_per_turn", fmt::format("{:g}", model->counts_per_turn)}};
+    add_link_counts(facts, raw->counters());
+    return facts;
+  };
+  made.device = std::make_unique<PlanarDevice>(std::move(line), clock, *planar.model, planar.options);
+  made.zero = [line = planar.line] {
+    TtyLink link(line);
+    if (!link.open()) return false;
+    const bool answered = planar_let_go(link);
+    link.close();
+    return answered;
+  };
+  made.unproven = {
+      "no 2DIY has been driven by Palpate yet: its set-up, lengths and directions are those that its "
+      "maker published",
+      "it has 2 degrees of freedom: its grip stays in a plane, and no force acts along z",
+      "its board holds the last torque for ever: if all else fails, unplug its power"};
+  return made;
+}
+
 }  // namespace
 
 bool planar_let_go(Link& link) noexcept {
-  const CommandBytes let_go = encoded_let_go(), zero = encoded_torques({});
+  const CommandBytes release_contact = encoded_let_go(), zero = encoded_torques({});
   for (int round = 0; round < kPlaneLetGoRounds; ++round) {
-    if (!link.submit(let_go.span())) return false;
+    if (!link.submit(release_contact.span())) return false;
     int answered = 0;
     for (; answered < kPlaneZerosAnswered; ++answered) {
       await_quiet_plane(link);
@@ -83,18 +156,17 @@ Status PlanarDevice::open() {
   close();
   PALPATE_TRY(link_->open());
   state_ = {};
-  state_.homed = false;  // until it has answered
+  state_.homed = false;  // until it answers
   reader_ = {};
   pose_.reset();
   gone_ = false;
-  // The first zeros are for what an earlier program left: its torque, should the board take any before it is
-  // set up, and perhaps a part of a command, which takes its rest from the first of them. What the board
-  // answers to that is of an earlier set-up.
+  // The first zeros end what an earlier program left: its torque, and perhaps a partial command, which takes
+  // its rest from them. The board's answers to these belong to an earlier set-up.
   bool takes = link_->submit(zero_.span()) && link_->submit(zero_.span()) &&
                link_->submit(encoded_set_up(model_).span());
   if (options_.open_tries > 0) ::usleep(kPlaneSetUpUs);
   std::array<std::uint8_t, kPlanePollBytes> earlier;
-  for (int i = 0; i < kMostPolls && link_->poll(earlier).size > 0; ++i) {
+  for (int i = 0; i < kMaxPolls && link_->poll(earlier).size > 0; ++i) {
   }
   takes = takes && link_->submit(zero_.span());
   if (!takes) {
@@ -127,7 +199,7 @@ DeviceLimits PlanarDevice::limits() const noexcept {
   limits.force_max_n = options_.force_max_n;
   const Vec3 half(kHalfWidthMm, kHalfHeightMm, kHalfThicknessMm);
   limits.workspace_mm = {-half, half};
-  // A count of both cranks, on the longer bars.
+  // One count of both cranks, on the longer bars.
   limits.resolution_mm = std::numbers::sqrt2 * 2.0 * std::numbers::pi /
                          static_cast<double>(model_.counts_per_turn) * model_.geometry.bar_mm;
   limits.rate_hz = kPlaneRateHz;
@@ -142,7 +214,7 @@ void PlanarDevice::take(const std::array<float, 2>& degrees) noexcept {
   state_.raw.size = static_cast<std::uint8_t>(kPlanarReplyBytes);
   pose_ = pantograph_pose(model_.geometry, {kPlaneDegree * static_cast<double>(degrees[0]),
                                             kPlaneDegree * static_cast<double>(degrees[1])});
-  // Where it cannot be there is no force; the last position stays.
+  // An impossible pose gives no force; the last position stays.
   state_.status = pose_ ? ReadStatus::kFresh : ReadStatus::kGarbled;
   if (!pose_) return;
   const Eigen::Vector2d place = pose_->position_mm - origin_mm();
@@ -151,7 +223,7 @@ void PlanarDevice::take(const std::array<float, 2>& degrees) noexcept {
 
 void PlanarDevice::poll_all() noexcept {
   std::array<std::uint8_t, kPlanePollBytes> bytes;
-  for (int i = 0; i < kMostPolls; ++i) {
+  for (int i = 0; i < kMaxPolls; ++i) {
     const Polled polled = link_->poll(bytes);
     for (const std::uint8_t byte : std::span(bytes).first(polled.size))
       if (const auto degrees = reader_.take(byte)) take(*degrees);
@@ -195,9 +267,13 @@ void PlanarDevice::send(GovernedForce force) noexcept {
   sent_ns_ = now_ns;
 }
 
-// Another thread's: touches nothing but the link and what the constructor made.
+// Called by another thread: uses only the link and data fixed by the constructor.
 bool PlanarDevice::cut_force() noexcept {
   return link_->submit(zero_.span());
+}
+
+void register_planar_driver(Drivers& drivers) {
+  drivers.add({"planar", "serial", &look_for_planar, &make_planar});
 }
 
 }  // namespace palpate::device

@@ -1,25 +1,25 @@
-#include "device/interface/force_governor.h"
+#include <palpate/device/force_governor.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "device/interface/option_check.h"
+#include <palpate/result.h>
+#include "device/interface/driver_options.h"
 #include "device/interface/workspace_edge.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::device {
 namespace {
 
-constexpr double kNewUserShare = 0.7;  // of the device's limit, where the user gave none
-// What a clamp may exceed its limit by: a handful of roundings, far from anything a motor could tell apart.
+constexpr double kNewUserShare = 0.7;  // of the device's limit, if the user gave none
+// Excess over a limit that rounding may cause; no motor can resolve it.
 constexpr double kLimitSlack = 1.0 + 1e-12;
-// Lateness is a difference of times that each carry rounding: a frame exactly at a border is not late.
+// Lateness is a difference of rounded times: a frame exactly at a border is not late.
 constexpr double kTimeSlack = 1e-6;
-// Steps of the resolution below which nothing is a jump. A hand at 2 m/s moves 2 dt, and rounding along three
-// axes adds sqrt(3) steps: that stays below the larger of 5 dt and 3 steps for every dt.
+// Jump threshold in steps of the resolution. A hand at 2 m/s moves 2 dt, and rounding on three axes adds
+// sqrt(3) steps: below the larger of 5 dt and 3 steps.
 constexpr double kJumpFloorSteps = 3.0;
-// The speed is smoothed over so long: one step of 0.055 mm then shows as 27 mm/s, not as 220 at 4 kHz.
+// Time constant of the speed filter: one step of 0.055 mm then shows as 27 mm/s, instead of 220 at 4 kHz.
 constexpr double kVelocityTauS = 2e-3;
 
 Status check_fade(const GovernorOptions& options) {
@@ -44,33 +44,21 @@ Status check_workspace(const DeviceLimits& limits, const GovernorOptions& option
 }  // namespace
 
 const char* fault_name(Fault fault) noexcept {
-  switch (fault) {
-    case Fault::kNone:
-      return "none";
-    case Fault::kNonFiniteForce:
-      return "the force was not finite";
-    case Fault::kNonFinitePosition:
-      return "the position was not finite";
-    case Fault::kJump:
-      return "the position jumped";
-    case Fault::kSilence:
-      return "the device was silent";
-    case Fault::kGarbled:
-      return "the device sent no packets";
-    case Fault::kLost:
-      return "the device was lost";
-    case Fault::kHomingLost:
-      return "the device lost its homing";
-    case Fault::kLate:
-      return "the servo loop was late";
-    case Fault::kStalled:
-      return "the servo loop stood still or was stopped";
-    case Fault::kClock:
-      return "the clock went back";
-    case Fault::kOutOfRange:
-      return "the governed force was out of range";
-  }
-  return "unknown";
+  constexpr std::array kNames = {"none",
+                                 "the force was not finite",
+                                 "the position was not finite",
+                                 "the position jumped",
+                                 "the device was silent",
+                                 "the device sent no packets",
+                                 "the device was lost",
+                                 "the device lost its homing",
+                                 "the servo loop was late",
+                                 "the servo loop stood still or was stopped",
+                                 "the clock went back",
+                                 "the governed force was out of range"};
+  static_assert(kNames.size() == static_cast<std::size_t>(Fault::kOutOfRange) + 1);
+  const auto at = static_cast<std::size_t>(fault);
+  return at < kNames.size() ? kNames[at] : "unknown";
 }
 
 Status surface_fits(const DeviceLimits& limits, double stiffness_n_per_mm, double damping_n_s_per_mm) {
@@ -79,7 +67,7 @@ Status surface_fits(const DeviceLimits& limits, double stiffness_n_per_mm, doubl
                      " in the device's frame, which holds " + std::to_string(most),
                  std::string("lower the ") + what + " or the workspace's factor", "", 0};
   };
-  // A limit of 0 is not known.
+  // 0 means unknown.
   const double stiffest = limits.stiffness_max_n_per_mm, most_damping = limits.damping_max_n_s_per_mm;
   if (stiffest > 0.0 && !(stiffness_n_per_mm <= stiffest))
     return beyond("stiffness", stiffness_n_per_mm, stiffest, "N/mm");
@@ -159,7 +147,7 @@ Fault ForceGovernor::find_state_fault(double now_s, const DeviceState& state) co
   if (state.status != ReadStatus::kFresh)
     return since_fresh_s > options_.silence_s * (1.0 + kTimeSlack) ? Fault::kSilence : Fault::kNone;
   if (!has_position_) return Fault::kNone;
-  // After silent periods the hand may have gone further; two frames close together may show a whole period.
+  // After silent periods the hand may have moved further; two frames close together may show a whole period.
   const double elapsed_s = std::max(options_.period_s, since_fresh_s) * (1.0 + kTimeSlack);
   const double most_mm =
       std::max(options_.jump_mm_per_s * elapsed_s, kJumpFloorSteps * limits_.resolution_mm);
@@ -174,7 +162,7 @@ void ForceGovernor::remember(double now_s, const DeviceState& state, const Vec3&
   if (has_position_) {
     const Vec3 moved_mm = state.position_mm - last_position_mm_;
     velocity_mm_s_ = (kVelocityTauS * velocity_mm_s_ + moved_mm) / (kVelocityTauS + now_s - last_fresh_s_);
-    // Both positions are rounded, so is what a wall answers to them.
+    // Both positions are rounded, and so is a wall's answer to them.
     const double most_n =
         limits_.stiffness_max_n_per_mm * (moved_mm.norm() + kJumpFloorSteps * limits_.resolution_mm);
     if (limits_.stiffness_max_n_per_mm > 0.0 && (wanted_n - last_wanted_n_).stableNorm() > most_n)
@@ -186,8 +174,7 @@ void ForceGovernor::remember(double now_s, const DeviceState& state, const Vec3&
   has_position_ = true;
 }
 
-/// Whether positions mean something: not before homing, and not just after it. Until then the soft start has
-/// not begun.
+/// False before homing and shortly after, when positions are not reliable. The soft start begins afterwards.
 bool ForceGovernor::settled(double now_s, const DeviceState& state) noexcept {
   if (!state.homed) {
     settling_ = true;
@@ -206,7 +193,7 @@ bool ForceGovernor::settled(double now_s, const DeviceState& state) noexcept {
 }
 
 Vec3 ForceGovernor::faded(const Vec3& wanted_n) noexcept {
-  if (!has_position_) return Vec3::Zero();  // nobody knows where the force would act
+  if (!has_position_) return Vec3::Zero();  // no position, no force
   Vec3 left_n = wanted_n;
   const double speed = velocity_mm_s_.norm();
   if (options_.fade_from_mm_per_s > 0.0 && speed > options_.fade_from_mm_per_s) {
@@ -226,16 +213,16 @@ Vec3 ForceGovernor::faded(const Vec3& wanted_n) noexcept {
 }
 
 Vec3 ForceGovernor::clamped(const Vec3& wanted_n) noexcept {
-  const double size_n = wanted_n.stableNorm();  // does not overflow where a square would
+  const double size_n = wanted_n.stableNorm();  // no overflow, unlike a square
   if (size_n <= limit_n_) return wanted_n;
   ++counters_.clamped;
-  // Sizes near the largest double can make even the norm infinite: scale by the largest component first.
+  // Near the largest double even the norm overflows: scales by the largest component first.
   const Vec3 scaled = wanted_n / wanted_n.cwiseAbs().maxCoeff();
   return scaled * (limit_n_ / scaled.norm());
 }
 
 Vec3 ForceGovernor::slewed(const Vec3& target_n, double elapsed_s) noexcept {
-  // A late frame is allowed no larger step than one in time.
+  // A late frame is allowed no larger step than a punctual one.
   const double step_n = options_.slew_n_per_s * std::min(elapsed_s, options_.period_s);
   const Vec3 change_n = target_n - slewed_n_;
   const double size_n = change_n.norm();
@@ -262,7 +249,7 @@ GovernedForce ForceGovernor::govern(double now_s, const DeviceState& state, cons
   if (!settled(now_s, state)) return zero();
   if (late) {
     ++counters_.late_zeroed;
-    // Start the ramp so that it never runs ahead of a soft start still under way.
+    // Starts the ramp so that it never overtakes a running soft start.
     const double share = gain(now_s);
     ramp_s_ = share < 1.0 ? ramp_s_ : options_.late_ramp_s;
     ramp_start_s_ = now_s;

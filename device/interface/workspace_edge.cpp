@@ -12,7 +12,7 @@ struct AtEdge {
   Vec3 velocity_mm_s;
 };
 
-/// One wall: `outward` of unit length, `reach` how far out the place is, 1 at the edge.
+/// Fades at one wall with the unit normal `outward`; `reach` is 1 at the edge.
 Vec3 at_wall(const AtEdge& edge, const Vec3& outward, double reach, const Vec3& force_n) noexcept {
   const double near = smooth_step((reach - (1.0 - edge.share)) / edge.share);
   if (near <= 0.0) return force_n;
@@ -21,11 +21,11 @@ Vec3 at_wall(const AtEdge& edge, const Vec3& outward, double reach, const Vec3& 
   return force_n - near * (push_n + edge.damping_n_s_per_mm * out_mm_s) * outward;
 }
 
-/// The wall of an ellipsoid whose half axes are `half_mm`; an axis without any is not counted.
+/// Fades at an ellipsoid of half axes `half_mm`; a zero axis is ignored.
 Vec3 at_mantle(const AtEdge& edge, const Vec3& scaled, const Vec3& per_half, const Vec3& force_n) noexcept {
   const Vec3 gradient = scaled.cwiseProduct(per_half);
   const double length = gradient.norm();
-  if (!(length > 0.0)) return force_n;  // the very middle
+  if (!(length > 0.0)) return force_n;  // the exact centre
   return at_wall(edge, gradient / length, scaled.norm(), force_n);
 }
 

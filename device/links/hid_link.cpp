@@ -16,24 +16,24 @@
 #include <thread>
 #include <utility>
 
+#include <palpate/device/scheduling.h>
 #include "device/links/newest_command.h"
-#include "device/servo/scheduling.h"
 
 namespace palpate::device {
 namespace {
 
-// Between the servo, whose commands it sends, and the watchdog, which must get past everybody.
+// Above the servo, whose commands it sends, and below the watchdog.
 constexpr int kWriterPriority = kServoPriority + 2;
 static_assert(kWriterPriority < kWatchdogPriority);
 
-/// hidapi keeps its last error in one place for all threads.
+/// hidapi keeps one last error for all threads.
 std::mutex& hid_library() {
   static std::mutex mutex;
   return mutex;
 }
 
 std::string narrow(const wchar_t* wide) {
-  constexpr wchar_t kFirst = 0x20, kLast = 0x7E;  // what a terminal shows whatever its encoding
+  constexpr wchar_t kFirst = 0x20, kLast = 0x7E;  // printable in any terminal encoding
   std::string text;
   for (; wide != nullptr && *wide != 0; ++wide)
     text.push_back(*wide >= kFirst && *wide <= kLast ? static_cast<char>(*wide) : '?');
@@ -75,8 +75,8 @@ HidHandle opened(const std::string& path) {
 Result<HidFound> the_one(const HidAddress& address) {
   const std::vector<HidFound> found = hid_devices(address);
   if (found.empty())
-    return Error{"there is no " + wanted_text(address), "connect it; `palpate devices` shows what is there",
-                 address.path, 0};
+    return Error{"there is no " + wanted_text(address),
+                 "connect it; `palpate list devices` shows what is there", address.path, 0};
   if (found.size() > 1) {
     std::string all;
     for (const HidFound& one : found) all += (all.empty() ? "" : "; ") + one.text();
@@ -84,9 +84,10 @@ Result<HidFound> the_one(const HidAddress& address) {
                  "", 0};
   }
   if (!found.front().allowed)
-    return Error{"you may not open " + found.front().text(),
-                 "install Palpate's udev rules (`palpate devices --doctor` prints them) and plug it in again",
-                 found.front().path, 0};
+    return Error{
+        "you may not open " + found.front().text(),
+        "install Palpate's udev rules (`palpate list devices --doctor` prints them) and plug it in again",
+        found.front().path, 0};
   return found.front();
 }
 
@@ -120,14 +121,14 @@ std::vector<HidFound> hid_devices(const HidAddress& address) {
   }
   hid_free_enumeration(first);
   std::sort(all.begin(), all.end(), [](const HidFound& a, const HidFound& b) { return a.path < b.path; });
-  // A device with several collections is listed once for each.
+  // hidapi lists a device once for each of its collections.
   all.erase(std::unique(all.begin(), all.end(),
                         [](const HidFound& a, const HidFound& b) { return a.path == b.path; }),
             all.end());
   return all;
 }
 
-// Two handles of one device, since hidapi keeps a handle's last error in it: one thread each.
+// Two handles of one device, one per thread: hidapi keeps the last error in the handle.
 struct HidLink::State {
   State() { ::sem_init(&work, 0, 0); }
   State(const State&) = delete;
@@ -147,7 +148,7 @@ struct HidLink::State {
 void HidLink::State::write_all() noexcept {
   sched_param priority{};
   priority.sched_priority = kWriterPriority;
-  ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority);  // where it is allowed
+  ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority);  // ignored where not permitted
   CommandBytes command;
   for (;;) {
     while (::sem_wait(&work) != 0 && errno == EINTR) {

@@ -1,11 +1,10 @@
-// Reports of a HID device, through hidapi's hidraw back end: Bluetooth works, nothing is taken from the
-// kernel's driver, and a report is one system call.
+// HID reports through hidapi's hidraw back end: supports Bluetooth, leaves the kernel's driver attached, one
+// system call a report.
 //
-// Reading never waits. Writing does: the kernel's hidraw sends a report and waits until the device has taken
-// it, a frame of USB (1 ms) mostly, up to 5 s from one that hangs, and hidapi offers no other way. So a
-// thread of its own writes, and submit() only leaves the newest command for it (newest_command.h): the servo
-// never waits, and a zero overtakes a force that was not yet sent. It costs the wake of a thread, some 10 to
-// 50 us.
+// Reading never waits. A write blocks in hidraw until the device has taken the report, usually one USB frame
+// (1 ms), up to 5 s if the device hangs. So a separate thread writes, and submit() only stores the newest
+// command for it (newest_command.h). The servo never waits, and a zero overtakes a force not yet sent. Cost:
+// one thread wake, 10 to 50 us.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +12,12 @@
 #include <string>
 #include <vector>
 
-#include "device/interface/link.h"
+#include <palpate/device/link.h>
+#include "device/interface/driver_options.h"
 
 namespace palpate::device {
 
-/// What a device must be. 0 and empty: anything.
+/// 0 and empty match anything.
 struct HidAddress {
   std::uint16_t vendor = 0, product = 0;
   std::uint16_t usage_page = 0, usage = 0;
@@ -25,7 +25,6 @@ struct HidAddress {
   std::string path{};  ///< "/dev/hidraw0"
 };
 
-/// One that is there.
 struct HidFound {
   std::string path;
   std::uint16_t vendor = 0, product = 0;
@@ -33,44 +32,50 @@ struct HidFound {
   std::string serial, maker, product_name;
   bool allowed = false;  ///< this user may read and write it
 
-  /// "1234:0006 at /dev/hidraw0, serial X".
+  /// As "1234:0006 at /dev/hidraw0, serial X".
   [[nodiscard]] std::string text() const;
 };
 
-/// Those that fit, in the order of their paths, each once. Takes some milliseconds; opens none. Any thread.
+/// Lists matching devices once each, sorted by path. Takes some milliseconds; opens none. Any thread.
 [[nodiscard]] std::vector<HidFound> hid_devices(const HidAddress& address = {});
 
 struct HidLinkOptions {
-  /// The device numbers its reports: the first byte of what is submitted is the number, as of what is
-  /// polled. Otherwise hidapi gets the 0 that it wants before each.
+  /// Whether the first byte of each submitted and polled report is its number. Otherwise the link adds the
+  /// leading 0 that hidapi requires.
   bool numbered = false;
 };
 
-/// What a link did since it was opened, for `palpate devices --report`.
+/// Counts since open(), for `palpate list devices --report`.
 struct LinkCounters {
   std::uint64_t received = 0;  ///< polls that gave bytes
-  std::uint64_t written = 0;   ///< commands that the system took whole
-  std::uint64_t replaced = 0;  ///< commands that a newer one overtook
+  std::uint64_t written = 0;   ///< commands taken whole by the kernel
+  std::uint64_t replaced = 0;  ///< commands overtaken by a newer one
 };
+
+inline void add_link_counts(DeviceFacts& facts, const LinkCounters& counted) {
+  add_counts(facts, {{"link_received", counted.received},
+                     {"link_commands", counted.written},
+                     {"link_commands_overtaken", counted.replaced}});
+}
 
 class HidLink final : public Link {
  public:
   explicit HidLink(HidAddress address, const HidLinkOptions& options = {});
   ~HidLink() override;
 
-  /// An Error where nothing fits, where several do (ids are not always one device's own: it says how to name
-  /// one), and where this user may not open it.
+  /// An Error if no device matches, several match (products may share ids; the message says how to name one),
+  /// or this user may not open it.
   [[nodiscard]] Status open() override;
-  /// What was submitted last is written first: waits for it as long as the kernel does, up to 5 s.
+  /// Writes the last submitted command first; waits as long as the kernel does, up to 5 s.
   void close() noexcept override;
-  /// Lock-free. True: the writer will send it, unless a newer one comes first.
+  /// Lock-free. True: the writer will send it unless a newer one comes first.
   bool submit(std::span<const std::uint8_t> bytes) noexcept override;
-  /// One report a call; what of it does not fit is lost, so give 65 bytes. Two system calls. Allocates only
-  /// where the device is gone, in hidapi, once.
+  /// Gives one report a call, cut to into.size(): pass 65 bytes. Two system calls. Allocates once, in hidapi,
+  /// when the device is gone.
   [[nodiscard]] Polled poll(std::span<std::uint8_t> into) noexcept override;
 
   [[nodiscard]] LinkCounters counters() const noexcept;
-  /// Where it was found; empty before open.
+  /// Empty before open().
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
  private:

@@ -1,4 +1,4 @@
-#include "device/links/http_request.h"
+#include "device/links/service_link.h"
 
 #include <netdb.h>
 #include <poll.h>
@@ -13,16 +13,15 @@
 #include <memory>
 #include <string_view>
 
-#include "toolkit/core/clock.h"
-#include "toolkit/core/try.h"
+#include <palpate/clock.h>
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
 
 constexpr double kHttpPatienceMs = 2000.0;
-constexpr std::size_t kMostAnswer = 65'536;
+constexpr std::size_t kMaxAnswer = 65'536;
 
-/// A socket that is closed at the end.
 class HttpSocket {
  public:
   explicit HttpSocket(int fd) noexcept : fd_(fd) {}
@@ -32,7 +31,7 @@ class HttpSocket {
     if (fd_ >= 0) ::close(fd_);
   }
   [[nodiscard]] int fd() const noexcept { return fd_; }
-  /// Until it may be read or written; false where time is up.
+  /// Waits until the socket is readable or writable; false on timeout.
   [[nodiscard]] bool ready(short events, const Stopwatch& watch) const noexcept {
     pollfd one{fd_, events, 0};
     const double left_ms = kHttpPatienceMs - watch.ms();
@@ -49,7 +48,7 @@ Error no_http(const HttpRequest& request, const std::string& why) {
           "start the maker's service, or name its host and port", "", 0};
 }
 
-/// The value of a field of the head; empty: there is none.
+/// Empty if absent.
 std::string_view head_field(std::string_view head, std::string_view name) {
   for (std::size_t at = head.find("\r\n"); at != std::string_view::npos; at = head.find("\r\n", at + 2)) {
     const std::string_view line = head.substr(at + 2, head.find("\r\n", at + 2) - at - 2);
@@ -70,7 +69,7 @@ bool read_number_of(std::string_view text, T& value, int base) {
   return std::from_chars(text.data(), text.data() + text.size(), value, base).ec == std::errc();
 }
 
-/// Chunks put together; what is torn ends it.
+/// Joins the chunks; stops at a malformed one.
 std::string joined_chunks(std::string_view body) {
   constexpr int kHexadecimal = 16;
   std::string whole;
@@ -87,11 +86,11 @@ std::string joined_chunks(std::string_view body) {
   }
 }
 
-/// Everything until the other side closes, or as much as the answer says that it is.
+/// Reads until the other side closes or the announced length arrived.
 std::string read_answer(const HttpSocket& socket, const Stopwatch& watch) {
   std::string text;
   std::array<char, 4096> piece;
-  while (text.size() < kMostAnswer && socket.ready(POLLIN, watch)) {
+  while (text.size() < kMaxAnswer && socket.ready(POLLIN, watch)) {
     const ssize_t size = ::recv(socket.fd(), piece.data(), piece.size(), 0);
     if (size <= 0) break;
     text.append(piece.data(), static_cast<std::size_t>(size));

@@ -24,11 +24,10 @@ constexpr std::array kBauds = {Baud{9600, B9600},     Baud{19200, B19200},   Bau
                                Baud{57600, B57600},   Baud{115200, B115200}, Baud{230400, B230400},
                                Baud{460800, B460800}, Baud{921600, B921600}, Baud{1000000, B1000000}};
 constexpr useconds_t kDrainStepUs = 1000;
-// Writes in one go: the rest of one command and a few that came meanwhile; each further one needs another
-// thread that submits just then.
-constexpr int kMostWrites = 8;
+// Writes per call: the rest of one command and a few new ones; more need threads that submit just then.
+constexpr int kMaxWrites = 8;
 
-/// 0: none.
+/// 0: unknown rate.
 speed_t baud_code(unsigned rate) noexcept {
   for (const Baud& one : kBauds)
     if (one.rate == rate) return one.code;
@@ -39,7 +38,7 @@ Result<std::string> the_line(const std::string& pattern) {
   const std::vector<TtyFound> found = tty_lines(pattern);
   if (found.empty())
     return Error{"there is no serial line " + pattern,
-                 "connect the board; `palpate devices` shows what is there", pattern, 0};
+                 "connect the board; `palpate list devices` shows what is there", pattern, 0};
   if (found.size() > 1) {
     std::string all;
     for (const TtyFound& one : found) all += (all.empty() ? "" : ", ") + one.path;
@@ -48,21 +47,20 @@ Result<std::string> the_line(const std::string& pattern) {
   return found.front().path;
 }
 
-/// Raw bytes both ways, nothing waited for.
 bool make_raw(int fd, speed_t baud) noexcept {
   termios line{};
   if (::tcgetattr(fd, &line) != 0) return false;
   ::cfmakeraw(&line);
   line.c_cflag |= static_cast<tcflag_t>(CLOCAL | CREAD);
   line.c_cflag &= ~static_cast<tcflag_t>(CRTSCTS | CSTOPB);
-  line.c_cc[VMIN] = 1;  // with O_NONBLOCK: EAGAIN means nothing yet, and 0 that the line was hung up
+  line.c_cc[VMIN] = 1;  // with O_NONBLOCK: EAGAIN means no data, 0 means hung up
   line.c_cc[VTIME] = 0;
   if (::cfsetispeed(&line, baud) != 0 || ::cfsetospeed(&line, baud) != 0) return false;
   return ::tcsetattr(fd, TCSANOW, &line) == 0;
 }
 
-/// Some drivers gather bytes for up to 16 ms otherwise. Where it is not known there is nothing to gain.
-void ask_low_latency(int fd) noexcept {
+/// Some drivers otherwise hold bytes for up to 16 ms. Those without this flag do not: failure is ignored.
+void set_low_latency(int fd) noexcept {
   serial_struct serial{};
   if (::ioctl(fd, TIOCGSERIAL, &serial) != 0) return;
   serial.flags = static_cast<int>(static_cast<unsigned>(serial.flags) | ASYNC_LOW_LATENCY);
@@ -95,21 +93,21 @@ Status TtyLink::open() {
   if (fd < 0) {
     const int why = errno;
     const char* remedy = why == EACCES
-                             ? "install Palpate's udev rules (`palpate devices --doctor` prints them), "
+                             ? "install Palpate's udev rules (`palpate list devices --doctor` prints them), "
                                "or join the group dialout"
                          : why == EBUSY ? "another program has it: end that one"
                                         : "unplug it and plug it in again";
     return Error{std::string("the serial line cannot be opened: ") + std::strerror(why), remedy, *path, 0};
   }
-  ::ioctl(fd, TIOCEXCL);  // no other program from here on; what is no serial line is seen next
+  ::ioctl(fd, TIOCEXCL);  // exclusive; the next call detects files that are no serial line
   if (!make_raw(fd, baud)) {
     ::close(fd);
-    return Error{"this is no serial line", "name the board's, as `palpate devices` shows it", *path, 0};
+    return Error{"this is no serial line", "name the board's, as `palpate list devices` shows it", *path, 0};
   }
-  ask_low_latency(fd);
+  set_low_latency(fd);
   ::tcflush(fd, TCIOFLUSH);
   path_ = *std::move(path);
-  newest_.take(left_);  // of a time before
+  newest_.take(left_);  // from before this open
   left_.size = left_from_ = 0;
   fd_ = fd;
   gone_ = false;
@@ -121,7 +119,7 @@ Status TtyLink::open() {
 
 void TtyLink::close() noexcept {
   if (!open_.exchange(false)) return;
-  // Whoever is writing never waits, so neither do we for long. What others leave from here on we take along.
+  // Waits briefly for the current writer, which never blocks. Then sends what others left.
   while (writing_.exchange(true, std::memory_order_acquire)) std::this_thread::yield();
   for (int ms = 0; ms < kDrainMs && !gone_; ++ms) {
     write_while_it_can();
@@ -135,10 +133,10 @@ void TtyLink::close() noexcept {
   writing_.store(false, std::memory_order_release);
 }
 
-// Who holds writing_ writes; who does not has left its command, and the holder looks once more after letting
-// go. What the bound leaves goes with the next poll.
+// The holder of writing_ writes. Others leave their command, which the holder finds after release. Commands
+// beyond the bound go with the next poll.
 void TtyLink::write_newest() noexcept {
-  for (int turn = 0; turn < kMostWrites; ++turn) {
+  for (int turn = 0; turn < kMaxWrites; ++turn) {
     if (writing_.exchange(true, std::memory_order_seq_cst)) return;
     const bool usable = fd_ >= 0;
     if (usable) write_while_it_can();
@@ -149,7 +147,7 @@ void TtyLink::write_newest() noexcept {
 }
 
 void TtyLink::write_while_it_can() noexcept {
-  for (int turn = 0; turn < kMostWrites; ++turn) {
+  for (int turn = 0; turn < kMaxWrites; ++turn) {
     if (left_from_ == left_.size) {
       left_from_ = 0;
       if (!newest_.take(left_)) {

@@ -1,5 +1,5 @@
-// A serial line: USB boards that call themselves one (CDC ACM: Teensy, Arduino), real ports, and the
-// pseudo-terminals of tests. Raw, never waiting, as fast as the driver can.
+// A non-blocking raw serial line in low-latency mode: USB CDC ACM boards (Teensy, Arduino), real ports,
+// pseudo-terminals in tests.
 #pragma once
 
 #include <atomic>
@@ -7,24 +7,23 @@
 #include <string>
 #include <vector>
 
-#include "device/interface/link.h"
+#include <palpate/device/link.h>
 #include "device/links/hid_link.h"
 #include "device/links/newest_command.h"
 
 namespace palpate::device {
 
-/// One serial line that is there.
 struct TtyFound {
-  std::string path;      ///< as it was named or found: "/dev/serial/by-id/usb-Teensyduino_USB_Serial_1-if00"
+  std::string path;      ///< as named or found: "/dev/serial/by-id/usb-Teensyduino_USB_Serial_1-if00"
   bool allowed = false;  ///< this user may read and write it
 };
 
-/// What `pattern` names, `*` and `?` as in a shell, in the order of names.
+/// Lists the lines that match `pattern` (`*` and `?` as in a shell), sorted by name.
 [[nodiscard]] std::vector<TtyFound> tty_lines(const std::string& pattern = "/dev/serial/by-id/*");
 
 struct TtyLinkOptions {
-  std::string path;        ///< may hold `*`; then exactly one must fit
-  unsigned baud = 115200;  ///< one that the system knows; boards on USB ignore it
+  std::string path;        ///< may contain `*`; exactly one line must match
+  unsigned baud = 115200;  ///< a standard rate; USB boards ignore it
 };
 
 class TtyLink final : public Link {
@@ -32,16 +31,16 @@ class TtyLink final : public Link {
   explicit TtyLink(TtyLinkOptions options);
   ~TtyLink() override { close(); }
 
-  /// Raw, exclusive, low latency where the driver knows it; what had come before is dropped. An Error where
-  /// nothing or several fit, where the user may not open it or another program has it.
+  /// Opens the line raw, exclusive and with low latency if supported; discards earlier input. An Error if
+  /// none or several match, the user may not open it, or another program has it.
   [[nodiscard]] Status open() override;
-  /// Waits up to kDrainMs until what was submitted has left: a USB board's driver drops the rest.
+  /// Waits up to kDrainMs until the last command is out: a USB board's driver drops the rest.
   void close() noexcept override;
-  /// Writes at once where it can. A command that the system takes in part is finished before the next one,
-  /// and of those that come meanwhile the newest is kept: commands are whole, and the newest is the last.
-  /// Lock-free: where another thread is writing, it takes this command along.
+  /// Writes immediately if possible. A partly written command is finished first; of those that arrive
+  /// meanwhile the newest is kept. So commands are whole and the newest is last. Lock-free: a thread already
+  /// writing sends this command too.
   bool submit(std::span<const std::uint8_t> bytes) noexcept override;
-  /// One system call; also finishes a command that was taken in part.
+  /// One system call; also finishes a partly written command.
   [[nodiscard]] Polled poll(std::span<std::uint8_t> into) noexcept override;
 
   [[nodiscard]] LinkCounters counters() const noexcept;
@@ -56,7 +55,7 @@ class TtyLink final : public Link {
   TtyLinkOptions options_;
   std::string path_;
   NewestCommand newest_;
-  // Under writing_: the file, and what is left of a command.
+  // Guarded by writing_: the file and the rest of a command.
   std::atomic<bool> writing_{false};
   int fd_ = -1;
   CommandBytes left_;

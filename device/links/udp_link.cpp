@@ -11,7 +11,7 @@
 #include <cstring>
 #include <memory>
 
-#include "toolkit/core/options.h"
+#include <palpate/options.h>
 
 namespace palpate::device {
 namespace {
@@ -21,7 +21,7 @@ struct FreeAddresses {
 };
 using Addresses = std::unique_ptr<addrinfo, FreeAddresses>;
 
-/// The addresses of a host; `passive`: to listen at.
+/// Resolves a host; `passive`: for listening.
 Result<Addresses> addresses_of(const UdpAddress& address, bool passive) {
   addrinfo wanted{};
   wanted.ai_socktype = SOCK_DGRAM;
@@ -35,7 +35,7 @@ Result<Addresses> addresses_of(const UdpAddress& address, bool passive) {
   return Addresses(found);
 }
 
-/// A socket that never waits, and that a started program does not inherit.
+/// A non-blocking socket that child programs do not inherit.
 int datagram_socket(const addrinfo& at) noexcept {
   return ::socket(at.ai_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 }
@@ -89,10 +89,10 @@ Status UdpLink::open() {
     socket_.store(fd);
   }
   open_ = true;
-  // What an earlier session has left, an old refusal too. Bounded: the kernel holds no more than its buffer.
-  constexpr int kMostLeft = 10'000;
+  // Discards an earlier session's datagrams and refusal. Bounded by the kernel's buffer.
+  constexpr int kMaxLeft = 10'000;
   std::array<std::uint8_t, 1> byte{};
-  for (int i = 0; i < kMostLeft; ++i)
+  for (int i = 0; i < kMaxLeft; ++i)
     if (::recv(socket_.load(), byte.data(), byte.size(), MSG_DONTWAIT) < 0 && errno != ECONNREFUSED) break;
   return Done{};
 }
@@ -100,7 +100,7 @@ Status UdpLink::open() {
 bool UdpLink::submit(std::span<const std::uint8_t> bytes) noexcept {
   const int fd = socket_.load(std::memory_order_acquire);
   if (fd < 0) return false;
-  // An error that came for an earlier datagram is told once, in place of sending: the second try sends.
+  // An error of an earlier datagram is reported once, instead of sending; the second try sends.
   constexpr int kTries = 2;
   for (int i = 0; i < kTries; ++i)
     if (::send(fd, bytes.data(), bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL) ==
@@ -142,7 +142,7 @@ Status UdpPort::open() {
 
 std::size_t UdpPort::receive(std::span<std::uint8_t> into, Peer& from) noexcept {
   sockaddr_storage sender{};
-  // A refusal of an earlier answer is told once, in place of a datagram.
+  // A refusal of an earlier answer is reported once, instead of a datagram.
   constexpr int kTries = 2;
   for (int i = 0; i < kTries; ++i) {
     socklen_t length = sizeof sender;

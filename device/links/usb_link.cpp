@@ -14,19 +14,19 @@
 #include <thread>
 #include <utility>
 
+#include <palpate/clock.h>
+#include <palpate/result.h>
 #include "device/links/usb_session.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::device {
 namespace {
 
-// The thread looks at its flags so often where nothing happens: nothing hangs on a wake-up that was lost.
+// The idle thread checks its flags this often, so a lost wake-up cannot hang it.
 constexpr int kUsbLookMs = 100;
-// Commands take some 0.1 ms each; a device that has not taken two of them by then takes none.
+// A command takes about 0.1 ms; a device that has not taken two by then takes none.
 constexpr double kUsbDrainMs = 200.0, kUsbCancelMs = 500.0;
 constexpr double kUsbStopMs = 100.0;
-// One transfer fails on a bad cable. So many in a row, and the device is as good as gone.
+// A bad cable fails single transfers; this many failures in a row mean a lost device.
 constexpr int kUsbMostErrors = 16;
 constexpr unsigned kUsbControlMs = 1000;
 constexpr timespec kUsbLook{0, 100'000};
@@ -44,7 +44,7 @@ struct UsbLink::Io {
   };
   struct Command {
     CommandBytes bytes;
-    std::uint64_t number = 0;  // so many were submitted up to it
+    std::uint64_t number = 0;  // submitted up to and including this one
   };
   struct Out {
     Io* io = nullptr;
@@ -57,11 +57,11 @@ struct UsbLink::Io {
   UsbLink& link;
   UsbSession session;
   std::array<In, kInTransfers> ins;
-  Out any, letting_go;  // the second one's commands are zeros
-  Command next;         // the newest, while it waits; of no bytes: there is none
+  Out any, zero_out;  // the second one carries only zero commands
+  Command next;       // the newest waiting command; no bytes: none
   std::thread thread;
   std::atomic<bool> stopping{false};
-  bool cancelling = false;  // the thread's
+  bool cancelling = false;  // used by the thread
   int errors_in_a_row = 0;
 
   [[nodiscard]] Status prepare();
@@ -77,8 +77,8 @@ struct UsbLink::Io {
   void lost() noexcept { link.gone_.store(true, std::memory_order_release); }
   void arrived(In& in) noexcept;
   void departed(Out& out) noexcept;
-  /// Whether a transfer that ended so may go on.
-  bool endured(libusb_transfer_status status) noexcept;
+  /// Whether to go on after a transfer with this status.
+  bool is_recoverable(libusb_transfer_status status) noexcept;
 };
 
 Status UsbLink::Io::prepare() {
@@ -86,7 +86,7 @@ Status UsbLink::Io::prepare() {
     in.io = this;
     in.transfer.reset(libusb_alloc_transfer(0));
     if (!in.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
-    // Bulk and interrupt endpoints are served alike by the kernel's interface; timeouts: none.
+    // The kernel serves bulk and interrupt endpoints alike. No timeout.
     libusb_fill_bulk_transfer(
         in.transfer.get(), session.handle(), link.interface_.in, in.bytes.data(),
         static_cast<int>(in.bytes.size()),
@@ -97,7 +97,7 @@ Status UsbLink::Io::prepare() {
         &in, 0);
   }
   PALPATE_TRY(prepare(any));
-  return prepare(letting_go);
+  return prepare(zero_out);
 }
 
 Status UsbLink::Io::prepare(Out& out) {
@@ -119,7 +119,7 @@ bool UsbLink::Io::start(In& in) noexcept {
   return in.flying;
 }
 
-bool UsbLink::Io::endured(libusb_transfer_status status) noexcept {
+bool UsbLink::Io::is_recoverable(libusb_transfer_status status) noexcept {
   if (status == LIBUSB_TRANSFER_COMPLETED) {
     errors_in_a_row = 0;
     return true;
@@ -131,11 +131,11 @@ void UsbLink::Io::arrived(In& in) noexcept {
   in.flying = false;
   const libusb_transfer_status status = in.transfer->status;
   if (cancelling || status == LIBUSB_TRANSFER_CANCELLED) return;
-  if (!endured(status)) return lost();
+  if (!is_recoverable(status)) return lost();
   if (status == LIBUSB_TRANSFER_COMPLETED) {
-    const auto size = static_cast<std::size_t>(in.transfer->actual_length);
+    LinkPacket packet{in.bytes, static_cast<std::size_t>(in.transfer->actual_length)};
     link.counts_.received.fetch_add(1, std::memory_order_relaxed);
-    if (size > 0 && !link.packets_.push(std::span(in.bytes).first(size)))
+    if (packet.size > 0 && !link.packets_.push(packet))
       link.counts_.overrun.fetch_add(1, std::memory_order_relaxed);
   } else {
     link.counts_.in_errors.fetch_add(1, std::memory_order_relaxed);
@@ -157,7 +157,7 @@ void UsbLink::Io::departed(Out& out) noexcept {
   } else {
     link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
   }
-  if (!endured(status)) lost();
+  if (!is_recoverable(status)) lost();
 }
 
 void UsbLink::Io::take_newest() noexcept {
@@ -165,19 +165,18 @@ void UsbLink::Io::take_newest() noexcept {
   const bool waited = next.bytes.size > 0;
   if (!link.command_.take(next.bytes)) return;
   next.number = number;
-  if (waited) link.counts_.put_aside.fetch_add(1, std::memory_order_relaxed);
+  if (waited) link.counts_.superseded_in_flight.fetch_add(1, std::memory_order_relaxed);
 }
 
-/// The newest of what frames have submitted goes to the kernel when that has none, and one that lets go when
-/// that has none that does.
+/// Submits the newest command if the kernel has none; a zero command if the kernel has no zero.
 void UsbLink::Io::send_newest() noexcept {
   if (link.gone_.load(std::memory_order_relaxed)) return;
   take_newest();
   if (next.bytes.size == 0) return;
   if (!any.flying)
     send(any);
-  else if (!letting_go.flying && link.lets_go_ != nullptr && link.lets_go_(next.bytes.span()))
-    send(letting_go);
+  else if (!zero_out.flying && link.lets_go_ != nullptr && link.lets_go_(next.bytes.span()))
+    send(zero_out);
 }
 
 void UsbLink::Io::send(Out& out) noexcept {
@@ -189,21 +188,22 @@ void UsbLink::Io::send(Out& out) noexcept {
   if (out.flying) return;
   link.counts_.done.store(out.command.number, std::memory_order_release);
   link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
-  if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR)) lost();
+  if (!is_recoverable(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR))
+    lost();
 }
 
 bool UsbLink::Io::flying() const noexcept {
   for (const In& in : ins)
     if (in.flying) return true;
-  return any.flying || letting_go.flying;
+  return any.flying || zero_out.flying;
 }
 
-/// Waits for libusb's files and the link's own, then lets libusb do what is due.
+/// Waits for the files of libusb and of the link, then runs libusb's pending work.
 void UsbLink::Io::handle_events(int wait_ms) noexcept {
-  std::array<pollfd, UsbSession::kMostFiles + 1> files{};
-  // The file of a device that is gone is always ready, and there is nothing to do.
+  std::array<pollfd, UsbSession::kMaxFiles + 1> files{};
+  // The file of a lost device is always ready, with nothing to do.
   const bool gone = link.gone_.load(std::memory_order_relaxed);
-  const std::size_t count = gone ? 0 : session.files(std::span(files).first(UsbSession::kMostFiles));
+  const std::size_t count = gone ? 0 : session.files(std::span(files).first(UsbSession::kMaxFiles));
   files[count] = {link.wake_, POLLIN, 0};
   ::poll(files.data(), static_cast<nfds_t>(count + 1), wait_ms);
   std::uint64_t wakes = 0;
@@ -215,7 +215,7 @@ void UsbLink::Io::run() noexcept {
   if (link.priority_ > 0) {
     sched_param priority{};
     priority.sched_priority = link.priority_;
-    ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority);  // where it is allowed
+    ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority);  // ignored where not permitted
   }
   for (In& in : ins)
     if (!start(in)) lost();
@@ -226,38 +226,38 @@ void UsbLink::Io::run() noexcept {
   drain();
 }
 
-/// The end: what was submitted still goes out, then every transfer comes home.
+/// Ends: sends the submitted commands, then waits for all transfers to complete.
 void UsbLink::Io::drain() noexcept {
   const Stopwatch watch;
   do {
     send_newest();
-    if (link.command_.empty() && next.bytes.size == 0 && !any.flying && !letting_go.flying) break;
+    if (link.command_.empty() && next.bytes.size == 0 && !any.flying && !zero_out.flying) break;
     handle_events(1);
   } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kUsbDrainMs);
   cancelling = true;
   for (In& in : ins)
     if (in.flying) libusb_cancel_transfer(in.transfer.get());
-  for (Out* out : {&any, &letting_go})
+  for (Out* out : {&any, &zero_out})
     if (out->flying) libusb_cancel_transfer(out->transfer.get());
   const Stopwatch cancel_watch;
   while (flying() && cancel_watch.ms() < kUsbCancelMs) handle_events(1);
 }
 
-UsbLink::UsbLink(UsbAddress address, const UsbInterface& interface, std::string name, LetsGo lets_go,
-                 int priority)
+UsbLink::UsbLink(UsbAddress address, const UsbInterface& interface, std::string name,
+                 IsZeroCommand is_zero_command, int priority)
     : address_(std::move(address)),
       interface_(interface),
       name_(std::move(name)),
-      lets_go_(lets_go),
+      lets_go_(is_zero_command),
       priority_(priority),
       wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
-      at_stop_([this] {
+      stop_callback_([this] {
         wait_until_out();
         return std::string();
       }) {}
 
 UsbLink::~UsbLink() {
-  at_stop_.drop();
+  stop_callback_.drop();
   close();
   if (wake_ >= 0) ::close(wake_);
 }
@@ -271,8 +271,8 @@ Status UsbLink::open() {
   CommandBytes old;
   static_cast<void>(command_.take(old));
   counts_.done.store(counts_.accepted.load());
-  packets_.clear();
-  taken_ = 0;
+  packets_.reset();
+  taken_ = polled_.size = 0;
   gone_.store(false);
   io_ = std::move(io);
   try {
@@ -293,7 +293,7 @@ void UsbLink::close() noexcept {
   const std::uint64_t one = 1;
   static_cast<void>(::write(wake_, &one, sizeof one) < 0);
   io_->thread.join();
-  // A transfer that never came home is still libusb's: its memory is left to it.
+  // libusb still owns an uncompleted transfer: its memory is leaked on purpose.
   if (io_->flying())
     static_cast<void>(io_.release());
   else
@@ -308,11 +308,11 @@ bool UsbLink::submit(std::span<const std::uint8_t> bytes) noexcept {
   }
   counts_.accepted.fetch_add(1, std::memory_order_release);
   const std::uint64_t one = 1;
-  static_cast<void>(::write(wake_, &one, sizeof one) < 0);  // full: it is awake
+  static_cast<void>(::write(wake_, &one, sizeof one) < 0);  // full: the thread is awake
   return true;
 }
 
-/// A program that ends takes the link's thread with it, and what that has not yet handed to the kernel.
+/// A program's exit ends the link's thread, with the commands not yet in the kernel.
 void UsbLink::wait_until_out() const noexcept {
   const std::uint64_t until = counts_.accepted.load(std::memory_order_acquire);
   const Stopwatch watch;
@@ -322,17 +322,16 @@ void UsbLink::wait_until_out() const noexcept {
 }
 
 Polled UsbLink::poll(std::span<std::uint8_t> into) noexcept {
-  const LinkPacket* packet = packets_.front();
-  if (packet == nullptr)
-    return {0, !open_.load(std::memory_order_acquire) || gone_.load(std::memory_order_acquire)};
-  const std::span<const std::uint8_t> left = packet->used().subspan(taken_);
-  const std::size_t size = std::min(left.size(), into.size());
-  std::copy_n(left.begin(), size, into.begin());
-  taken_ += size;
-  if (taken_ == packet->size) {
-    packets_.drop();
+  if (taken_ == polled_.size) {
     taken_ = 0;
+    if (!packets_.pop(polled_)) {
+      polled_.size = 0;
+      return {0, !open_.load(std::memory_order_acquire) || gone_.load(std::memory_order_acquire)};
+    }
   }
+  const std::size_t size = std::min(polled_.size - taken_, into.size());
+  std::copy_n(polled_.bytes.begin() + static_cast<std::ptrdiff_t>(taken_), size, into.begin());
+  taken_ += size;
   return {size, false};
 }
 
@@ -342,7 +341,7 @@ Status UsbLink::control(const ControlRequest& request) {
                  "unplug the device, plug it in again, and look at its cable and power", name_, 0};
   };
   if (!open_.load() || gone_.load()) return failed("the device is gone");
-  // Shared with the callback, which may come after this gave up.
+  // Shared with the callback, which may run after this call timed out.
   struct Pending {
     std::array<std::uint8_t, LIBUSB_CONTROL_SETUP_SIZE> setup{};
     std::atomic<int> status{-1};
@@ -385,7 +384,7 @@ UsbLinkCounters UsbLink::counters() const noexcept {
   };
   constexpr double kUsPerNs = 1e-3;
   UsbLinkCounters all{of(counts_.received),  of(counts_.overrun),
-                      of(counts_.sent),      command_.replaced() + of(counts_.put_aside),
+                      of(counts_.sent),      command_.replaced() + of(counts_.superseded_in_flight),
                       of(counts_.refused),   of(counts_.in_errors),
                       of(counts_.out_errors)};
   if (all.sent > 0)

@@ -9,7 +9,7 @@
 #include <array>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
@@ -27,7 +27,7 @@ UsbContext make_usb_context() {
   return UsbContext(context);
 }
 
-/// All devices that are connected now; those of this vendor and product.
+/// List of the connected devices; filters by vendor and product.
 class UsbList {
  public:
   UsbList(libusb_context* context, std::uint16_t vendor, std::uint16_t product) {
@@ -62,7 +62,7 @@ std::string usb_serial_of(libusb_device_handle* handle) {
   return size > 0 ? std::string(text.begin(), text.begin() + size) : std::string();
 }
 
-/// The first that is opened and has the serial asked for. `problem` keeps why one was not.
+/// Opens the first device with the given serial. `problem` keeps why one failed.
 libusb_device_handle* opened_usb(const UsbList& list, const std::string& serial, int& problem) {
   for (libusb_device* device : list.matching()) {
     libusb_device_handle* handle = nullptr;
@@ -146,7 +146,7 @@ Status UsbSession::open_device(const UsbAddress& address, const std::string& nam
 
 Status UsbSession::open(const UsbAddress& address, const UsbInterface& interface, const std::string& name) {
   PALPATE_TRY(open_device(address, name));
-  libusb_set_auto_detach_kernel_driver(handle_, 1);  // where the system can
+  libusb_set_auto_detach_kernel_driver(handle_, 1);  // where supported
   const int failed = libusb_claim_interface(handle_, interface.number);
   if (failed != LIBUSB_SUCCESS)
     return Error{failed == LIBUSB_ERROR_BUSY
@@ -155,7 +155,7 @@ Status UsbSession::open(const UsbAddress& address, const UsbInterface& interface
                  "end the other program, or unplug the device and plug it in again", name, 0};
   claimed_ = interface.number;
   const libusb_pollfd** files = libusb_get_pollfds(context_);
-  for (std::size_t i = 0; files != nullptr && files[i] != nullptr && file_count_ < kMostFiles; ++i)
+  for (std::size_t i = 0; files != nullptr && files[i] != nullptr && file_count_ < kMaxFiles; ++i)
     files_[file_count_++] = {files[i]->fd, files[i]->events, 0};
   libusb_free_pollfds(files);
   return Done{};
@@ -184,7 +184,7 @@ UsbSent usb_send_once(const UsbAddress& address, const UsbInterface& interface,
   libusb_set_auto_detach_kernel_driver(handle, 1);
   bool sent = false;
   if (libusb_claim_interface(handle, interface.number) == LIBUSB_SUCCESS) {
-    // libusb writes nothing into what goes out, but does not say so in its types.
+    // libusb does not write to outgoing data, but its types are not const.
     std::array<unsigned char, kLinkPacketBytes> copy{};
     const std::size_t size = std::min(bytes.size(), copy.size());
     std::copy_n(bytes.begin(), size, copy.begin());

@@ -1,4 +1,4 @@
-// Internal to links: one context of libusb with one device open and claimed, and all of it given back.
+// Internal to links: owns one libusb context with one device open and claimed.
 #pragma once
 
 #include <poll.h>
@@ -9,8 +9,8 @@
 #include <span>
 #include <string>
 
+#include <palpate/result.h>
 #include "device/links/usb_link.h"
-#include "toolkit/core/result.h"
 
 struct libusb_context;
 struct libusb_device_handle;
@@ -23,11 +23,11 @@ struct UsbTransferFree {
 };
 using UsbTransfer = std::unique_ptr<libusb_transfer, UsbTransferFree>;
 
-/// One thread, but for the handle, to which libusb lets any thread submit.
+/// For one thread, except the handle: libusb lets any thread submit to it.
 class UsbSession {
  public:
-  /// More files than libusb watches for one device: its own event, its timer, the device.
-  static constexpr std::size_t kMostFiles = 8;
+  /// Above the files libusb watches for one device: its event, its timer, the device.
+  static constexpr std::size_t kMaxFiles = 8;
 
   UsbSession() = default;
   UsbSession(const UsbSession&) = delete;
@@ -37,9 +37,9 @@ class UsbSession {
   [[nodiscard]] Status open(const UsbAddress& address, const UsbInterface& interface,
                             const std::string& name);
   [[nodiscard]] libusb_device_handle* handle() const noexcept { return handle_; }
-  /// The files that libusb waits for, while the device is open always the same. How many.
+  /// Fills in the files libusb waits for, constant while the device is open; returns their number.
   [[nodiscard]] std::size_t files(std::span<pollfd> into) const noexcept;
-  /// What is due now; never waits.
+  /// Runs pending libusb work; never waits.
   void handle_events() noexcept;
 
  private:
@@ -48,7 +48,7 @@ class UsbSession {
   libusb_context* context_ = nullptr;
   libusb_device_handle* handle_ = nullptr;
   int claimed_ = -1;
-  std::array<pollfd, kMostFiles> files_{};
+  std::array<pollfd, kMaxFiles> files_{};
   std::size_t file_count_ = 0;
 };
 

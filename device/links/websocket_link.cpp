@@ -1,4 +1,4 @@
-#include "device/links/websocket_link.h"
+#include "device/links/service_link.h"
 
 #include <libwebsockets.h>
 
@@ -13,19 +13,18 @@
 namespace palpate::device {
 namespace {
 
-constexpr lws_usec_t kAskEveryUs = 1000;  // the peer, for texts that answer nothing
+constexpr lws_usec_t kAskEveryUs = 1000;  // polls the peer for unsolicited texts
 constexpr std::chrono::seconds kConnectPatience{3};
 constexpr std::chrono::milliseconds kLastPatience{100};
 constexpr int kLwsGoOn = 0, kLwsClose = -1;
-// Some of a handful of sockets; without a bound the library asks for memory for every file a process may
-// open.
-constexpr unsigned kMostSockets = 16;
+// A few sockets suffice; unbounded, the library allocates for every file a process may open.
+constexpr unsigned kMaxSockets = 16;
 
 }  // namespace
 
-/// Belongs to the link's thread from the start of that thread to its end, but for what is atomic or locked.
+/// Used only by the link's thread while it runs, except atomic and locked members.
 struct WebSocketLink::State {
-  /// The library hands back the first of it.
+  /// The library hands back a pointer to the first member.
   struct Timer {
     lws_sorted_usec_list_t list;
     State* owner;
@@ -34,15 +33,15 @@ struct WebSocketLink::State {
   TextPeer* peer = nullptr;
   lws_context* context = nullptr;
   lws* socket = nullptr;
-  std::string text;                // of the fragments so far
-  bool too_long = false;           // what comes of it is thrown away
-  std::vector<unsigned char> out;  // what the library wants in front, then the text
+  std::string text;                // fragments so far
+  bool too_long = false;           // the message is discarded
+  std::vector<unsigned char> out;  // the library's prefix, then the text
   std::string outgoing;
   bool last_sent = false;
   std::atomic<bool> ending{false};
   std::thread thread;
 
-  std::mutex mutex;  // of what open() waits for
+  std::mutex mutex;  // guards the result that open() waits for
   std::condition_variable changed;
   enum class Connection { kTrying, kMade, kFailed } connection = Connection::kTrying;
   std::string why;
@@ -59,7 +58,7 @@ struct WebSocketLink::State {
       text.clear();
       too_long = false;
     }
-    too_long = too_long || text.size() + size > kMostText;
+    too_long = too_long || text.size() + size > kMaxText;
     if (!too_long) text.append(bytes, size);
     if (lws_is_final_fragment(wsi) == 0 || lws_remaining_packet_payload(wsi) != 0) return;
     if (!too_long) peer->take(text);
@@ -74,7 +73,7 @@ struct WebSocketLink::State {
     std::memcpy(out.data() + LWS_PRE, outgoing.data(), outgoing.size());
     const int written = lws_write(wsi, out.data() + LWS_PRE, outgoing.size(), LWS_WRITE_TEXT);
     if (written < static_cast<int>(outgoing.size())) return kLwsClose;
-    // The library may hold a part of it: it closes after the next chance to write, when all has left.
+    // The library may hold part of it: closes at the next writable callback.
     if (is_last) lws_callback_on_writable(wsi);
     return kLwsGoOn;
   }
@@ -89,7 +88,7 @@ int WebSocketLink::State::callback(lws* wsi, lws_callback_reasons reason, void* 
   auto* const state = static_cast<State*>(lws_context_user(lws_get_context(wsi)));
   if (state == nullptr) return kLwsGoOn;
   const auto* const bytes = static_cast<const char*>(in);
-  // The library has more reasons than concern a client of texts.
+  // The library has more reasons than a text client needs.
   // NOLINTNEXTLINE(clang-diagnostic-switch-enum)
   switch (static_cast<int>(reason)) {
     case LWS_CALLBACK_CLIENT_ESTABLISHED:
@@ -130,7 +129,7 @@ bool WebSocketLink::State::connect(const ServiceAddress& address) {
   info.protocols = kProtocols;
   info.gid = -1;
   info.uid = -1;
-  info.fd_limit_per_thread = kMostSockets;
+  info.fd_limit_per_thread = kMaxSockets;
   info.user = this;
   context = lws_create_context(&info);
   if (context == nullptr) return false;
@@ -143,7 +142,7 @@ bool WebSocketLink::State::connect(const ServiceAddress& address) {
   to.origin = to.address;
   to.protocol = nullptr;
   to.local_protocol_name = kProtocols[0].name;
-  // Set by the library before any callback, and cleared here by the one that ends the connection.
+  // Set by the library before any callback; cleared here by the callback that ends the connection.
   to.pwsi = &socket;
   return lws_client_connect_via_info(&to) != nullptr;
 }

@@ -5,42 +5,26 @@
 #include <limits>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
 
-// Back to every frame only where all together take a sixth less than what sent them to every second: a single
-// interrupted frame moves a mean by a 64th of a period, and must not turn it round.
+// Returns to full rate only if all together take a sixth less than the threshold: one interrupted frame moves
+// a mean by a 64th of a period and must not toggle it.
 constexpr double kFullAgainShare = 5.0 / 6.0;
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
 const char* decision_text(MixDecision decision) noexcept {
-  switch (decision) {
-    case MixDecision::kNone:
-      return "";
-    case MixDecision::kWaits:
-      return "waits";
-    case MixDecision::kSwapped:
-      return "swapped in free space";
-    case MixDecision::kFadeBegun:
-      return "fade begun";
-    case MixDecision::kFadeDone:
-      return "fade done";
-    case MixDecision::kRefused:
-      return "refused";
-    case MixDecision::kQueued:
-      return "queued";
-    case MixDecision::kAborted:
-      return "aborted";
-    case MixDecision::kCancelled:
-      return "cancelled";
-    case MixDecision::kReplaced:
-      return "replaced";
-  }
-  return "unknown";
+  constexpr std::array kTexts = {"",           "waits",     "swapped in free space",
+                                 "fade begun", "fade done", "refused",
+                                 "queued",     "aborted",   "cancelled",
+                                 "replaced"};
+  static_assert(kTexts.size() == static_cast<std::size_t>(MixDecision::kReplaced) + 1);
+  const auto at = static_cast<std::size_t>(decision);
+  return at < kTexts.size() ? kTexts[at] : "unknown";
 }
 
 Mixer::~Mixer() {
@@ -49,7 +33,7 @@ Mixer::~Mixer() {
 }
 
 void Mixer::add(std::unique_ptr<render::HapticRenderer> renderer) {
-  assert(lanes_ < kMostLanes && renderer != nullptr);
+  assert(lanes_ < kMaxLanes && renderer != nullptr);
   Place& place = places_[lanes_];
   place.lane = static_cast<std::uint8_t>(lanes_++);
   place.tracked.adopt(std::move(renderer), 1, std::nullopt, 0.0);
@@ -104,17 +88,17 @@ void Mixer::restart(const Vec3& hip_mm, double t_s) noexcept {
   if (felt_ == kNobody) felt_ = first_healthy();
 }
 
-void Mixer::let_go(const Vec3& hip_mm) noexcept {
+void Mixer::release_contact(const Vec3& hip_mm) noexcept {
   abort();
   dead_ = false;
-  time_.let_go();
+  time_.release_contact();
   speed_.restart();
   for (Place& place : places_)
-    if (place.tracked.healthy()) place.tracked.let_go(hip_mm, time_.now_s());
+    if (place.tracked.healthy()) place.tracked.release_contact(hip_mm, time_.now_s());
   if (felt_ == kNobody || !places_[felt_].tracked.healthy()) felt_ = first_healthy();
 }
 
-/// Ends a fade or a wait where it is. The force is somebody else's to bring to zero.
+/// Ends a fade or wait where it is. Others bring the force to zero.
 void Mixer::abort() noexcept {
   if (state_ == MixState::kSteady) return;
   aborted_ = true;
@@ -150,7 +134,7 @@ render::Frame Mixer::step(const Vec3& hip_mm, double t_s) noexcept {
     if (state_ == MixState::kWaiting) decide_waiting(hip_mm, t_s);
     frame = mix(t_s);
   } else if (felt_ != kNobody && places_[felt_].tracked.stepped()) {
-    // The frame that failed: what it answered goes to the governor, which latches.
+    // The failed frame's answer goes to the governor, which latches.
     frame.force_n.setConstant(std::numeric_limits<double>::quiet_NaN());
   }
   hand_out();
@@ -177,7 +161,7 @@ void Mixer::step_one(std::size_t at, const Vec3& hip_mm, double t_s) noexcept {
   const double period_ns = options_.period_s * kFrameNsPerS;
   const double spare_ns =
       at == felt_ ? kUnlimited : options_.budget_share * period_ns - places_[felt_].tracked.mean_ns();
-  // On the way back from a renderer that is too slow nobody else is blamed for its time.
+  // Fading back from a slow renderer, no other is blamed for its time.
   places_[at].tracked.step(hip_mm, t_s, clock_, shown_, turned_back_ ? kUnlimited : spare_ns, options_);
 }
 
@@ -189,8 +173,8 @@ void Mixer::judge_load() noexcept {
   half_rate_ = all_ns > (half_rate_ ? kFullAgainShare * limit_ns : limit_ns);
 }
 
-/// A force that is no number ends everything until the next let_go(); a renderer that is faded to and turns
-/// out too slow is faded back from.
+/// A NaN force ends everything until the next release_contact(); a fade to a renderer that is too slow is
+/// reversed.
 void Mixer::watch_pair() noexcept {
   const bool lost =
       places_[felt_].tracked.disqualified() == Disqualified::kNonFinite ||
@@ -198,7 +182,7 @@ void Mixer::watch_pair() noexcept {
   if (!lost) return;
   dead_ = true;
   abort();
-  aborted_ = false;  // it is said in this frame
+  aborted_ = false;  // reported in this frame
   say(MixDecision::kAborted, SwitchReason::kFault);
 }
 
@@ -219,7 +203,7 @@ void Mixer::take_arrival(double t_s) noexcept {
                       t_s - options_.period_s);
 }
 
-/// The new renderer of a lane takes the place of the old one: by the rules where that one is felt.
+/// A new renderer replaces the old one of its lane, by the switching rules if that one is felt.
 void Mixer::settle_arrival() noexcept {
   const auto found =
       std::find_if(places_.begin(), places_.end(), [](const Place& place) { return place.arriving; });
@@ -281,7 +265,7 @@ void Mixer::take_request(double t_s) noexcept {
     queue_said_ = queued;
     return;
   }
-  // Of two decisions in one frame the later would hide the earlier.
+  // One decision per frame: a second would hide the first.
   if (mixed_.decision != MixDecision::kNone) return;
   const SwitchRequest request = slot_.take();
   queue_said_ = false;
@@ -358,7 +342,7 @@ void Mixer::decide_by_rules(const Vec3& hip_mm, double t_s) noexcept {
 
 void Mixer::advance_fade(double t_s) noexcept {
   if (places_[to_].tracked.disqualified() == Disqualified::kTooSlow) {
-    // Back the way it came: w(1 - u) = 1 - w(u), so that the force goes on from where it is.
+    // Reverses: w(1 - u) = 1 - w(u), so the force is continuous.
     std::swap(felt_, to_);
     since_s_ = t_s - (options_.fade_s - (t_s - since_s_));
     turned_back_ = true;

@@ -9,46 +9,33 @@
 namespace palpate::device {
 namespace {
 
-// An encoder of 0.055 mm read at 1 kHz shows 55 mm/s for a single step. Over 10 ms that is 5, and a hand's
-// speed does not change in so short a time.
+// At 1 kHz one encoder step of 0.055 mm looks like 55 mm/s; averaged over 10 ms it is 5, and a hand's speed
+// changes more slowly.
 constexpr double kSpeedMemoryS = 0.01;
-// Shorter is no fade at 1 kHz; longer than a second nobody waits.
+// Shorter is no fade at 1 kHz; nobody waits longer than a second.
 constexpr double kShortestFadeS = 1e-3, kLongestFadeS = 1.0;
-// Of the sine's series with arguments up to pi/4: the next term is below (pi/4)^19 / 19! = 1e-19.
+// Terms of the sine series for arguments up to pi/4: the next is below (pi/4)^19 / 19! = 1e-19.
 constexpr int kSineTerms = 9;
 
 }  // namespace
 
 const char* reason_text(SwitchReason reason) noexcept {
-  switch (reason) {
-    case SwitchReason::kNone:
-      return "";
-    case SwitchReason::kNotFree:
-      return "waiting for free space: lift off";
-    case SwitchReason::kBringingUp:
-      return "the other renderer is being brought to the hand";
-    case SwitchReason::kForcesDiffer:
-      return "the forces are too far apart";
-    case SwitchReason::kContactDiffers:
-      return "one renderer touches and the other does not";
-    case SwitchReason::kTooFast:
-      return "the hand is too fast";
-    case SwitchReason::kSaturated:
-      return "a force is at its limit";
-    case SwitchReason::kHalfRate:
-      return "the renderers together are too slow for a switch in contact";
-    case SwitchReason::kDisqualified:
-      return "the other renderer is disqualified";
-    case SwitchReason::kNoSuchRenderer:
-      return "there is no such renderer";
-    case SwitchReason::kAlreadyFelt:
-      return "it is felt already";
-    case SwitchReason::kFault:
-      return "a fault, or a re-arming";
-    case SwitchReason::kOverridden:
-      return "another request came";
-  }
-  return "unknown";
+  constexpr std::array kTexts = {"",
+                                 "waiting for free space: lift off",
+                                 "the other renderer is being brought to the hand",
+                                 "the forces are too far apart",
+                                 "one renderer touches and the other does not",
+                                 "the hand is too fast",
+                                 "a force is at its limit",
+                                 "the renderers together are too slow for a switch in contact",
+                                 "the other renderer is disqualified",
+                                 "there is no such renderer",
+                                 "it is felt already",
+                                 "a fault, or a re-arming",
+                                 "another request came"};
+  static_assert(kTexts.size() == static_cast<std::size_t>(SwitchReason::kOverridden) + 1);
+  const auto at = static_cast<std::size_t>(reason);
+  return at < kTexts.size() ? kTexts[at] : "unknown";
 }
 
 Status check(const SwitchOptions& options) {
@@ -90,8 +77,8 @@ double difference_limit_n(const SwitchOptions& options) noexcept {
 double raised_cosine(double u) noexcept {
   if (!(u > 0.0)) return 0.0;
   if (u >= 1.0) return 1.0;
-  // (1 - cos(pi u)) / 2 = sin^2(pi u / 2); beyond the middle 1 - w(1 - u), so that arguments stay below pi/4
-  // and both ends are as exact as the middle.
+  // (1 - cos(pi u)) / 2 = sin^2(pi u / 2); beyond the middle 1 - w(1 - u), so arguments stay below pi/4 and
+  // both ends are equally exact.
   const bool second_half = u > 0.5;
   const double x = 0.5 * std::numbers::pi * (second_half ? 1.0 - u : u);
   double sine = 0.0, term = x;

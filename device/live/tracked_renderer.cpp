@@ -6,29 +6,21 @@
 namespace palpate::device {
 namespace {
 
-// A standby's bring-up runs beside the renderer that is felt: four frames at once, of 16 that a renderer
-// alone may take, are a quarter of what the shortest period has room for.
-constexpr render::BringUpOptions kBesideAnother{render::BringUpOptions{}.step_mm, 4};
-// The mean forgets over so many frames: longer than what the processor's caches and clock need, short against
-// a person's patience.
+// Bring-up frames at once beside the felt renderer (16 alone): a quarter of the shortest period.
+constexpr render::ContactCatchUpOptions kBesideAnother{render::ContactCatchUpOptions{}.step_mm, 4};
+// Frames of the running mean: more than caches and clock rate need, short for a user.
 constexpr double kMeanFrames = 64.0;
-// A missed budget costs as much as so many frames in time pay back, and so much debt is too much: three
-// misses in a row, or more than one in fifty for some time. One alone is the operating system's.
-constexpr int kDebtOfAMiss = 50;
-constexpr int kDebtMost = 3 * kDebtOfAMiss - 2;
+// A missed budget costs this many frames in time; the debt limit is three misses in a row, or over one in
+// fifty for some time. A single one is the operating system's.
+constexpr int kMissedBudgetScore = 50;
+constexpr int kDebtMost = 3 * kMissedBudgetScore - 2;
 
 }  // namespace
 
 const char* disqualified_text(Disqualified disqualified) noexcept {
-  switch (disqualified) {
-    case Disqualified::kNo:
-      return "";
-    case Disqualified::kNonFinite:
-      return "it answered a force that is no number";
-    case Disqualified::kTooSlow:
-      return "its frames do not fit into the period";
-  }
-  return "unknown";
+  return disqualified == Disqualified::kNo          ? ""
+         : disqualified == Disqualified::kNonFinite ? "it answered a force that is no number"
+                                                    : "its frames do not fit into the period";
 }
 
 void TrackedRenderer::adopt(std::unique_ptr<render::HapticRenderer> renderer, std::uint32_t generation,
@@ -39,12 +31,12 @@ void TrackedRenderer::adopt(std::unique_ptr<render::HapticRenderer> renderer, st
   stepped_ = timed_ = false;
   step_ns_ = 0;
   mean_ns_ = 0.0;
-  debt_ = 0;
+  missed_budget_score_ = 0;
   disqualified_ = Disqualified::kNo;
-  bring_up_ = render::BringUp(kBesideAnother);
+  catch_up_ = render::ContactCatchUp(kBesideAnother);
   watch_.restart(t_s);
   last_free_mm_ = free_mm;
-  if (free_mm) bring_up_.begin(*renderer_, *free_mm, t_s);
+  if (free_mm) catch_up_.begin(*renderer_, *free_mm, t_s);
 }
 
 std::unique_ptr<render::HapticRenderer> TrackedRenderer::release() noexcept {
@@ -56,16 +48,16 @@ std::unique_ptr<render::HapticRenderer> TrackedRenderer::release() noexcept {
 
 void TrackedRenderer::restart(const Vec3& hip_mm, double t_s) noexcept {
   renderer_->restart(hip_mm, t_s);
-  bring_up_.abandon();
+  catch_up_.abandon();
   disqualified_ = Disqualified::kNo;
-  debt_ = 0;
+  missed_budget_score_ = 0;
   frame_ = {};
   frame_.god_object_mm = hip_mm;
   watch_.restart(t_s);
   last_free_mm_ = hip_mm;
 }
 
-void TrackedRenderer::let_go(const Vec3& hip_mm, double t_s) noexcept {
+void TrackedRenderer::release_contact(const Vec3& hip_mm, double t_s) noexcept {
   frame_ = {};
   frame_.god_object_mm = hip_mm;
   watch_.restart(t_s);
@@ -73,12 +65,12 @@ void TrackedRenderer::let_go(const Vec3& hip_mm, double t_s) noexcept {
   if (*last_free_mm_ == hip_mm)
     place(hip_mm);
   else
-    bring_up_.begin(*renderer_, *last_free_mm_, t_s);
+    catch_up_.begin(*renderer_, *last_free_mm_, t_s);
 }
 
 void TrackedRenderer::place(const Vec3& hip_mm) noexcept {
-  bring_up_.abandon();
-  renderer_->let_go(hip_mm);
+  catch_up_.abandon();
+  renderer_->release_contact(hip_mm);
   last_free_mm_ = hip_mm;
 }
 
@@ -86,8 +78,8 @@ void TrackedRenderer::step(const Vec3& hip_mm, double t_s, const Clock& clock, c
                            double spare_ns, const SwitchOptions& options) noexcept {
   const bool one_clock = &clock == &shown;
   const std::int64_t begun_ns = clock.now_ns(), shown_ns = one_clock ? begun_ns : shown.now_ns();
-  const bool on_the_way = bring_up_.pending();
-  frame_ = on_the_way ? bring_up_.advance(*renderer_, hip_mm, t_s) : renderer_->step(hip_mm, t_s);
+  const bool on_the_way = catch_up_.pending();
+  frame_ = on_the_way ? catch_up_.advance(*renderer_, hip_mm, t_s) : renderer_->step(hip_mm, t_s);
   step_ns_ = shown.now_ns() - shown_ns;
   const std::int64_t took_ns = one_clock ? step_ns_ : clock.now_ns() - begun_ns;
   stepped_ = true;
@@ -95,7 +87,7 @@ void TrackedRenderer::step(const Vec3& hip_mm, double t_s, const Clock& clock, c
     disqualified_ = Disqualified::kNonFinite;
     return;
   }
-  if (bring_up_.pending()) frame_.force_n.setZero();  // of a place on the way
+  if (catch_up_.pending()) frame_.force_n.setZero();  // on the way, not at the hand
   if (on_the_way) {
     watch_.disturb(t_s);
     return;
@@ -106,12 +98,13 @@ void TrackedRenderer::step(const Vec3& hip_mm, double t_s, const Clock& clock, c
 }
 
 void TrackedRenderer::judge_time(double took_ns, double spare_ns, const SwitchOptions& options) noexcept {
-  // A frame that the operating system interrupted counts for a period at most.
+  // An interrupted frame counts as at most a period.
   const double counted_ns = std::min(took_ns, options.period_s * kFrameNsPerS);
   mean_ns_ = timed_ ? mean_ns_ + (counted_ns - mean_ns_) / kMeanFrames : counted_ns;
   timed_ = true;
-  debt_ = took_ns > spare_ns ? debt_ + kDebtOfAMiss : std::max(0, debt_ - 1);
-  if (debt_ >= kDebtMost) disqualified_ = Disqualified::kTooSlow;
+  missed_budget_score_ =
+      took_ns > spare_ns ? missed_budget_score_ + kMissedBudgetScore : std::max(0, missed_budget_score_ - 1);
+  if (missed_budget_score_ >= kDebtMost) disqualified_ = Disqualified::kTooSlow;
 }
 
 }  // namespace palpate::device

@@ -24,7 +24,7 @@ void SwitchButton::took(const Tick& tick) noexcept {
 
 void ClutchButton::took(const Tick& tick) noexcept {
   const bool pressed = button_.update((tick.state.buttons & options_.clutch_mask) != 0, tick.t_s);
-  // Without a good frame nothing is known: the scene stays where it is.
+  // Without a valid frame the scene stays.
   if (tick.fault != Fault::kNone || !is_finite(tick.state.position_mm)) return;
   bool free = tick.frame.force_n == Vec3::Zero() && mixer_.last().state != MixState::kFading;
   for (const TrackedFrame& one : mixer_.last().tracked) free = free && (!one.present || !one.frame.contact);

@@ -1,22 +1,21 @@
-// What switches and moves by the buttons of a device: observers in the servo's thread, between ticks.
+// Tick observers for device buttons that switch renderers and move the scene.
 #pragma once
 
 #include <cstdint>
 
+#include <palpate/device/servo.h>
 #include "device/live/mixer.h"
 #include "device/live/workspace.h"
-#include "device/servo/tick_observer.h"
 
 namespace palpate::device {
 
-/// A button without its bounces: it is pressed, or not, once it has said so for `settle_s` without a break.
+/// A debounced button: changes once the input is steady for `settle_s`.
 class Debounced {
  public:
   /// Mechanical switches bounce for some milliseconds.
   static constexpr double kSettleS = 0.02;
   explicit Debounced(double settle_s = kSettleS) noexcept : settle_s_(settle_s) {}
-  /// Whether it is pressed, at `t_s`. The first press of a bounce counts at once; what follows within the
-  /// time does not.
+  /// The state at `t_s`. A first press counts at once; bounces within the time do not.
   [[nodiscard]] bool update(bool raw, double t_s) noexcept {
     if (raw != pressed_ && t_s - changed_s_ >= settle_s_) {
       pressed_ = raw;
@@ -34,13 +33,13 @@ class Debounced {
 struct ButtonOptions {
   std::uint32_t switch_mask = 1u << 0;  ///< of DeviceState::buttons
   std::uint32_t clutch_mask = 1u << 1;
-  /// A press moves the hand: what it asks for is decided so much later.
+  /// Delay of the decision, because a press moves the hand.
   double decide_after_s = 0.2;
-  /// Held for longer it is for the moment: letting go asks for the renderer of before.
+  /// Held longer it is momentary: release returns to the previous renderer.
   double momentary_s = 0.5;
 };
 
-/// A press asks for the next renderer; held, for as long as it is held.
+/// A press selects the next renderer; held, for as long as it is held.
 class SwitchButton final : public TickObserver {
  public:
   explicit SwitchButton(Mixer& mixer, const ButtonOptions& options = {}) noexcept

@@ -7,8 +7,7 @@
 namespace palpate::device {
 namespace {
 
-// Of the workspace: the rest is for a hand that goes around the scene, and for the edge, where devices are
-// weak.
+// Share of the workspace; the rest is for moving around the scene, and for the weak edge.
 constexpr double kFilledShare = 0.9;
 
 }  // namespace

@@ -1,5 +1,5 @@
-// For plug-ins: what the thread of a maker's library and the servo's thread hand each other, without a lock.
-// Header only: a plug-in links nothing of Palpate.
+// Lock-free exchange between a maker's library thread and the servo's thread, for plug-ins. Header only:
+// plug-ins link nothing of Palpate.
 #pragma once
 
 #include <algorithm>
@@ -8,14 +8,14 @@
 #include <cstring>
 #include <string_view>
 
-#include "device/links/packed_force.h"
+#include <palpate/clock.h>
+#include <palpate/triple_buffer.h>
+#include "device/links/newest_command.h"
 #include "device/plugins/plugin.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/handover.h"
 
 namespace palpate::device {
 
-/// A text into memory of C, cut to its size, ended by a zero.
+/// Copies a text to a C buffer, cut to its size and zero-terminated.
 inline void copy_plugin_text(std::string_view text, char* into, std::uint32_t size) noexcept {
   if (into == nullptr || size == 0) return;
   const std::size_t length = std::min<std::size_t>(text.size(), size - 1);
@@ -23,15 +23,16 @@ inline void copy_plugin_text(std::string_view text, char* into, std::uint32_t si
   into[length] = '\0';
 }
 
-/// One device. The library's thread calls state() and force(), the servo's read() and send(), any zero().
+/// One device. The library's thread calls state() and force(), the servo's read() and send(), any thread
+/// zero().
 class PluginExchange {
  public:
-  /// Longer than any hiccup that a servo survives (its own limit is 50 ms): nobody is there any more.
+  /// Without send() for this long the force ends: no servo survives such a pause (50 ms).
   static constexpr std::int64_t kHeldNs = 50'000'000;
 
-  /// The library's thread: what was measured now.
+  /// Library's thread: publishes a measured state.
   void state(const palpate_plugin_state& now) noexcept { states_.publish({now, monotonic_ns()}); }
-  /// The library's thread: what is to be shown now.
+  /// Library's thread: the force to show now.
   [[nodiscard]] Vec3 force() const noexcept {
     if (monotonic_ns() - sent_ns_.load(std::memory_order_acquire) > kHeldNs) return Vec3::Zero();
     return force_.load();
@@ -55,9 +56,27 @@ class PluginExchange {
     palpate_plugin_state state{{0.0, 0.0, 0.0}, 0, 1, 0, 0, 0};
     std::int64_t at_ns = 0;
   };
-  Handover<Timed> states_;
+  TripleBuffer<Timed> states_;
   PackedForce force_;
   std::atomic<std::int64_t> sent_ns_{0};
+};
+
+/// Calls of a plug-in whose device, of type D, has an `exchange`.
+template <class D>
+struct PluginCalls {
+  static D& device_of(void* device) noexcept { return *static_cast<D*>(device); }
+  static std::int32_t read(void* device, palpate_plugin_state* state) {
+    device_of(device).exchange.read(*state);
+    return 0;
+  }
+  static std::int32_t send(void* device, const double force_n[3]) {
+    device_of(device).exchange.send(force_n);
+    return 0;
+  }
+  static std::int32_t zero(void* device) {
+    device_of(device).exchange.zero();
+    return 0;
+  }
 };
 
 }  // namespace palpate::device

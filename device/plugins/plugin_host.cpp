@@ -9,8 +9,8 @@
 #include <system_error>
 #include <thread>
 
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
+#include <palpate/options.h>
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
@@ -21,7 +21,7 @@ constexpr const char *kPluginPrefix = "palpate-", *kPluginEnding = ".so";
 constexpr std::size_t kPluginText = 1024;
 using PluginText = std::array<char, kPluginText>;
 
-/// A plug-in that is spoken of even where it is not.
+/// A plug-in listed even if absent.
 struct KnownPlugin {
   const char* name;
   const char* what;
@@ -31,11 +31,11 @@ constexpr std::array kKnownPlugins = {
     KnownPlugin{
         "dhd", "Force Dimension omega, delta, sigma, lambda, and the Novint Falcon",
         "its plug-in: install the Force Dimension SDK from its maker, set DHD_ROOT to its folder, and build "
-        "and install Palpate again (docs/devices.md)"},
+        "and install Palpate again (docs/how-to/connect-a-device.md)"},
     KnownPlugin{
         "openhaptics", "3D Systems Touch, Touch X, Phantom",
         "its plug-in: install OpenHaptics and the device driver from 3D Systems, set OH_SDK_BASE to its "
-        "folder, and build and install Palpate again (docs/devices.md)"}};
+        "folder, and build and install Palpate again (docs/how-to/connect-a-device.md)"}};
 
 std::string text_of(const PluginText& text) {
   return {text.begin(), std::find(text.begin(), text.end(), '\0')};
@@ -48,7 +48,7 @@ bool is_whole(const palpate_plugin* plugin) noexcept {
          plugin->facts != nullptr;
 }
 
-/// What the list says of one plug-in: loads it, and asks it.
+/// List entries of one plug-in: loads and asks it.
 std::vector<DeviceEntry> look_for_plugin(const std::string& name, const std::string& what,
                                          const std::string& remedy) {
   DeviceEntry entry{name, what, DeviceStatus::kMissing, {}};
@@ -73,7 +73,7 @@ std::vector<DeviceEntry> look_for_plugin(const std::string& name, const std::str
   return {entry};
 }
 
-/// The index behind the colon of "dhd:1".
+/// Parses the index after the colon of "dhd:1".
 Result<std::uint32_t> index_of(const std::string& device_name) {
   const std::size_t colon = device_name.find(':');
   if (colon == std::string::npos) return 0U;
@@ -83,7 +83,7 @@ Result<std::uint32_t> index_of(const std::string& device_name) {
   return static_cast<std::uint32_t>(*index);
 }
 
-/// In a guard process: loads, opens, lets go.
+/// For a guard process: loads, opens, releases.
 bool release_plugin(const fs::path& file, std::uint32_t index) {
   const Result<std::shared_ptr<PluginLibrary>> library = PluginLibrary::load(file);
   if (!library) return false;
@@ -133,7 +133,7 @@ Result<std::shared_ptr<PluginLibrary>> PluginLibrary::load(const fs::path& file)
   }
   auto* const entry = reinterpret_cast<palpate_plugin_entry_fn>(::dlsym(handle, PALPATE_PLUGIN_ENTRY));
   const palpate_plugin* const plugin = entry != nullptr ? entry() : nullptr;
-  // The size is looked at before what lies behind it.
+  // Checks the size before reading what it covers.
   if (plugin == nullptr || plugin->abi != PALPATE_PLUGIN_ABI || plugin->size < sizeof(palpate_plugin) ||
       !is_whole(plugin)) {
     ::dlclose(handle);
@@ -179,7 +179,7 @@ PluginDevice::~PluginDevice() {
 
 void PluginDevice::give_back() noexcept {
   void* const device = device_.exchange(nullptr);
-  // Who comes to cut from here on finds nothing; who was there before is waited for.
+  // Later cut_force calls find no device; earlier ones are waited for.
   while (cutting_.load() > 0) std::this_thread::yield();
   if (device != nullptr) library_->plugin().close(device);
 }
@@ -193,7 +193,7 @@ Status PluginDevice::open() {
     return Error{text_of(text), "look at cable, power and the maker's software", name_, 0};
   device_.store(device);
   state_ = {};
-  state_.homed = false;  // until it says so
+  state_.homed = false;  // until reported
   open_ = true;
   Status good = take_limits();
   if (!good) close();
@@ -230,8 +230,8 @@ DeviceState PluginDevice::read() noexcept {
   if (!open_) return state_;
   palpate_plugin_state told{};
   if (library_->plugin().read(device_.load(std::memory_order_relaxed), &told) != 0) return state_;
-  constexpr std::uint32_t kMostStatus = 3;
-  state_.status = told.status <= kMostStatus ? static_cast<ReadStatus>(told.status) : ReadStatus::kGarbled;
+  constexpr std::uint32_t kMaxStatus = 3;
+  state_.status = told.status <= kMaxStatus ? static_cast<ReadStatus>(told.status) : ReadStatus::kGarbled;
   if (state_.status != ReadStatus::kFresh) return state_;
   state_.position_mm = Vec3{told.position_mm[0], told.position_mm[1], told.position_mm[2]};
   state_.buttons = told.buttons;
@@ -255,8 +255,8 @@ bool PluginDevice::cut_force() noexcept {
   return cut;
 }
 
-std::vector<std::pair<std::string, std::string>> PluginDevice::facts() const {
-  std::vector<std::pair<std::string, std::string>> facts;
+DeviceFacts PluginDevice::facts() const {
+  DeviceFacts facts;
   PluginText text{};
   void* const device = device_.load();
   if (device == nullptr || library_->plugin().facts(device, text.data(), kPluginText) != 0) return facts;
@@ -273,7 +273,7 @@ std::vector<std::pair<std::string, std::string>> PluginDevice::facts() const {
 
 void register_plugin_drivers(Drivers& drivers) {
   for (const KnownPlugin& known : kKnownPlugins) add_plugin(drivers, known.name, known.what, known.remedy);
-  // Others' plug-ins, by their files; a name that is taken is not replaced.
+  // Other plug-ins, by file; a taken name is not replaced.
   std::vector<std::string> names;
   std::error_code none;
   for (const fs::path& folder : plugin_folders())

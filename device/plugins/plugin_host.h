@@ -1,4 +1,4 @@
-// Loads plug-ins, and makes devices of them.
+// Loads plug-ins and makes devices of them.
 #pragma once
 
 #include <atomic>
@@ -8,15 +8,16 @@
 #include <utility>
 #include <vector>
 
-#include "device/interface/drivers.h"
+#include <palpate/device/drivers.h>
+#include "device/interface/driver_options.h"
 #include "device/plugins/plugin.h"
 
 namespace palpate::device {
 
-/// A loaded module. It is never unloaded while one of its devices lives.
+/// A loaded module, kept loaded while one of its devices lives.
 class PluginLibrary {
  public:
-  /// An Error says what the system's loader misses, or that the module was built for another version.
+  /// An Error says what the system's loader misses, or that the version differs.
   [[nodiscard]] static Result<std::shared_ptr<PluginLibrary>> load(const std::filesystem::path& file);
   PluginLibrary(const PluginLibrary&) = delete;
   PluginLibrary& operator=(const PluginLibrary&) = delete;
@@ -30,14 +31,13 @@ class PluginLibrary {
   const palpate_plugin* plugin_;
 };
 
-/// Where plug-ins are looked for, in this order: the folders of $PALPATE_PLUGINS (separated by colons), then
-/// lib/palpate/plugins beside the program's bin.
+/// Plug-in folders in search order: those of $PALPATE_PLUGINS (separated by colons), then lib/palpate/plugins
+/// beside the program's bin.
 [[nodiscard]] std::vector<std::filesystem::path> plugin_folders();
-/// The file palpate-NAME.so in the first folder that has it; empty: none has.
+/// The file palpate-NAME.so in the first folder that has it; empty: none.
 [[nodiscard]] std::filesystem::path plugin_file(const std::string& name);
 
-/// A device of a plug-in. What the plug-in says is checked: limits that are none do not open, a status that
-/// is none is nonsense.
+/// A device of a plug-in. Invalid limits fail to open; an invalid status reads as garbled.
 class PluginDevice final : public Device {
  public:
   PluginDevice(std::shared_ptr<PluginLibrary> library, std::uint32_t index, std::string name,
@@ -47,14 +47,14 @@ class PluginDevice final : public Device {
 
   [[nodiscard]] std::string name() const override { return name_; }
   [[nodiscard]] Status open() override;
-  /// Zero force. The plug-in's device is given back by the next open() or the destructor: until then any
-  /// thread may cut, and who does is waited for.
+  /// Commands zero. The plug-in's device stays open until the next open() or the destructor; until then any
+  /// thread may cut, and the release waits for it.
   void close() noexcept override;
   [[nodiscard]] DeviceLimits limits() const noexcept override { return limits_; }
   [[nodiscard]] DeviceState read() noexcept override;
   void send(GovernedForce force) noexcept override;
   bool cut_force() noexcept override;
-  [[nodiscard]] std::vector<std::pair<std::string, std::string>> facts() const;
+  [[nodiscard]] DeviceFacts facts() const;
 
  private:
   [[nodiscard]] Status take_limits();
@@ -65,13 +65,13 @@ class PluginDevice final : public Device {
   std::string name_;
   const Clock& clock_;
   std::atomic<void*> device_{nullptr};
-  std::atomic<int> cutting_{0};  // threads that are within cut_force
+  std::atomic<int> cutting_{0};  // threads within cut_force
   bool open_ = false;
   DeviceLimits limits_;
   DeviceState state_;
 };
 
-/// "dhd" and "openhaptics", whether their plug-ins are there or not, and every other plug-in that is.
+/// Registers "dhd" and "openhaptics", present or not, and all other plug-ins.
 void register_plugin_drivers(Drivers& drivers);
 
 }  // namespace palpate::device

@@ -1,35 +1,107 @@
 #include "device/record/recorder.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <boost/lockfree/spsc_queue.hpp>
+#include <cerrno>
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
+#include <cstring>
 #include <mutex>
 #include <optional>
 #include <thread>
 
-#include "device/record/byte_ring.h"
+#include <palpate/clock.h>
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
 #include "device/record/chunk.h"
-#include "device/record/header_codec.h"
-#include "device/record/tick_codec.h"
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/try.h"
+#include "device/record/recording_codec.h"
+#include "toolkit/core/locked_file.h"
 
 namespace palpate::device {
 namespace {
 
-// How often the writer looks: a tenth of a chunk more that a crash may lose, and 40 wake-ups a second.
+class DiskFile final : public RecordingFile {
+ public:
+  DiskFile(std::string path, LockedFile file) : path_(std::move(path)), file_(std::move(file)) {}
+
+  Status append(std::span<const std::byte> bytes) override {
+    std::span<const std::byte> rest = bytes;
+    while (!rest.empty()) {
+      const ssize_t n =
+          ::pwrite(file_.fd(), rest.data(), rest.size(), static_cast<off_t>(end_) + done(bytes, rest));
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) return failed("write", n == 0 ? EIO : errno);
+      rest = rest.subspan(static_cast<std::size_t>(n));
+    }
+    end_ += bytes.size();
+    return Done{};
+  }
+
+  Status flush(Flush how) override {
+    if (how == Flush::kSystem) return Done{};
+    // EINVAL: not a disk, so nothing needs synchronising.
+    if (::fdatasync(file_.fd()) != 0 && errno != EINVAL && errno != EROFS) return failed("flush", errno);
+    return Done{};
+  }
+
+  const std::string& path() const noexcept override { return path_; }
+
+ private:
+  static off_t done(std::span<const std::byte> all, std::span<const std::byte> rest) {
+    return static_cast<off_t>(all.size() - rest.size());
+  }
+  Status failed(const char* doing, int why) {
+    // Removes a partial chunk, so that the next starts at the right offset.
+    if (::ftruncate(file_.fd(), static_cast<off_t>(end_)) != 0) {
+      // On failure the next try overwrites it, or readers see a torn tail.
+    }
+    return Error{fmt::format("cannot {} the recording: {}", doing, std::strerror(why)),
+                 why == ENOSPC  ? "free some space on the disk"
+                 : why == EFBIG ? "raise the limit of file sizes (ulimit -f), or record for a shorter time"
+                                : "check the disk",
+                 path_, 0};
+  }
+
+  std::string path_;
+  LockedFile file_;
+  std::uint64_t end_ = 0;
+};
+
+// Polling period of the writer: 40 wake-ups a second; a crash loses a tenth of a chunk more.
 constexpr std::chrono::milliseconds kLook{25};
-// What failed is tried again so often: a disk that is full stays so for a while.
+// Retry period after a failed write: a full disk stays full for a while.
 constexpr std::int64_t kRetryNs = 100'000'000;
 constexpr double kNsPerS = 1e9;
-// So many records are taken before the writer looks at the clock again.
+constexpr std::size_t kSizeBytes = sizeof(std::uint32_t);  // before each tick in the ring
+// Records taken between two looks at the clock.
 constexpr int kRecordsAtOnce = 64;
 
 }  // namespace
+
+Result<std::unique_ptr<RecordingFile>> make_recording_file(const std::string& path, bool replace) {
+  struct stat found {};
+  if (::stat(path.c_str(), &found) == 0) {
+    if (!S_ISREG(found.st_mode))
+      return Error{"cannot record into this: it is no plain file", "give another name", path, 0};
+    if (!replace)
+      return Error{"a file of this name is there already, and recordings are not replaced unasked",
+                   "give another name, or --force to replace it", path, 0};
+  }
+  Result<LockedFile> locked = LockedFile::open(path);
+  if (!locked) return Error{"cannot make the file: " + locked.error().what, locked.error().remedy, path, 0};
+  if (!locked->held())
+    return Error{"another program is writing this file", "wait for it to end, or give another name", path, 0};
+  if (::ftruncate(locked->fd(), 0) != 0)
+    return Error{fmt::format("cannot empty the file: {}", std::strerror(errno)), "give another name", path,
+                 0};
+  return std::unique_ptr<RecordingFile>(std::make_unique<DiskFile>(path, *std::move(locked)));
+}
 
 struct Recorder::State {
   State(std::unique_ptr<RecordingFile> to, TickSource& from, const RecorderOptions& asked)
@@ -37,11 +109,16 @@ struct Recorder::State {
         source(from),
         options(asked),
         chunk_ns(static_cast<std::int64_t>(asked.chunk_s * kNsPerS)),
-        ring(std::max(asked.ring_bytes, 2 * (kMostBytesATick + sizeof(std::uint32_t)))) {
-    chunk.resize(kMostPayloadBytes);
+        ring_bytes(std::max(asked.ring_bytes, 2 * (kSizeBytes + kMaxBytesATick))),
+        ring(ring_bytes) {
+    chunk.resize(kMaxPayloadBytes);
+    // Touches every byte, so that no page fault follows.
+    const std::vector<std::byte> zeros(ring_bytes);
+    ring.push(zeros.data(), zeros.size());
+    ring.reset();
   }
 
-  // The file; whoever holds the mutex. Never the servo thread.
+  // Guarded by the mutex; never used by the servo thread.
   std::mutex file_mutex;
   std::unique_ptr<RecordingFile> file;
   std::uint64_t next_number = 0;
@@ -49,25 +126,25 @@ struct Recorder::State {
   [[nodiscard]] Status append(ChunkKind kind, std::uint32_t ticks, std::int64_t t_ns,
                               std::span<const std::byte> payload, Flush flush);
 
-  // The servo thread.
+  // Used by the servo thread.
   TickSource& source;
   RecorderOptions options;
   RecordedTick tick;
-  std::array<std::byte, kMostBytesATick> scratch{};
+  std::array<std::byte, kSizeBytes + kMaxBytesATick> scratch{};
   std::int64_t first_t_ns = 0, last_t_ns = 0;
   bool has_tick = false;
   std::uint64_t lost_pending = 0;
 
-  // The writer thread.
+  // Used by the writer thread.
   std::int64_t chunk_ns;
-  std::vector<std::byte> chunk;  ///< ticks that are not in the file yet: the first chunk_bytes
+  std::vector<std::byte> chunk;  ///< ticks not yet in the file: the first chunk_bytes
   std::size_t chunk_bytes = 0;
   std::uint32_t chunk_ticks = 0;
   std::int64_t chunk_t_ns = 0, chunk_begun_ns = 0, tried_ns = 0;
-  std::array<std::byte, kMostBytesATick> popped{};
-  std::size_t popped_bytes = 0;  ///< taken out of the ring, but not in the chunk yet
+  std::array<std::byte, kMaxBytesATick> popped{};
+  std::size_t popped_bytes = 0;  ///< taken from the ring, not yet in the chunk
   std::optional<Error> failure;  ///< of the last try
-  /// That so many of the ticks taken last, s.
+  /// The seconds that so many of the last ticks span.
   [[nodiscard]] double seconds_of(std::uint64_t of_ticks) const noexcept {
     const auto taken = static_cast<double>(ticks.load(std::memory_order_relaxed));
     return taken > 1.0 ? static_cast<double>(last_t_ns - first_t_ns) / kNsPerS *
@@ -76,11 +153,14 @@ struct Recorder::State {
   }
   void write_all();
   void drain();
+  [[nodiscard]] std::size_t pop_tick() noexcept;
   [[nodiscard]] bool take();
   void write_chunk(bool now);
 
-  // Between threads.
-  ByteRing ring;
+  // Shared between threads.
+  // Of each tick its size and its bytes, pushed together: who sees the size sees the rest.
+  std::size_t ring_bytes;
+  boost::lockfree::spsc_queue<std::byte> ring;
   std::atomic<bool> closed{false}, stop{false}, failing{false};
   std::atomic<std::uint64_t> ticks{0}, lost{0}, written{0}, bytes{0};
   std::mutex wake_mutex;
@@ -89,7 +169,7 @@ struct Recorder::State {
 
   std::mutex finish_mutex;
   std::optional<Status> finished;
-  AtStop at_stop;
+  StopCallback stop_callback;
 };
 
 Status Recorder::State::append(ChunkKind kind, std::uint32_t tick_count, std::int64_t t_ns,
@@ -97,7 +177,7 @@ Status Recorder::State::append(ChunkKind kind, std::uint32_t tick_count, std::in
   ChunkHead head{kind,       next_number, static_cast<std::uint32_t>(payload.size()),
                  tick_count, t_ns,        hash_of(payload)};
   const auto front = encode(head);
-  // One write, so that a crash of the program leaves it whole or not there.
+  // A single write, so that a crash of the program leaves all or nothing.
   std::vector<std::byte> whole;
   whole.reserve(kFileHeadBytes + front.size() + payload.size());
   if (kind == ChunkKind::kHeader) {
@@ -110,17 +190,24 @@ Status Recorder::State::append(ChunkKind kind, std::uint32_t tick_count, std::in
   whole.insert(whole.end(), front.begin(), front.end());
   whole.insert(whole.end(), payload.begin(), payload.end());
   PALPATE_TRY(file->append(whole));
-  // It is in the file from here on, whatever the disk says: it must not be written twice.
+  // The bytes are in the file even if a flush fails now: they must not be written twice.
   ++next_number;
   bytes.store(bytes.load(std::memory_order_relaxed) + whole.size(), std::memory_order_relaxed);
   return file->flush(flush);
 }
 
-/// The next tick of the ring into the chunk. False: there is none, or the chunk must be written first.
+/// Pops the oldest tick; returns its size; 0: none.
+std::size_t Recorder::State::pop_tick() noexcept {
+  std::array<std::byte, kSizeBytes> size{};
+  if (ring.pop(size.data(), size.size()) == 0) return 0;
+  return ring.pop(popped.data(), ByteReader(std::span<const std::byte>(size)).u32());
+}
+
+/// Moves the next tick from ring to chunk. False: none, or the chunk must be written first.
 bool Recorder::State::take() {
-  if (popped_bytes == 0) popped_bytes = ring.pop(popped);
+  if (popped_bytes == 0) popped_bytes = pop_tick();
   if (popped_bytes == 0) return false;
-  // The time stands behind four bytes of every tick.
+  // Offset of the time in every tick.
   constexpr std::size_t kTimeAt = 4;
   const std::int64_t t_ns = ByteReader(std::span(popped).subspan(kTimeAt)).i64();
   const bool full =
@@ -155,15 +242,15 @@ void Recorder::State::write_chunk(bool now) {
   failing.store(failure.has_value(), std::memory_order_relaxed);
 }
 
-/// Everything that the ring has, and the chunk where it is due.
+/// Drains the ring and writes the chunk when due.
 void Recorder::State::drain() {
   for (;;) {
     int taken = 0;
     while (taken < kRecordsAtOnce && take()) ++taken;
     if (taken == kRecordsAtOnce) continue;
-    if (popped_bytes == 0) break;  // the ring is empty
+    if (popped_bytes == 0) break;
     write_chunk(false);
-    if (chunk_ticks > 0) return;  // it could not be: the ring keeps the rest
+    if (chunk_ticks > 0) return;  // write failed: the ring keeps the rest
   }
   if (chunk_ticks > 0 && monotonic_ns() - chunk_begun_ns >= chunk_ns) write_chunk(false);
 }
@@ -177,11 +264,11 @@ void Recorder::State::write_all() {
   do {
     drain();
     write_chunk(true);
-  } while (chunk_ticks == 0 && (popped_bytes > 0 || ring.used() > 0));
-  // A last try failed: the rest is lost.
+  } while (chunk_ticks == 0 && (popped_bytes > 0 || ring.read_available() > 0));
+  // The last try failed: the rest is lost.
   std::uint64_t left = chunk_ticks;
   if (popped_bytes > 0) ++left;
-  while (ring.pop(popped) > 0) ++left;
+  while (pop_tick() > 0) ++left;
   lost.fetch_add(left, std::memory_order_relaxed);
 }
 
@@ -195,7 +282,6 @@ Result<std::unique_ptr<Recorder>> Recorder::create(const std::string& path, cons
                                                    TickSource& source, const RecorderOptions& options) {
   PALPATE_ASSIGN(std::unique_ptr<RecordingFile> file, make_recording_file(path, options.replace));
   Result<std::unique_ptr<Recorder>> recorder = create(std::move(file), header, source, options);
-  // Without a header nobody could read it.
   if (!recorder) std::remove(path.c_str());
   return recorder;
 }
@@ -204,14 +290,14 @@ Result<std::unique_ptr<Recorder>> Recorder::create(std::unique_ptr<RecordingFile
                                                    const RecordingHeader& header, TickSource& source,
                                                    const RecorderOptions& options) {
   const std::vector<std::byte> head = encode(header);
-  if (head.size() > kMostPayloadBytes)
+  if (head.size() > kMaxPayloadBytes)
     return Error{fmt::format("what the recording says of its session takes {} bytes, and at most {} fit",
-                             head.size(), kMostPayloadBytes),
+                             head.size(), kMaxPayloadBytes),
                  "record a scene whose text is shorter", file->path(), 0};
   std::unique_ptr<Recorder> recorder(new Recorder(std::make_unique<State>(std::move(file), source, options)));
   State& s = *recorder->state_;
   PALPATE_TRY(s.append(ChunkKind::kHeader, 0, 0, head, options.flush));
-  s.at_stop = AtStop([&s, self = recorder.get()] {
+  s.stop_callback = StopCallback([&s, self = recorder.get()] {
     const Status done = self->finish("stopped");
     return done ? fmt::format("{} holds {} ticks", s.file->path(), self->counts().written)
                 : done.error().message();
@@ -225,7 +311,7 @@ Result<std::uint16_t> Recorder::add_renderer(const RecordedRenderer& renderer) {
   const std::lock_guard lock(s.file_mutex);
   const std::uint16_t index = s.renderers;
   const std::vector<std::byte> bytes = encode(index, renderer);
-  if (bytes.size() > kMostPayloadBytes)
+  if (bytes.size() > kMaxPayloadBytes)
     return Error{"the options of this renderer are too long for a recording", "give it shorter ones",
                  renderer.label, 0};
   PALPATE_TRY(s.append(ChunkKind::kRenderer, 0, 0, bytes, s.options.flush));
@@ -258,8 +344,10 @@ void Recorder::took(const Tick& tick) noexcept {
   if (!s.has_tick) s.first_t_ns = tick.t_ns;
   s.last_t_ns = tick.t_ns;
   s.has_tick = true;
-  const std::size_t bytes = encode(out, s.scratch);
-  if (!s.closed.load(std::memory_order_relaxed) && s.ring.push(std::span(s.scratch).first(bytes))) {
+  const std::size_t bytes = encode(out, std::span(s.scratch).subspan(kSizeBytes));
+  ByteWriter(std::span<std::byte>(s.scratch)).u32(static_cast<std::uint32_t>(bytes));
+  if (!s.closed.load(std::memory_order_relaxed) && s.ring.write_available() >= kSizeBytes + bytes) {
+    s.ring.push(s.scratch.data(), kSizeBytes + bytes);
     s.lost_pending = 0;
   } else {
     ++s.lost_pending;
@@ -271,9 +359,9 @@ void Recorder::took(const Tick& tick) noexcept {
 
 void Recorder::wait_for_room() const {
   const State& s = *state_;
-  // A tick of the machine's clock: the writer fetches megabytes in it.
+  // The writer fetches megabytes in this time.
   constexpr std::chrono::milliseconds kNap{1};
-  while (s.ring.used() > s.ring.capacity() / 2 && !s.failing.load(std::memory_order_relaxed) &&
+  while (s.ring.write_available() < s.ring_bytes / 2 && !s.failing.load(std::memory_order_relaxed) &&
          !s.closed.load(std::memory_order_relaxed))
     std::this_thread::sleep_for(kNap);
 }

@@ -1,78 +1,106 @@
-// Writes every tick of a servo to a file while the loop runs, and never makes the loop wait.
+// Records every servo tick to a file without making the loop wait.
 //
-//   servo thread    took(): encodes the tick into a ring of bytes and goes on. No allocation, lock or system
-//                   call; bounded by kMostBytesATick. Where the ring is full the tick is lost and counted.
-//   writer thread   takes ticks out, appends them in checksummed chunks of a quarter of a second, each
-//                   flushed to the disk. What cannot be written now (disk full) is tried again as long as the
-//                   ring has room. What was lost is in the file, before the next tick that was not.
+//   servo thread    took() encodes the tick into a ring of bytes. No allocation, lock or system call; bounded
+//                   by kMaxBytesATick. A full ring loses the tick and counts it.
+//   writer thread   appends ticks in checksummed chunks of a quarter of a second, each flushed to the disk.
+//                   Failed writes (disk full) are tried again while the ring has room. Losses are noted in
+//                   the file before the next tick.
 //
-// A crash loses what was not in a whole chunk: a chunk and what the writer had not fetched, less than a
-// second unless the disk stands still. The layout of the file: docs/recordings.md.
+// A crash loses the unfinished chunk and what the writer had not fetched: less than a second, unless the disk
+// stalls. File layout: docs/reference/documents.md.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 
-#include "device/record/recording_file.h"
+#include <palpate/device/servo.h>
+#include <palpate/result.h>
 #include "device/record/recording_header.h"
 #include "device/record/tick_source.h"
-#include "device/servo/tick_observer.h"
-#include "toolkit/core/result.h"
 
 namespace palpate::device {
 
-struct RecorderOptions {
-  /// Of the ring: 50 s of one renderer at 1 kHz, 2 s of eight at 8 kHz. Touched once when it is made.
-  std::size_t ring_bytes = std::size_t{16} << 20;
-  double chunk_s = 0.25;  ///< of servo time in one chunk, and the longest that a tick waits for it
-  Flush flush = Flush::kData;
-  bool replace = false;  ///< a file that is there
+// The append-only output of a recorder: a disk file, or a stand-in in tests.
+
+/// How far a chunk must get before the next is written.
+enum class Flush : std::uint8_t {
+  kSystem,  ///< in the operating system: survives a crash of the program, not of the machine
+  kData,    ///< on the disk (fdatasync): survives both
 };
 
-/// Counts of the whole recording. ticks = written + lost, once it is finished.
+/// Append-only. One thread at a time.
+class RecordingFile {
+ public:
+  RecordingFile() = default;
+  RecordingFile(const RecordingFile&) = delete;
+  RecordingFile& operator=(const RecordingFile&) = delete;
+  virtual ~RecordingFile() = default;
+
+  /// Appends all or nothing: a failed write is undone. May wait for the disk. After an Error the same bytes
+  /// can be tried again.
+  [[nodiscard]] virtual Status append(std::span<const std::byte> bytes) = 0;
+  [[nodiscard]] virtual Status flush(Flush how) = 0;
+  [[nodiscard]] virtual const std::string& path() const noexcept = 0;
+};
+
+/// Creates the file and locks out other writers. An existing file is an Error unless `replace`.
+[[nodiscard]] Result<std::unique_ptr<RecordingFile>> make_recording_file(const std::string& path,
+                                                                         bool replace = false);
+
+struct RecorderOptions {
+  /// Ring size: 50 s of one renderer at 1 kHz, 2 s of eight at 8 kHz. Touched once at creation.
+  std::size_t ring_bytes = std::size_t{16} << 20;
+  double chunk_s = 0.25;  ///< servo time per chunk, and the longest that a tick waits for it
+  Flush flush = Flush::kData;
+  bool replace = false;  ///< overwrite an existing file
+};
+
+/// Counts of the whole recording. After finish(), ticks = written + lost.
 struct RecorderCounts {
-  std::uint64_t ticks = 0;    ///< that took() saw
-  std::uint64_t written = 0;  ///< in chunks that are in the file
-  std::uint64_t lost = 0;     ///< the ring was full, or the file could not be written to the end
+  std::uint64_t ticks = 0;
+  std::uint64_t written = 0;  ///< in chunks in the file
+  std::uint64_t lost = 0;     ///< ring full, or file not written to the end
   std::uint64_t bytes = 0;    ///< of the file
 };
 
 class Recorder final : public TickObserver {
  public:
-  /// Writes the header and starts the writer. The source is referred to. Errors of the file: it is there
-  /// already, cannot be made, the disk is full or read-only.
+  /// Writes the header and starts the writer. Keeps a reference to the source. An Error if the file exists or
+  /// cannot be made, or the disk is full or read-only.
   [[nodiscard]] static Result<std::unique_ptr<Recorder>> create(const std::string& path,
                                                                 const RecordingHeader& header,
                                                                 TickSource& source,
                                                                 const RecorderOptions& options = {});
-  /// The same into something that is no file on a disk: tests.
+  /// The same with any RecordingFile, for tests.
   [[nodiscard]] static Result<std::unique_ptr<Recorder>> create(std::unique_ptr<RecordingFile> file,
                                                                 const RecordingHeader& header,
                                                                 TickSource& source,
                                                                 const RecorderOptions& options = {});
-  /// finish(), whose failure nobody sees then.
+  /// Calls finish() and ignores its Status.
   ~Recorder() override;
 
-  /// A renderer that will be tracked: its index in the table. Any thread but the servo's; before the first
+  /// Adds a renderer to be tracked; returns its table index. Any thread but the servo's, before the first
   /// tick that refers to it. Waits for the disk.
   [[nodiscard]] Result<std::uint16_t> add_renderer(const RecordedRenderer& renderer);
-  /// A remark with the time, such as a change of the mapping. As add_renderer().
+  /// Adds a remark with the time, such as a change of the mapping. Conditions as for add_renderer().
   [[nodiscard]] Status note(const std::string& text);
 
-  /// In the servo thread.
+  /// Servo thread.
   void took(const Tick& tick) noexcept override;
 
-  /// Where time is not real: waits until the ring is half empty, or the file cannot be written. Never in a
-  /// servo of real time.
+  /// For virtual time only: waits until the ring is half empty or writing fails. Must not be called in a
+  /// real-time servo.
   void wait_for_room() const;
 
-  /// Writes the rest, says why the session ended, and closes. No tick may come any more. An Error where
-  /// anything was lost: how much, and why. Any thread; the second time it answers what it did the first time.
+  /// Writes the rest and the reason of the end, and closes. No tick may follow. An Error says how much was
+  /// lost and why. Any thread; a second call returns the first result.
   [[nodiscard]] Status finish(const std::string& reason = "ended");
 
-  /// So far. Any thread.
+  /// Counts so far. Any thread.
   [[nodiscard]] RecorderCounts counts() const noexcept;
 
  private:

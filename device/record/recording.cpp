@@ -5,11 +5,10 @@
 #include <algorithm>
 #include <optional>
 
-#include "device/record/chunk_reader.h"
-#include "device/record/header_codec.h"
-#include "device/record/tick_codec.h"
+#include <palpate/result.h>
+#include "device/record/chunk.h"
+#include "device/record/recording_codec.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::device {
 
@@ -26,7 +25,7 @@ struct Recording::State {
   RecordingEnd end;
   std::uint64_t next_number = 1;
 
-  std::optional<ChunkReader::Chunk> chunk;  ///< whose ticks are read
+  std::optional<ChunkReader::Chunk> chunk;
   std::optional<ByteReader> ticks;
   std::uint32_t ticks_left = 0;
   CallStorage calls{};
@@ -39,7 +38,7 @@ struct Recording::State {
   [[nodiscard]] Status check_order();
 };
 
-/// A chunk is missing where their numbers jump.
+/// A jump in chunk numbers means a missing chunk.
 Status Recording::State::check_order() {
   const ChunkReader::Chunk& c = *chunk;
   if (end.closed) return damaged(c.at, "a chunk stands behind the last one");
@@ -68,7 +67,7 @@ Status Recording::State::open_chunk() {
       std::uint16_t index = 0;
       RecordedRenderer renderer;
       sound = decode(c.payload, index, renderer);
-      // One whose chunk was damaged is missing in the table: the ticks that refer to it are not understood.
+      // A damaged renderer chunk leaves a gap: ticks that refer to it cannot be decoded.
       if (sound && index != renderers.size())
         return damaged(c.at,
                        fmt::format("renderer {} stands where renderer {} belongs", index, renderers.size()));

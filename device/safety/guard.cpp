@@ -1,4 +1,4 @@
-#include "device/safety/guard.h"
+#include <palpate/device/guard.h>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -20,20 +20,20 @@
 #include <string>
 #include <utility>
 
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
+#include <palpate/stop_callback.h>
 
 namespace palpate::device {
 namespace {
 
 constexpr double kNsPerSecond = 1e9, kMsPerSecond = 1e3;
-constexpr double kLooksPerLimit = 10.0;       // a stall is seen two looks after the limit at most
+constexpr double kLooksPerLimit = 10.0;       // a stall is seen at most two looks after the limit
 constexpr useconds_t kBetweenTriesUs = 1000;  // while the kernel still holds the device
 constexpr int kFirstFile = 3;                 // after the standard ones
 constexpr int kSeenClosed = 256;              // more files than a session opens, in far below a millisecond
 constexpr int kIgnored[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};
 
-/// Holds back what the guard will ignore: a signal sent while it is being made must not end it.
+/// Blocks the signals that the guard will ignore until it does.
 class HeldBack {
  public:
   HeldBack() noexcept {
@@ -50,7 +50,7 @@ class HeldBack {
   sigset_t before_{};
 };
 
-/// Readable when this process is gone, whoever else holds its sockets. Below 0 where the kernel has none.
+/// Readable when this process is gone, whoever else holds its sockets. Negative without kernel support.
 int own_end() noexcept {
 #ifdef SYS_pidfd_open
   return static_cast<int>(::syscall(SYS_pidfd_open, ::getpid(), 0));
@@ -59,7 +59,7 @@ int own_end() noexcept {
 #endif
 }
 
-/// A debugger holds it: then it is not hung.
+/// A traced process is not hanging.
 bool is_traced(pid_t process) {
   std::ifstream status("/proc/" + std::to_string(process) + "/status");
   const std::string key = "TracerPid:";
@@ -68,19 +68,19 @@ bool is_traced(pid_t process) {
   return false;
 }
 
-/// Closes every file but the standard ones and these, which it moves to the first places.
+/// Closes all files except the standard ones and these, which move to the first places.
 std::array<int, 2> keep_alone(std::array<int, 2> kept) noexcept {
   const int null = ::open("/dev/null", O_RDWR);
   ::dup2(null, STDIN_FILENO);
-  ::dup2(null, STDOUT_FILENO);  // who reads the program's output must see its end
-  // Above both places first, or one would overwrite the other.
+  ::dup2(null, STDOUT_FILENO);  // readers of the program's output must see its end
+  // Moves above both places first, or one would overwrite the other.
   for (int& fd : kept)
     if (fd >= 0) fd = ::fcntl(fd, F_DUPFD, kFirstFile + static_cast<int>(kept.size()));
   int next = kFirstFile;
   for (int& fd : kept)
     if (fd >= 0) fd = ::dup2(fd, next++);
-  // One by one first: a library under this program that keeps a table of files sees `close` alone, and would
-  // take a file that is opened later for the one that had its number.
+  // One by one first: an interposed library with a file table only sees `close`, and would confuse later
+  // files of the same number.
   for (int fd = next; fd < kSeenClosed; ++fd) ::close(fd);
   ::close_range(kSeenClosed, ~0U, 0);
   return kept;
@@ -112,13 +112,13 @@ void wait_for_end(const Watched& watched) {
 }
 
 [[noreturn]] void guard(const Watched& asked, const Guard::Zero& zero) {
-  ::setsid();  // what is sent to the program's group does not reach it
+  ::setsid();  // not reached by signals to the program's group
   for (const int number : kIgnored) std::signal(number, SIG_IGN);
   Watched watched = asked;
   watched.ends = keep_alone(asked.ends);
   sched_param priority{};
   priority.sched_priority = Guard::kPriority;
-  ::sched_setscheduler(0, SCHED_FIFO, &priority);  // where it is allowed
+  ::sched_setscheduler(0, SCHED_FIFO, &priority);  // if allowed
   const char ready = 1;
   ::send(watched.ends[0], &ready, 1, MSG_NOSIGNAL);
   wait_for_end(watched);
@@ -172,11 +172,11 @@ Result<Guard> Guard::start(const Zero& zero, const GuardOptions& options) {
   const int own = own_end();
   const pid_t program = ::getpid();
   {
-    const auto hold = hold_stop();
+    const auto hold = block_stop();
     const HeldBack held_back;
     state->process = ::fork();
     if (state->process == 0) {
-      forget_stop_actions();
+      forget_stop_callbacks();
       ::close(ends[1]);
       guard({program, {ends[0], own}, state->heart, options}, zero);
     }

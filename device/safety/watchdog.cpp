@@ -1,4 +1,4 @@
-#include "device/safety/watchdog.h"
+#include <palpate/device/watchdog.h>
 
 #include <pthread.h>
 #include <sched.h>
@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
 
 namespace palpate::device {
 namespace {
@@ -28,8 +28,8 @@ Watchdog::Watchdog(Device& device, Heartbeat& heart, const WatchdogOptions& opti
       detector_(limit_ns_) {}
 
 Status Watchdog::start() {
-  constexpr double kMostS = 1.0;  // a force held for longer helps nobody
-  if (!(options_.every_s > 0.0) || !(options_.limit_s > 2.0 * options_.every_s) || options_.limit_s > kMostS)
+  constexpr double kMaxS = 1.0;  // a force held for longer helps nobody
+  if (!(options_.every_s > 0.0) || !(options_.limit_s > 2.0 * options_.every_s) || options_.limit_s > kMaxS)
     return Error{"the watchdog looks every " + std::to_string(options_.every_s) + " s for a limit of " +
                      std::to_string(options_.limit_s) + " s",
                  "give a limit of 1 s or less, and looks more than twice as often", "", 0};
@@ -75,7 +75,7 @@ void Watchdog::run() noexcept {
     const std::int64_t now_ns = monotonic_ns();
     look(now_ns);
     next_ns += every_ns_;
-    if (next_ns < now_ns) next_ns = now_ns + every_ns_;  // skipped, never made up for
+    if (next_ns < now_ns) next_ns = now_ns + every_ns_;  // skipped, not caught up
     const timespec until{static_cast<time_t>(next_ns / kNsPerS), static_cast<long>(next_ns % kNsPerS)};
     ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
   }

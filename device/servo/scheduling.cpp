@@ -1,4 +1,4 @@
-#include "device/servo/scheduling.h"
+#include <palpate/device/scheduling.h>
 
 #include <fcntl.h>
 #include <sched.h>
@@ -21,10 +21,9 @@
 namespace palpate::device {
 namespace {
 
-constexpr const char* kDoctor = "`palpate devices --doctor` says the lines that allow it";
+constexpr const char* kDoctor = "`palpate list devices --doctor` says the lines that allow it";
 
-// A frame's own variables, those of what it calls, and a signal's frame: a renderer's fixed arrays are the
-// most of it, some tens of KB.
+// Stack of a frame, its callees and a signal: mostly a renderer's fixed arrays, some tens of KB.
 constexpr std::size_t kStackBytes = std::size_t{256} * 1024;
 constexpr std::size_t kPageBytes = 4096;
 
@@ -32,13 +31,13 @@ std::string reason() {
   return std::strerror(errno);  // NOLINT(concurrency-mt-unsafe): before the loop runs
 }
 
-/// Pages that a frame will use are there before the first one asks for them.
+/// Faults in the stack pages before the first frame.
 [[gnu::noinline]] void touch_stack() noexcept {
   std::array<volatile unsigned char, kStackBytes> stack;
   for (std::size_t i = 0; i < kStackBytes; i += kPageBytes) stack[i] = 0;
 }
 
-/// Whether this thread treats the smallest numbers as zero.
+/// True if this thread flushes denormals to zero.
 bool flushes_denormals() noexcept {
   volatile double least = std::numeric_limits<double>::min();
   volatile const double half = least * 0.5;
@@ -61,7 +60,7 @@ void ask_for_fifo(const SchedulingOptions& options, SchedulingMode& mode) {
   if (options.priority <= 0) return;
   sched_param wanted{};
   wanted.sched_priority = options.priority;
-  // Threads that this one starts do not inherit it.
+  // Threads started by this one do not inherit it.
   if (::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &wanted) == 0) {
     mode.fifo = true;
     mode.priority = options.priority;
@@ -74,7 +73,7 @@ void ask_for_fifo(const SchedulingOptions& options, SchedulingMode& mode) {
 void pin(const SchedulingOptions& options, SchedulingMode& mode) {
   const std::vector<int> cpus = usable_cpus();
   mode.cpus = static_cast<int>(cpus.size());
-  // Without priority a pinned thread waits for whoever else is on its CPU.
+  // Without priority a pinned thread waits for others on its CPU.
   if (!options.pin || !mode.fifo || (cpus.size() < 2 && options.cpu < 0)) return;
   const int cpu = options.cpu >= 0 ? options.cpu : cpus.back();
   cpu_set_t set;
@@ -93,7 +92,7 @@ void say_kernel(SchedulingMode& mode) {
   if (::uname(&names) == 0) mode.kernel_release = names.release;
 }
 
-/// What all that live hold together.
+/// Effects shared by all live instances.
 struct Held {
   std::mutex mutex;
   int locks = 0;
@@ -122,19 +121,11 @@ bool has_capability(int capability) {
 }
 
 const char* kernel_kind_name(KernelKind kind) noexcept {
-  switch (kind) {
-    case KernelKind::kUnknown:
-      return "unknown preemption";
-    case KernelKind::kVoluntary:
-      return "voluntary preemption or none";
-    case KernelKind::kPreempt:
-      return "PREEMPT";
-    case KernelKind::kDynamic:
-      return "PREEMPT_DYNAMIC";
-    case KernelKind::kRealTime:
-      return "PREEMPT_RT";
-  }
-  return "unknown preemption";
+  constexpr std::array kNames = {"unknown preemption", "voluntary preemption or none", "PREEMPT",
+                                 "PREEMPT_DYNAMIC", "PREEMPT_RT"};
+  static_assert(kNames.size() == static_cast<std::size_t>(KernelKind::kRealTime) + 1);
+  const auto at = static_cast<std::size_t>(kind);
+  return kNames[at < kNames.size() ? at : 0];
 }
 
 KernelKind kernel_kind_of(std::string_view realtime_file, std::string_view version) noexcept {
@@ -162,7 +153,7 @@ StealTimes steal_times_of(std::string_view proc_stat, int cpu) {
     std::string first;
     words >> first;
     if (first != name) continue;
-    // user nice system idle iowait irq softirq steal; guest times stand in user and nice already.
+    // user nice system idle iowait irq softirq steal; guest times are part of user and nice.
     constexpr int kStealColumn = 7;
     StealTimes found;
     std::uint64_t value = 0;
@@ -203,7 +194,7 @@ ProcessRealTime::ProcessRealTime(const SchedulingOptions& options, SchedulingMod
   say_kernel(mode);
   if (options.lock_memory) {
     const std::lock_guard lock(held().mutex);
-    // Under a limit, what comes later must not be locked: what no longer fits would not be given at all.
+    // Under a limit later memory must not be locked: allocations beyond it would fail.
     const int what = may_lock_without_limit() ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT;
     if (::mlockall(what) == 0) {
       locked_ = mode.memory_locked = true;
@@ -231,8 +222,7 @@ ProcessRealTime::~ProcessRealTime() {
 
 void enter_real_time(const SchedulingOptions& options, SchedulingMode& mode) {
   if (mode.kernel_release.empty()) say_kernel(mode);
-  // The whole environment, whatever the thread that started this one had: rounding, masks, and denormals
-  // kept.
+  // The default environment, independent of the starting thread: rounding, masks, denormals kept.
   std::fesetenv(FE_DFL_ENV);
   mode.denormals_flushed = flushes_denormals();
   touch_stack();

@@ -1,15 +1,15 @@
-#include "device/servo/servo.h"
+#include <palpate/device/servo.h>
 
 #include <time.h>
 
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
 
-// A tick that is under way when the program is stopped has sent by then: two periods at the slowest rate.
+// Time for a tick under way to send when the program stops: two periods at the slowest rate.
 constexpr timespec kUnderWay{0, 4'000'000};
 
 }  // namespace
@@ -24,7 +24,7 @@ Status Servo::start(const std::optional<Vec3>& free_mm) {
   }
   governor_.emplace(std::move(made).value());
   started_ = true;
-  at_stop_ = AtStop([this] {
+  stop_callback_ = StopCallback([this] {
     halt();
     return std::string();
   });
@@ -39,14 +39,14 @@ void Servo::rearm() noexcept {
   if (!started_) return;
   placed_ = false;
   rearmed_ = true;
-  bring_up_.abandon();
+  catch_up_.abandon();
   if (heart_ != nullptr) heart_->rearm();
   governor_->arm(clock_.now_s());
 }
 
 void Servo::stop() noexcept {
   end();
-  at_stop_.drop();
+  stop_callback_.drop();
 }
 
 void Servo::end() noexcept {
@@ -58,7 +58,7 @@ void Servo::end() noexcept {
   device_.close();
 }
 
-/// The program ends in a moment, and this is not the servo's thread.
+/// The program is about to end; this is not the servo's thread.
 void Servo::halt() noexcept {
   halted_.store(true, std::memory_order_release);
   if (!device_.cut_force()) return;
@@ -70,22 +70,22 @@ bool Servo::given_up() const noexcept {
   return halted_.load(std::memory_order_acquire) || (heart_ != nullptr && heart_->tripped());
 }
 
-/// The first good position after arming. True where the renderer was restarted.
+/// Handles the first valid position after arming. True if the renderer was restarted.
 bool Servo::place(const Vec3& hip_mm, double t_s) noexcept {
   placed_ = true;
   const double before_s = t_s - options_.period_s;
   if (last_free_mm_) {
-    bring_up_.begin(renderer_, *last_free_mm_, before_s);
+    catch_up_.begin(renderer_, *last_free_mm_, before_s);
     return false;
   }
   if (heart_ != nullptr) heart_->rest();  // no force has been shown yet, and this may take long
   renderer_.restart(hip_mm, before_s);
   if (heart_ != nullptr) heart_->beat();
-  governor_->arm(clock_.now_s());  // what the restart took is no lateness
+  governor_->arm(clock_.now_s());  // the restart's time is no lateness
   return true;
 }
 
-/// Whether the renderer may see it. What was there before the first packet is no place.
+/// True if the renderer may see the state. Before the first packet there is no position.
 bool Servo::usable(const DeviceState& state) const noexcept {
   const bool known =
       state.status == ReadStatus::kFresh || (placed_ && state.status == ReadStatus::kNothingNew);
@@ -95,7 +95,7 @@ bool Servo::usable(const DeviceState& state) const noexcept {
 GovernedForce Servo::govern(const Tick& tick, const Vec3& wanted_n) noexcept {
   if (given_up()) governor_->latch(Fault::kStalled);  // who saw it first says what it was
   GovernedForce governed = governor_->govern(tick.t_s, tick.state, wanted_n);
-  // And as late as can be: the frame may have taken long.
+  // Checked as late as possible: the frame may have taken long.
   if (!given_up()) return governed;
   governor_->latch(Fault::kStalled);
   return governor_->zero();
@@ -116,13 +116,13 @@ Tick Servo::tick() noexcept {
   if (governor_->armed() && !given_up() && placed_well) {
     const Vec3& hip_mm = tick.hip_mm;
     if (!placed_) tick.restarted = place(hip_mm, tick.t_s);
-    if (bring_up_.pending()) {
-      tick.frame = bring_up_.advance(renderer_, hip_mm, tick.t_s);
+    if (catch_up_.pending()) {
+      tick.frame = catch_up_.advance(renderer_, hip_mm, tick.t_s);
     } else {
       tick.frame = renderer_.step(hip_mm, tick.t_s);
     }
-    if (bring_up_.pending())
-      tick.frame.force_n.setZero();  // of a place on the way
+    if (catch_up_.pending())
+      tick.frame.force_n.setZero();  // on the way, not at the hand
     else if (!tick.frame.contact)
       last_free_mm_ = hip_mm;
     wanted_n = map_.device_n(tick.frame.force_n);

@@ -1,16 +1,89 @@
-#include "device/servo/servo_loop.h"
-
 #include <algorithm>
+#include <cmath>
 #include <string>
+
+#include <palpate/device/loop_histogram.h>
+#include <palpate/device/servo_loop.h>
 
 namespace palpate::device {
 namespace {
+
+constexpr std::size_t kBinsAStretch = DurationHistogram::kPerOctave / 4;
 
 constexpr std::int64_t kNsPerS = 1'000'000'000;
 
 }  // namespace
 
-// In whole seconds and the rest, so that nothing overflows in any session.
+std::uint64_t DurationHistogram::copy(Counts& counts) const noexcept {
+  std::uint64_t total = 0;
+  for (std::size_t i = 0; i < kBins; ++i) {
+    counts[i] = bins_[i].load(std::memory_order_acquire);
+    total += counts[i];
+  }
+  return total;
+}
+
+std::int64_t DurationHistogram::percentile_of(const Counts& counts, std::uint64_t total,
+                                              double share) const noexcept {
+  if (total == 0) return 0;
+  const double wanted = std::ceil(std::clamp(share, 0.0, 1.0) * static_cast<double>(total));
+  const std::uint64_t rank = std::clamp<std::uint64_t>(static_cast<std::uint64_t>(wanted), 1, total);
+  const std::uint64_t most = max_.load(std::memory_order_relaxed);
+  std::uint64_t below = 0;
+  for (std::size_t i = 0; i < kBins; ++i) {
+    below += counts[i];
+    // The last bin is unbounded.
+    if (below >= rank) return static_cast<std::int64_t>(i + 1 == kBins ? most : std::min(top_of(i), most));
+  }
+  return static_cast<std::int64_t>(most);
+}
+
+std::vector<DurationBin> DurationHistogram::bins() const {
+  Counts counts;
+  if (copy(counts) == 0) return {};
+  std::vector<DurationBin> all;
+  std::size_t used = 0;
+  for (std::size_t first = 0; first < kBins; first += kBinsAStretch) {
+    const std::size_t last = std::min(first + kBinsAStretch, kBins) - 1;
+    DurationBin bin{first == 0 ? 0 : static_cast<std::int64_t>(top_of(first - 1)) + 1,
+                    static_cast<std::int64_t>(top_of(last)), 0};
+    for (std::size_t i = first; i <= last; ++i) bin.count += counts[i];
+    if (bin.count == 0 && all.empty()) continue;
+    all.push_back(bin);
+    if (bin.count > 0) used = all.size();
+  }
+  all.resize(used);
+  return all;
+}
+
+DurationStatistics DurationHistogram::statistics() const noexcept {
+  Counts counts;
+  DurationStatistics found;
+  found.count = copy(counts);
+  if (found.count == 0) return found;
+  found.min_ns = static_cast<std::int64_t>(min_.load(std::memory_order_relaxed));
+  found.p50_ns = percentile_of(counts, found.count, 0.5);
+  found.p99_ns = percentile_of(counts, found.count, 0.99);
+  found.p999_ns = percentile_of(counts, found.count, 0.999);
+  found.max_ns = static_cast<std::int64_t>(max_.load(std::memory_order_relaxed));
+  found.mean_ns =
+      static_cast<double>(sum_.load(std::memory_order_relaxed)) / static_cast<double>(found.count);
+  return found;
+}
+
+LoopStatistics LoopHistograms::statistics() const noexcept {
+  LoopStatistics found;
+  found.missed = missed();
+  found.overruns = overruns();
+  found.lateness = lateness.statistics();
+  found.step = step.statistics();
+  found.exchange = exchange.statistics();
+  found.period = period.statistics();
+  found.ticks = found.lateness.count;
+  return found;
+}
+
+// Splits whole seconds from the rest, so nothing overflows in any session.
 std::int64_t DueTimes::at(std::int64_t tick) const noexcept {
   return first_ns_ + tick / rate_hz_ * kNsPerS + tick % rate_hz_ * kNsPerS / rate_hz_;
 }
@@ -23,8 +96,7 @@ std::uint64_t DueTimes::take(std::int64_t now_ns) noexcept {
   const std::int64_t due = next_++;
   const std::int64_t elapsed_ns = now_ns - first_ns_;
   if (now_ns < at(next_)) return 0;
-  // The last tick due by now: the largest k with floor(k 10^9 / rate) <= elapsed, so k 10^9 / rate < elapsed
-  // + 1.
+  // The last due tick: the largest k with floor(k 10^9 / rate) <= elapsed, so k 10^9 / rate < elapsed + 1.
   const std::int64_t rest_ns = elapsed_ns % kNsPerS;
   const std::int64_t last =
       elapsed_ns / kNsPerS * rate_hz_ + ((rest_ns + 1) * rate_hz_ + kNsPerS - 1) / kNsPerS - 1;
@@ -34,13 +106,12 @@ std::uint64_t DueTimes::take(std::int64_t now_ns) noexcept {
 
 Result<std::unique_ptr<ServoLoop>> ServoLoop::create(Servo& servo, const Clock& clock, std::int64_t rate_hz,
                                                      std::span<TickObserver* const> observers) {
-  if (rate_hz < kLeastServoHz || rate_hz > kMostServoHz)
+  if (rate_hz < kMinServoHz || rate_hz > kMaxServoHz)
     return Error{"the servo's rate is " + std::to_string(rate_hz) + " Hz",
-                 "give " + std::to_string(kLeastServoHz) + " to " + std::to_string(kMostServoHz) + " Hz", "",
-                 0};
-  if (observers.size() > kMostObservers)
+                 "give " + std::to_string(kMinServoHz) + " to " + std::to_string(kMaxServoHz) + " Hz", "", 0};
+  if (observers.size() > kMaxObservers)
     return Error{"the servo has " + std::to_string(observers.size()) + " observers",
-                 "give at most " + std::to_string(kMostObservers), "", 0};
+                 "give at most " + std::to_string(kMaxObservers), "", 0};
   return std::unique_ptr<ServoLoop>(new ServoLoop(servo, clock, rate_hz, observers));
 }
 
@@ -56,7 +127,7 @@ void ServoLoop::count(const Tick& tick, std::int64_t began_ns) noexcept {
   histograms_.exchange.count(tick.exchange_ns);
   if (has_before_) histograms_.period.count(began_ns - before_ns_);
   before_ns_ = began_ns;
-  // What a restart took is neither a frame's time nor a period's.
+  // A restart's time is neither a frame's nor a period's.
   has_before_ = !tick.restarted;
   if (tick.step_ns > 0 && !tick.restarted) histograms_.step.count(tick.step_ns);
 }

@@ -1,4 +1,4 @@
-#include "device/servo/servo_thread.h"
+#include <palpate/device/servo_thread.h>
 
 #include <cerrno>
 #include <ctime>
@@ -6,21 +6,21 @@
 #include <system_error>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
 
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
-// Awake before a tick: what a sleep on a quiet machine overshoots by at 99 %, three times. But never most of
-// a period: 100 us at 4 kHz.
+// Awake time before a tick: three times the 99 % overshoot of a sleep on a quiet machine, but never most of a
+// period: 100 us at 4 kHz.
 constexpr std::int64_t kSpinMostNs = 150'000;
 constexpr std::int64_t kSpinShareDivisor = 5;  // 2 / 5 of a period
 constexpr std::int64_t kSpinShare = 2;
-// The kernel stops real-time threads that take more than 95 % of a second, for the rest of it. Who sleeps a
-// tenth of the time stays away from that by twice.
+// The kernel suspends real-time threads that use over 95 % of a second. Sleeping a tenth keeps twice that
+// distance.
 constexpr std::int64_t kSleepDivisor = 10;
-// Fifty periods of the slowest servo, in which it notices between two ticks: a stuck one is not waited for.
+// Fifty periods of the slowest servo, which stops between ticks: a stuck one is not waited for.
 constexpr std::int64_t kStopWaitNs = 100'000'000;
 constexpr std::int64_t kStopLookNs = 1'000'000;
 
@@ -28,14 +28,14 @@ timespec timespec_of(std::int64_t t_ns) noexcept {
   return {static_cast<std::time_t>(t_ns / kNsPerSecond), static_cast<long>(t_ns % kNsPerSecond)};
 }
 
-/// Until the machine's monotonic clock shows this, whatever signals come.
+/// Sleeps until the machine's monotonic clock shows this, despite signals.
 void sleep_until(std::int64_t monotonic) noexcept {
   const timespec until = timespec_of(monotonic);
   while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
   }
 }
 
-/// Tells the processor that this is a loop of waiting.
+/// Tells the processor that this is a spin loop.
 void pause_a_little() noexcept {
 #if defined(__x86_64__) || defined(__i386__)
   __builtin_ia32_pause();
@@ -63,9 +63,9 @@ Status ServoThread::start() {
     return Error{"the servo thread was started before", "make another for another session", "", 0};
   started_ = true;
   process_ = std::make_unique<ProcessRealTime>(options_.scheduling, mode_);
-  // The program is told to stop: it may end only after the device was let go. Before the servo's own: that
-  // one, being newer, comes first and takes the force away at once.
-  at_stop_ = AtStop([this]() -> std::string {
+  // The program may end only after the device is released. Registered before the servo's own callback, which,
+  // being newer, runs first and removes the force at once.
+  stop_callback_ = StopCallback([this]() -> std::string {
     request_stop();
     const std::int64_t until = monotonic_ns() + kStopWaitNs;
     while (running() && monotonic_ns() < until) sleep_until(monotonic_ns() + kStopLookNs);
@@ -73,7 +73,7 @@ Status ServoThread::start() {
   });
   if (Status opened = servo_.start(options_.free_mm); !opened) {
     servo_.stop();
-    at_stop_.drop();
+    stop_callback_.drop();
     process_.reset();
     return opened;
   }
@@ -90,7 +90,7 @@ Status ServoThread::start() {
   } catch (const std::system_error& failed) {
     servo_.stop();
     running_.store(false, std::memory_order_release);
-    at_stop_.drop();
+    stop_callback_.drop();
     process_.reset();
     return Error{std::string("no thread for the servo: ") + failed.what(),
                  "raise the limit of processes (ulimit -u)", "", 0};
@@ -105,7 +105,7 @@ void ServoThread::stop() noexcept {
   thread_.join();
   servo_.stop();
   steal_at_end_ = steal_times(mode_.pinned_cpu);
-  at_stop_.drop();
+  stop_callback_.drop();
   process_.reset();
 }
 
@@ -115,7 +115,7 @@ double ServoThread::steal_percent() const {
                                steal_at_end_.total > 0 ? steal_at_end_ : steal_times(mode_.pinned_cpu));
 }
 
-/// Until the next tick is due. Sleeps; a thread that has not slept enough of late lets one period go.
+/// Waits for the next due tick. A thread that slept too little skips a period.
 void ServoThread::wait() noexcept {
   const std::int64_t period_ns = loop_->due().period_ns();
   std::int64_t due_ns = loop_->due().due_ns();

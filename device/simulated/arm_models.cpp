@@ -2,14 +2,15 @@
 
 #include <algorithm>
 
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::device {
 namespace {
 
-// Where a maker tells no damping, it is assumed: the least that makes the stiffness which the device's
-// software advises passive at 1 kHz, b = K T / 2 (Colgate and Schenkel). Friction, where none is told, the
-// least that does so with the encoder, f = K step / 2 (Abbott and Okamura).
+// Assumed damping where no maker gives one: the least that makes the stiffness advised by the device's
+// software passive at 1 kHz, b = K T / 2 (Colgate and Schenkel). Assumed friction: the least that does so
+// with the encoder, f = K step / 2 (Abbott and Okamura).
 constexpr double damping_for(double advised_n_per_mm) {
   constexpr double kAdvisedAtS = 1e-3;
   return 0.5 * advised_n_per_mm * kAdvisedAtS;
@@ -17,7 +18,7 @@ constexpr double damping_for(double advised_n_per_mm) {
 constexpr double friction_for(double advised_n_per_mm, double encoder_mm) {
   return 0.5 * advised_n_per_mm * encoder_mm;
 }
-// Assumed for all: current loops of small motors reach about a kilohertz, 1 / (2 pi 1000 Hz).
+// Assumed for all: current loops of small motors reach about 1 kHz, 1 / (2 pi 1000 Hz).
 constexpr double kLagS = 0.16e-3;
 
 ArmOptions arm(const char* name, double mass_kg, double damping, double friction_n, double encoder_mm,
@@ -48,7 +49,7 @@ Error unknown_name(const char* what, const std::string& name, const std::vector<
           did_you_mean(name, known, "choose from " + joined(known)), "", 0};
 }
 
-/// `prefix` stands before the name of each device.
+/// `prefix` is put before each device's name.
 Result<SimulatedRig> rig_of(const std::string& device, const std::string& hand, const std::string& prefix) {
   SimulatedRig rig;
   std::vector<std::string> devices, hands;
@@ -67,14 +68,19 @@ Result<SimulatedRig> rig_of(const std::string& device, const std::string& hand, 
   return rig;
 }
 
+std::string described(const ArmOptions& arm) {
+  return "simulated arm of " + format_number(1e3 * arm.mass_kg) + " g, " + format_number(arm.force_max_n) +
+         " N, encoder step " + format_number(arm.encoder_mm) + " mm, under a simulated hand";
+}
+
 }  // namespace
 
 const std::vector<ArmOptions>& arm_models() {
   static const std::vector<ArmOptions> kModels = {
-      // Phantom Omni: mass 45 g, friction up to 0.26 N (0.1 N is the smaller of two published values, and the
-      // harder case), 450 dpi, 3.3 N: the maker's data sheet. Damping 0.3 N s/m assumed.
+      // Phantom Omni, from the maker's data sheet: mass 45 g, friction up to 0.26 N (0.1 N is the smaller of
+      // two published values and the harder case), 450 dpi, 3.3 N. Damping 0.3 N s/m assumed.
       arm("omni", 0.045, 0.0003, 0.1, 0.055, 3.3, 100.0),
-      // Touch: the same arm with another board; CHAI3D advises 0.4 N/mm, 0.055 mm, 3.3 N.
+      // Touch: the Omni's arm with another board; CHAI3D advises 0.4 N/mm, 0.055 mm, 3.3 N.
       arm("touch", 0.045, damping_for(0.4), 0.1, 0.055, 3.3, 75.0),
       // Novint Falcon: 0.0635 mm, 8 N and 3 N/mm advised by CHAI3D. Mass 0.3 kg assumed.
       arm("falcon", 0.3, damping_for(3.0), friction_for(3.0, 0.0635), 0.0635, 8.0, 40.0),
@@ -86,7 +92,7 @@ const std::vector<ArmOptions>& arm_models() {
 const std::vector<Hand>& hand_models() {
   static const std::vector<Hand> kHands = {
       hand("released", 0.0, 0.0, 0.0),
-      // A choice between the published finger and arm: a light stylus grip.
+      // A light stylus grip, chosen between the published finger and arm.
       hand("hand", 0.15, 0.0045, 0.4),
       // Finger, extension, about 6 N: Hajian and Howe 1997.
       hand("finger", 0.006, 0.0057, 0.7),
@@ -123,6 +129,33 @@ Result<SimulatedRig> simulated_rig(const std::string& device, const std::string&
 Result<SimulatedRig> simulated_rig_of_driver(const std::string& device, const std::string& hand) {
   const std::string driver = "sim", prefix = driver + ":";
   return rig_of(device == driver ? prefix + arm_models().front().name : device, hand, prefix);
+}
+
+void register_simulated_drivers(Drivers& drivers) {
+  drivers.add({"sim",
+               "simulation",
+               [] {
+                 std::vector<DeviceEntry> found;
+                 for (const ArmOptions& arm : arm_models())
+                   found.push_back({"sim:" + arm.name, described(arm), DeviceStatus::kReady, {}});
+                 found.push_back(
+                     {"sim:" + admittance_model().name,
+                      "simulated admittance device: the force is measured, the position commanded",
+                      DeviceStatus::kReady,
+                      {}});
+                 return found;
+               },
+               {}});
+  drivers.add({"path",
+               "simulation",
+               [] {
+                 return std::vector<DeviceEntry>{
+                     {"path",
+                      "plays a recorded probe path; force goes nowhere",
+                      DeviceStatus::kMissing,
+                      {"a path: a file, or a generator of `palpate list paths`"}}};
+               },
+               {}});
 }
 
 }  // namespace palpate::device

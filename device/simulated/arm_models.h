@@ -1,5 +1,5 @@
-// Numbers of known devices and hands, for simulations. Not measured here: each says where it is from, and
-// which of them are assumed.
+// Published parameters of known devices and hands; none is measured here. Each states its source and
+// assumptions.
 #pragma once
 
 #include <memory>
@@ -7,32 +7,30 @@
 #include <string>
 #include <vector>
 
-#include "device/simulated/simulated_admittance.h"
+#include <palpate/device/drivers.h>
+#include <palpate/result.h>
 #include "device/simulated/simulated_arm.h"
-#include "toolkit/core/result.h"
 
 namespace palpate::device {
 
-/// "omni", "touch", "falcon", "omega3"; nothing for another name.
+/// "omni", "touch", "falcon", "omega3".
 [[nodiscard]] const std::vector<ArmOptions>& arm_models();
 /// "released", "hand", "finger", "arm".
 [[nodiscard]] const std::vector<Hand>& hand_models();
-/// The name of the one admittance device.
 [[nodiscard]] const AdmittanceOptions& admittance_model();
 
-/// One of these devices with one of these hands on it.
 struct SimulatedRig {
-  std::optional<ArmOptions> arm;  ///< nothing: the admittance device
+  std::optional<ArmOptions> arm;  ///< empty: the admittance device
   Hand hand;
 
   [[nodiscard]] std::string device_name() const;
-  /// Run at `period_s`; refers to script and clock.
+  /// Makes the device for a servo period; keeps references to script and clock.
   [[nodiscard]] std::unique_ptr<SimulatedPlant> make(const HandScript& script, const Clock& clock,
                                                      double period_s) const;
 };
-/// By their names. An Error lists those that there are.
+/// Finds both by name. An Error lists the names.
 [[nodiscard]] Result<SimulatedRig> simulated_rig(const std::string& device, const std::string& hand);
-/// The same among devices of other drivers: "sim" for the first arm, "sim:NAME" for any.
+/// The same with driver names: "sim" is the first arm, "sim:NAME" any.
 [[nodiscard]] Result<SimulatedRig> simulated_rig_of_driver(const std::string& device,
                                                            const std::string& hand);
 

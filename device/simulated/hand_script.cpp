@@ -4,12 +4,10 @@
 #include <cmath>
 #include <utility>
 
-#include "device/simulated/hand_guide.h"
-
 namespace palpate::device {
 namespace {
 
-// How long the parts of a task last: a reach of some millimetres takes an adult a few tenths of a second.
+// Durations of a task's parts: an adult's reach of some millimetres takes a few tenths of a second.
 constexpr double kReachS = 0.3;
 constexpr double kPressS = 4.3;  // long enough to see whether a swing dies: swing_of()
 constexpr double kSlideS = 1.2;
@@ -17,7 +15,7 @@ constexpr double kTapS = 0.2;
 constexpr int kTaps = 5;
 constexpr double kLetGoS = 1.0, kAfterLettingGoS = 1.5;
 
-/// The waypoints of a task as a script; they are right by construction.
+/// Makes the script of a task from waypoints valid by construction.
 HandScript scripted(std::string name, std::vector<double> t_s, std::vector<Vec3> goal_mm) {
   return HandScript::create(std::move(name), std::move(t_s), std::move(goal_mm),
                             HandScript::Between::kMinimumJerk)
@@ -67,7 +65,7 @@ Goal HandScript::at(double t_s) const noexcept {
   const double share = (t_s - t_s_[next - 1]) / span_s;
   const Vec3 way_mm = goal_mm_[next] - goal_mm_[next - 1];
   if (between_ == Between::kStraight) return {goal_mm_[next - 1] + share * way_mm, way_mm / span_s};
-  // 10 s^3 - 15 s^4 + 6 s^5, which has the least jerk of all that rest at both ends.
+  // 10 s^3 - 15 s^4 + 6 s^5: minimum jerk, at rest at both ends.
   const double s2 = share * share;
   const double part = s2 * share * (10.0 + share * (-15.0 + 6.0 * share));
   const double rate = 30.0 * s2 * (1.0 - share) * (1.0 - share) / span_s;
@@ -108,7 +106,7 @@ HandScript tap(const TaskPlace& place, const TaskSizes& sizes) {
   return scripted("tap", std::move(t_s), std::move(goal_mm));
 }
 
-HandScript let_go(const TaskPlace& place, const TaskSizes& sizes) {
+HandScript release_contact(const TaskPlace& place, const TaskSizes& sizes) {
   const Vec3 above = place.point_mm + sizes.above_mm * place.normal;
   const Vec3 below = place.point_mm - sizes.depth_mm * place.normal;
   HandScript script = scripted("let-go", {0.0, kReachS, kAfterLettingGoS}, {above, below, below});

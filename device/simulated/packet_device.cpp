@@ -1,20 +1,20 @@
-// The device of docs/add-a-device.md: counts in, counts out, over any link that carries its packets.
+// The device of docs/tutorials/your-device.md: counts in, counts out, over any link that carries its packets.
 #include "device/simulated/packet_device.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::device {
 namespace {
 
 // More in a frame than a link can have gathered in one: what is left waits for the next frame.
-constexpr int kMostPolls = 8;
+constexpr int kMaxPolls = 8;
 constexpr std::size_t kPollBytes = 64;
 // One damaged packet happens. Three in a row, and nothing that comes can be believed.
-constexpr std::uint32_t kMostMalformed = 3;
+constexpr std::uint32_t kMaxMalformed = 3;
 
 /// The command for a force. All three are scaled together where one would not fit: the direction stays. A
 /// cast that wraps would turn a large force around.
@@ -67,14 +67,14 @@ void PacketDevice::close() noexcept {
 DeviceState PacketDevice::read() noexcept {
   state_.status = open_ ? ReadStatus::kNothingNew : ReadStatus::kLost;
   std::array<std::uint8_t, kPollBytes> bytes;
-  for (int i = 0; open_ && i < kMostPolls; ++i) {
+  for (int i = 0; open_ && i < kMaxPolls; ++i) {
     const Polled polled = link_.poll(bytes);
     for (const std::uint8_t byte : std::span(bytes).first(polled.size))
       if (const std::optional<Packet> packet = reader_.take(byte)) take(*packet);
     if (polled.gone) state_.status = ReadStatus::kLost;
     if (polled.size < bytes.size() || polled.gone) break;
   }
-  if (state_.status == ReadStatus::kNothingNew && reader_.malformed_in_a_row() >= kMostMalformed)
+  if (state_.status == ReadStatus::kNothingNew && reader_.malformed_in_a_row() >= kMaxMalformed)
     state_.status = ReadStatus::kGarbled;
   return state_;
 }

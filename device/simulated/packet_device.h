@@ -1,13 +1,14 @@
-// A whole device over a link: the example of docs/add-a-device.md, and what fault injection runs through.
+// A whole device over a link: the example of docs/tutorials/your-device.md, and what fault injection runs
+// through.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 
-#include "device/interface/device.h"
-#include "device/interface/link.h"
+#include <palpate/clock.h>
+#include <palpate/device/device.h>
+#include <palpate/device/link.h>
 #include "device/simulated/packets.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 

@@ -3,22 +3,53 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
-#include "device/interface/option_check.h"
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "device/interface/driver_options.h"
+#include "device/simulated/simulated_plant.h"
 
 namespace palpate::device {
 namespace {
 
-// Reversals within a sub-step. More is chatter about rest, which is rest.
-constexpr int kMostStops = 8;
-constexpr int kHalvings = 40;  // of a sub-step, until a stop is found: 1e-12 of it
-// What is left of a velocity beside the part that stopped: roundings of it.
-constexpr double kStoppedShare = 1e-9;
-// Shorter than this the motor is faster than anything here shows, and steps would be for nothing.
-constexpr double kLeastLagS = 1e-6;
+// Taylor terms of a linear equation: for |A| h <= 1/2 the first omitted term is below 0.5^15 / 15! = 2e-17,
+// less than half a unit roundoff.
+constexpr int kTerms = 14;
+constexpr double kReach = 0.5;
 
-/// The integral of v^2 over a step, by Simpson's rule on the cubic that has these ends.
+/// One step within the reach of the series, in positions relative to its start.
+Motion series(const Plant& plant, const Motion& from, const Drive& drive, double h_s) noexcept {
+  const double per_mass = 1.0 / (plant.mass_kg * kNS2PerMmPerKg);
+  Vec3 x = Vec3::Zero(), v = from.v_mm_s, motor = plant.lag_s > 0.0 ? from.motor_n : drive.command_n;
+  Motion to{x, v, motor};
+  for (int k = 0; k < kTerms; ++k) {
+    const double step = h_s / (k + 1);
+    Vec3 force = motor - plant.damping_n_s_per_mm * v - plant.stiffness_n_per_mm * x;
+    if (k == 0) force += drive.steady_n + plant.stiffness_n_per_mm * (drive.goal_mm - from.x_mm);
+    if (k == 1) force += plant.stiffness_n_per_mm * h_s * drive.goal_mm_s;
+    const Vec3 next_motor = plant.lag_s <= 0.0 ? Vec3(Vec3::Zero())
+                            : k == 0           ? Vec3((step / plant.lag_s) * (drive.command_n - motor))
+                                               : Vec3((-step / plant.lag_s) * motor);
+    x = step * v;
+    v = (step * per_mass) * force;
+    motor = next_motor;
+    to.x_mm += x;
+    to.v_mm_s += v;
+    to.motor_n += motor;
+  }
+  to.x_mm += from.x_mm;
+  return to;
+}
+
+// Reversals within a sub-step; more is chatter and counts as rest.
+constexpr int kMaxStops = 8;
+constexpr int kHalvings = 40;  // of a sub-step to locate a stop: 1e-12 of it
+// Rounding left of a velocity whose main part stopped.
+constexpr double kStoppedShare = 1e-9;
+// A shorter lag is invisible here and would only cost steps.
+constexpr double kMinLagS = 1e-6;
+
+/// Integral of v^2 over a step, by Simpson's rule on the cubic with these end values.
 double squared_speed_integral(const Motion& from, const Motion& to, double h_s) noexcept {
   const Vec3 middle = 1.5 / h_s * (to.x_mm - from.x_mm) - 0.25 * (from.v_mm_s + to.v_mm_s);
   return h_s / 6.0 * (from.v_mm_s.squaredNorm() + 4.0 * middle.squaredNorm() + to.v_mm_s.squaredNorm());
@@ -26,9 +57,27 @@ double squared_speed_integral(const Motion& from, const Motion& to, double h_s) 
 
 }  // namespace
 
+double Plant::rate_hz() const noexcept {
+  const double mass = mass_kg * kNS2PerMmPerKg;
+  const double rate = std::max(damping_n_s_per_mm / mass, std::sqrt(stiffness_n_per_mm / mass));
+  return lag_s > 0.0 ? std::max(rate, 1.0 / lag_s) : rate;
+}
+
+Motion moved(const Plant& plant, const Motion& motion, const Drive& drive, double dt_s) noexcept {
+  const double steps = std::max(1.0, std::ceil(dt_s * plant.rate_hz() / kReach));
+  const double h_s = dt_s / steps;
+  Motion now = motion;
+  Drive driven = drive;
+  for (double i = 0.0; i < steps; ++i) {
+    now = series(plant, now, driven, h_s);
+    driven.goal_mm += h_s * driven.goal_mm_s;
+  }
+  return now;
+}
+
 SimulatedArm::SimulatedArm(const ArmOptions& options, const Hand& hand, const HandScript& script,
                            const Clock& clock)
-    : options_(options), hand_(hand), script_(script), clock_(clock), in_flight_(kMostInFlight) {}
+    : options_(options), hand_(hand), script_(script), clock_(clock), in_flight_(kMaxInFlight) {}
 
 Status SimulatedArm::open() {
   const auto numbers =
@@ -46,10 +95,10 @@ Status SimulatedArm::open() {
                                     {"the hand's damping_n_s_per_mm", hand_.damping_n_s_per_mm, true},
                                     {"the hand's stiffness_n_per_mm", hand_.stiffness_n_per_mm, true}});
   PALPATE_TRY(check_numbers(numbers, name()));
-  if (options_.lag_s > 0.0 && options_.lag_s < kLeastLagS)
+  if (options_.lag_s > 0.0 && options_.lag_s < kMinLagS)
     return Error{"lag_s is below a microsecond", "give 0 for a motor without lag", name(), 0};
-  if (options_.delay_s > options_.period_s * static_cast<double>(kMostInFlight - 1))
-    return Error{"delay_s is more than " + std::to_string(kMostInFlight - 1) + " periods",
+  if (options_.delay_s > options_.period_s * static_cast<double>(kMaxInFlight - 1))
+    return Error{"delay_s is more than " + std::to_string(kMaxInFlight - 1) + " periods",
                  "give a shorter delay", name(), 0};
   open_ = true;
   opened_s_ = clock_.now_s();
@@ -113,18 +162,18 @@ Vec3 SimulatedArm::as_motor(const Vec3& force_n) const noexcept {
 void SimulatedArm::send(GovernedForce force) noexcept {
   if (!open_) return;
   const Command command{now_s_ + options_.delay_s, as_motor(force.newtons())};
-  if (options_.delay_s == 0.0 || waiting_ == kMostInFlight) {
+  if (options_.delay_s == 0.0 || waiting_ == kMaxInFlight) {
     command_n_ = command.force_n;
     return;
   }
-  in_flight_[(first_ + waiting_++) % kMostInFlight] = command;
+  in_flight_[(first_ + waiting_++) % kMaxInFlight] = command;
 }
 
 void SimulatedArm::advance_to(double t_s) noexcept {
   while (waiting_ > 0 && in_flight_[first_].due_s <= t_s) {
     advance_by(in_flight_[first_].due_s - now_s_);
     command_n_ = in_flight_[first_].force_n;
-    first_ = (first_ + 1) % kMostInFlight;
+    first_ = (first_ + 1) % kMaxInFlight;
     --waiting_;
   }
   advance_by(t_s - now_s_);
@@ -161,14 +210,14 @@ void SimulatedArm::account(const Motion& to, double h_s, const Vec3& friction_n)
   motion_ = to;
 }
 
-/// The device is where the hand means it to be.
+/// The device follows the hand's goal exactly.
 void SimulatedArm::guided_step(double h_s) noexcept {
   Motion to = moved({1.0, 0.0, 0.0, options_.lag_s}, motion_, {command_n_, {}, {}, {}}, h_s);
   to.x_mm = script_.at(now_s_ + h_s).position_mm;
   to.v_mm_s = (to.x_mm - motion_.x_mm) / h_s;
   motion_.v_mm_s = to.v_mm_s;
   if (options_.lag_s == 0.0) motion_.motor_n = command_n_;
-  const double speed = safe_length(to.v_mm_s);
+  const double speed = stable_norm(to.v_mm_s);
   account(to, h_s, speed > 0.0 ? Vec3(-options_.friction_n / speed * to.v_mm_s) : Vec3(Vec3::Zero()));
 }
 
@@ -183,15 +232,15 @@ void SimulatedArm::sub_step(double h_s) noexcept {
   if (options_.lag_s == 0.0) motion_.motor_n = command_n_;
   double left_s = h_s;
   for (int stop = 0; left_s > 0.0; ++stop) {
-    if (stop == kMostStops) motion_.v_mm_s.setZero();
+    if (stop == kMaxStops) motion_.v_mm_s.setZero();
     const double taken_s = slide(left_s, drive);
     drive.goal_mm += taken_s * drive.goal_mm_s;
-    left_s = stop == kMostStops || taken_s >= left_s ? 0.0 : left_s - taken_s;
+    left_s = stop == kMaxStops || taken_s >= left_s ? 0.0 : left_s - taken_s;
   }
 }
 
-/// Moves on with friction against the motion, as far as the direction stays: how long that was. At rest it
-/// stays for all of `h_s` where friction holds it.
+/// Moves with friction against the motion while the direction stays; returns how long. At rest held by
+/// friction: all of `h_s`.
 double SimulatedArm::slide(double h_s, const Drive& drive) noexcept {
   Drive driven = drive;
   const bool rests = motion_.v_mm_s == Vec3::Zero();
@@ -239,6 +288,88 @@ EnergyLedger SimulatedArm::energy() const noexcept {
   EnergyLedger now = ledger_;
   now.kinetic = 0.5 * options_.mass_kg * kNS2PerMmPerKg * motion_.v_mm_s.squaredNorm();
   return now;
+}
+
+Status SimulatedAdmittance::open() {
+  const auto numbers =
+      std::to_array<CheckedNumber>({{"mass_kg", options_.mass_kg, false},
+                                    {"damping_n_s_per_mm", options_.damping_n_s_per_mm, true},
+                                    {"bandwidth_hz", options_.bandwidth_hz, true},
+                                    {"force_max_n", options_.force_max_n, false},
+                                    {"speed_max_mm_s", options_.speed_max_mm_s, false},
+                                    {"period_s", options_.period_s, false},
+                                    {"workspace_mm", options_.workspace_mm, false}});
+  PALPATE_TRY(check_numbers(numbers, name()));
+  open_ = true;
+  opened_s_ = clock_.now_s();
+  now_s_ = last_sent_s_ = 0.0;
+  last_read_s_ = -1.0;
+  goal_mm_ = script_.at(0.0).position_mm;
+  goal_mm_s_.setZero();
+  motion_ = {goal_mm_, Vec3::Zero(), Vec3::Zero()};
+  shown_n_.setZero();
+  ledger_ = {};
+  return Done{};
+}
+
+DeviceLimits SimulatedAdmittance::limits() const noexcept {
+  const Vec3 half = Vec3::Constant(options_.workspace_mm);
+  return {options_.force_max_n, {-half, half}, 0.0, 1.0 / options_.period_s};
+}
+
+Vec3 SimulatedAdmittance::hand_n(double t_s) const noexcept {
+  if (t_s >= script_.release_s) return Vec3::Zero();
+  const Goal goal = script_.at(t_s);
+  return hand_.push_n + hand_.stiffness_n_per_mm * (goal.position_mm - motion_.x_mm) +
+         hand_.damping_n_s_per_mm * (goal.velocity_mm_s - motion_.v_mm_s);
+}
+
+void SimulatedAdmittance::advance_to(double t_s) noexcept {
+  const double way_s = t_s - now_s_;
+  if (!(way_s > 0.0)) return;
+  const double steps = std::max(1.0, std::ceil(way_s * kSubStepsPerPeriod / options_.period_s));
+  const double h_s = way_s / steps, from_s = now_s_;
+  const double rate = 2.0 * std::numbers::pi * options_.bandwidth_hz;
+  for (double i = 0.0; i < steps; ++i) {
+    const Vec3 before_mm = motion_.x_mm, before_n = hand_n(from_s + i * h_s);
+    if (rate > 0.0) {
+      // Mass 1 N s^2/mm: only ratios matter.
+      motion_ = moved({1.0 / kNS2PerMmPerKg, 2.0 * rate, rate * rate, 0.0}, motion_,
+                      {Vec3::Zero(), goal_mm_, goal_mm_s_, 2.0 * rate * goal_mm_s_}, h_s);
+    } else {
+      motion_.x_mm = goal_mm_ + h_s * goal_mm_s_;
+      motion_.v_mm_s = goal_mm_s_;
+    }
+    goal_mm_ += h_s * goal_mm_s_;
+    ledger_.motors -= 0.5 * (before_n + hand_n(from_s + (i + 1.0) * h_s)).dot(motion_.x_mm - before_mm);
+  }
+  now_s_ = t_s;
+}
+
+DeviceState SimulatedAdmittance::read() noexcept {
+  DeviceState state;
+  if (!open_) {
+    state.status = ReadStatus::kLost;
+    return state;
+  }
+  const double t_s = clock_.now_s() - opened_s_;
+  advance_to(t_s);
+  state.position_mm = goal_mm_;
+  state.status = t_s == last_read_s_ ? ReadStatus::kNothingNew : ReadStatus::kFresh;
+  last_read_s_ = t_s;
+  return state;
+}
+
+void SimulatedAdmittance::send(GovernedForce force) noexcept {
+  if (!open_) return;
+  const Vec3 hand = hand_n(now_s_);
+  shown_n_ = -hand;
+  const double dt_s = now_s_ > last_sent_s_ ? now_s_ - last_sent_s_ : options_.period_s;
+  last_sent_s_ = now_s_;
+  const double mass = options_.mass_kg * kNS2PerMmPerKg;
+  goal_mm_s_ += dt_s / mass * (hand + force.newtons() - options_.damping_n_s_per_mm * goal_mm_s_);
+  const double speed = goal_mm_s_.norm();
+  if (speed > options_.speed_max_mm_s) goal_mm_s_ *= options_.speed_max_mm_s / speed;
 }
 
 }  // namespace palpate::device

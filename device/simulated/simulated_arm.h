@@ -1,13 +1,12 @@
-// An impedance device without hardware: an arm with mass, damping, Coulomb friction, encoders and motors, and
-// a hand on it that has its own mass, damping and spring to a goal. Position out, force in; the force feeds
-// back. Numbers of known devices: arm_models.h.
+// A simulated impedance device: an arm with mass, damping, Coulomb friction, encoders and motors, held by a
+// hand with mass, damping and a spring to a goal. Position out, force in. Parameters of known devices:
+// arm_models.h.
 #pragma once
 
 #include <vector>
 
-#include "device/simulated/motion.h"
+#include <palpate/clock.h>
 #include "device/simulated/simulated_plant.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 
@@ -15,27 +14,27 @@ struct ArmOptions {
   std::string name = "arm";
   double mass_kg = 0.045;
   double damping_n_s_per_mm = 0.0003;
-  double friction_n = 0.0;      ///< Coulomb, against the motion, in any direction
-  double encoder_mm = 0.0;      ///< step of the measured position along each axis; 0: exact
-  double force_max_n = 3.3;     ///< the motors saturate here, direction kept
-  double force_step_n = 0.0;    ///< of the motor command along each axis; 0: exact
+  double friction_n = 0.0;      ///< Coulomb, against the motion, isotropic
+  double encoder_mm = 0.0;      ///< measured step per axis; 0: exact
+  double force_max_n = 3.3;     ///< saturation of the motors, direction kept
+  double force_step_n = 0.0;    ///< motor command step per axis; 0: exact
   double lag_s = 0.0;           ///< of the motors, first order; 0: none
-  double delay_s = 0.0;         ///< from the reading of a position to the motor's command
-  double period_s = 1e-3;       ///< of the servo: what the physics' steps are derived from
-  double workspace_mm = 100.0;  ///< half of the box
+  double delay_s = 0.0;         ///< from reading a position to the motor's command
+  double period_s = 1e-3;       ///< of the servo; sets the physics steps
+  double workspace_mm = 100.0;  ///< half side of the box
 };
 
-/// Linear motion is exact between changes of the drive; friction's direction and the goal's velocity are held
-/// over a sub-step, a 16th of the servo's period at most. A stop is found within it; at rest the mechanism
-/// stays where the net force is below friction. Commands arrive in order, `delay_s` after they were sent, at
-/// most kMostInFlight of them on the way. The same on every machine: no sin, no cos, no clock but the one
-/// given. Keeps references to clock and script.
+/// Linear motion is exact between changes of the drive. Friction's direction and the goal's velocity are held
+/// over a sub-step, at most a 16th of the servo's period, in which a stop is located; at rest the mechanism
+/// stays while the net force is below friction. Commands arrive in order `delay_s` after sending, at most
+/// kMaxInFlight pending. The same on every machine: no sin, no cos, no clock but the given one. Keeps
+/// references to clock and script.
 class SimulatedArm final : public SimulatedPlant {
  public:
   SimulatedArm(const ArmOptions& options, const Hand& hand, const HandScript& script, const Clock& clock);
 
   [[nodiscard]] std::string name() const override { return "sim:" + options_.name; }
-  /// An Error names the option that is not right.
+  /// An Error names the invalid option.
   [[nodiscard]] Status open() override;
   void close() noexcept override;
   [[nodiscard]] DeviceLimits limits() const noexcept override;
@@ -45,11 +44,11 @@ class SimulatedArm final : public SimulatedPlant {
 
   [[nodiscard]] const Vec3& hip_mm() const noexcept override { return motion_.x_mm; }
   [[nodiscard]] const Vec3& velocity_mm_s() const noexcept { return motion_.v_mm_s; }
-  [[nodiscard]] const Vec3& shown_n() const noexcept override { return motion_.motor_n; }
+  [[nodiscard]] const Vec3& motor_force_n() const noexcept override { return motion_.motor_n; }
   [[nodiscard]] EnergyLedger energy() const noexcept override;
   [[nodiscard]] bool at_rest() const noexcept override;
 
-  static constexpr std::size_t kMostInFlight = 256;  // 16 kHz over 16 ms of delay
+  static constexpr std::size_t kMaxInFlight = 256;  // 16 kHz over 16 ms of delay
 
  private:
   struct Command {
@@ -76,6 +75,61 @@ class SimulatedArm final : public SimulatedPlant {
   Vec3 command_n_ = Vec3::Zero();
   std::vector<Command> in_flight_;  // a ring
   std::size_t first_ = 0, waiting_ = 0;
+  EnergyLedger ledger_;
+};
+
+// A simulated admittance device: it measures the hand's force and moves like a virtual damped mass under that
+// force and the renderer's (force in, motion out; section 2.2.4 of the thesis, table 5). Interface as of
+// impedance devices: position out, governed force in.
+
+/// Defaults: a heavy, strong, stiff robot of the HapticMaster class (van der Linde and others 2002), virtual
+/// mass 2 kg, 100 N. Drive bandwidth and virtual damping are assumed.
+struct AdmittanceOptions {
+  std::string name = "admittance";
+  double mass_kg = 2.0;               ///< felt by the hand in free space
+  double damping_n_s_per_mm = 0.005;  ///< likewise
+  double bandwidth_hz = 50.0;         ///< of the position drives, critically damped; 0: immediate
+  double force_max_n = 100.0;         ///< of the renderer's force
+  double speed_max_mm_s = 1000.0;
+  double period_s = 1e-3;
+  double workspace_mm = 200.0;
+};
+
+/// Each frame, semi-implicit: v += T (hand + renderer - B v) / M moves the virtual mass. read() returns its
+/// position: renderer and mass meet in the controller, without encoder and drives between. The drives follow
+/// it and carry the hand, a spring and damper to its goal. The hand's own mass is behind these and not
+/// measured.
+class SimulatedAdmittance final : public SimulatedPlant {
+ public:
+  SimulatedAdmittance(const AdmittanceOptions& options, const Hand& hand, const HandScript& script,
+                      const Clock& clock)
+      : options_(options), hand_(hand), script_(script), clock_(clock) {}
+
+  [[nodiscard]] std::string name() const override { return "sim:" + options_.name; }
+  [[nodiscard]] Status open() override;
+  void close() noexcept override { open_ = false; }
+  [[nodiscard]] DeviceLimits limits() const noexcept override;
+  [[nodiscard]] DeviceState read() noexcept override;
+  void send(GovernedForce force) noexcept override;
+
+  [[nodiscard]] const Vec3& hip_mm() const noexcept override { return motion_.x_mm; }
+  /// Force felt by the hand: the opposite of its own.
+  [[nodiscard]] const Vec3& motor_force_n() const noexcept override { return shown_n_; }
+  [[nodiscard]] EnergyLedger energy() const noexcept override { return ledger_; }
+
+ private:
+  [[nodiscard]] Vec3 hand_n(double t_s) const noexcept;
+  void advance_to(double t_s) noexcept;
+
+  AdmittanceOptions options_;
+  Hand hand_;
+  const HandScript& script_;
+  const Clock& clock_;
+  bool open_ = false;
+  double opened_s_ = 0.0, now_s_ = 0.0, last_read_s_ = -1.0, last_sent_s_ = 0.0;
+  Motion motion_;
+  Vec3 goal_mm_ = Vec3::Zero(), goal_mm_s_ = Vec3::Zero();  // of the drives
+  Vec3 shown_n_ = Vec3::Zero();
   EnergyLedger ledger_;
 };
 

@@ -58,10 +58,10 @@ DeviceState SimulatedDevice::read() noexcept {
         break;
     }
   }
-  if (t_s == last_read_s_) return last_;  // the same instant: nothing new
+  if (t_s == last_read_s_) return last_;  // same instant: nothing new
   last_read_s_ = t_s;
-  // Path times count from the path's first sample. Clock and path times both carry rounding: a sample
-  // missing less than a millionth of its interval is reached.
+  // Path times count from the first sample. Clock and path times are rounded: a sample missed by less than a
+  // millionth of its interval is reached.
   constexpr double kReachedShare = 1e-6;
   while (sample_ + 1 < path_.size()) {
     const double due_s = path_.t_s[sample_ + 1] - path_.t_s[0];

@@ -1,16 +1,15 @@
-// A device without hardware: plays a recorded path on the servo's clock, records what it is commanded, and
-// fails on request.
+// A simulated device that plays a recorded path on the servo's clock, records commands, and fails on request.
 #pragma once
 
 #include <vector>
 
-#include "device/interface/device.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/trace/trace.h"
+#include <palpate/clock.h>
+#include <palpate/device/device.h>
+#include <palpate/trace.h>
 
 namespace palpate::device {
 
-/// Something that goes wrong from `start_s` on (path time) for `duration_s`.
+/// A fault from `start_s` (path time) for `duration_s`.
 struct ScriptedFault {
   enum class Kind : std::uint8_t { kSilence, kNonFinitePosition, kJump, kLost };
   Kind kind = Kind::kSilence;
@@ -19,18 +18,16 @@ struct ScriptedFault {
   Vec3 jump_mm = Vec3::Zero();  ///< added to the position, for kJump
 };
 
-/// One command as the device got it.
 struct SentForce {
   double t_s = 0.0;  ///< clock
   Vec3 force_n = Vec3::Zero();
 };
 
-/// Path time starts with open(). Before the first and after the last sample the position stands still; in
-/// between it is the newest sample, as a device without interpolation would report it. Keeps references to
-/// path and clock.
+/// Path time starts with open(). The position is that of the newest sample, without interpolation; it rests
+/// before the first and after the last. Keeps references to path and clock.
 class SimulatedDevice final : public Device {
  public:
-  /// `max_sent` commands are recorded; later ones are counted. Reserved at once: send() does not allocate.
+  /// Records `max_sent` commands and counts later ones. Memory is reserved here: send() does not allocate.
   SimulatedDevice(const trace::ProbePath& path, const Clock& clock, const DeviceLimits& limits,
                   std::size_t max_sent, std::vector<ScriptedFault> faults = {});
 
@@ -45,7 +42,7 @@ class SimulatedDevice final : public Device {
   [[nodiscard]] bool is_open() const noexcept { return open_; }
   [[nodiscard]] const std::vector<SentForce>& sent() const noexcept { return sent_; }
   [[nodiscard]] std::size_t unrecorded() const noexcept { return unrecorded_; }
-  /// What the motors hold now: the last command, zero after close().
+  /// Present motor force: the last command, zero after close().
   [[nodiscard]] const Vec3& held_n() const noexcept { return held_n_; }
 
  private:
@@ -56,7 +53,7 @@ class SimulatedDevice final : public Device {
   std::vector<ScriptedFault> faults_;
   bool open_ = false;
   double opened_s_ = 0.0;
-  double last_read_s_ = -1.0;  // path time of the last fresh state; negative = none yet
+  double last_read_s_ = -1.0;  // path time of the last fresh state; negative: none yet
   std::size_t sample_ = 0;
   DeviceState last_;
   std::vector<SentForce> sent_;

@@ -1,15 +1,22 @@
 #include "device/simulated/simulated_link.h"
 
+#include <sys/mman.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <new>
 #include <utility>
+
+#include "device/simulated/packets.h"
 
 namespace palpate::device {
 namespace {
 
-constexpr int kFlippedBits = 5;  // more than the checksum is bound to find, fewer than hide the packet
-// Clock and sample times carry rounding: a packet that is due within so much of its interval is there.
+constexpr int kFlippedBits = 5;  // more than the checksum guarantees to detect, fewer than hide the packet
+// Clock and sample times are rounded: a packet due within this share of its interval is there.
 constexpr double kDueShare = 1e-6;
 
 std::int16_t counts_of(double mm, double mm_per_count) noexcept {
@@ -19,6 +26,53 @@ std::int16_t counts_of(double mm, double mm_per_count) noexcept {
 }
 
 }  // namespace
+
+void SimulatedBoard::hold(std::uint64_t packed, std::int64_t now_ns) noexcept {
+  // Time first: a reader that sees zero sees its time.
+  if (packed == 0 && holds_force()) zeroed_ns_.store(now_ns, std::memory_order_release);
+  held_.store(packed, std::memory_order_release);
+}
+
+void SimulatedBoard::command(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
+  if (!plugged()) return;
+  std::optional<Packet> packet;
+  if (bytes.size() == kPacketBytes) packet = decoded(bytes.first<kPacketBytes>());
+  if (!packet || packet->kind != PacketKind::kCommand) {
+    refused_.fetch_add(1, std::memory_order_relaxed);
+    return;
+  }
+  std::uint64_t packed = 0;
+  for (std::size_t axis = 0; axis < packet->counts.size(); ++axis)
+    packed |= std::uint64_t{static_cast<std::uint16_t>(packet->counts[axis])} << (16U * axis);
+  hold(packed, now_ns);
+  commands_.fetch_add(1, std::memory_order_relaxed);
+}
+
+void SimulatedBoard::unplug(std::int64_t now_ns) noexcept {
+  plugged_.store(false, std::memory_order_release);
+  hold(0, now_ns);
+}
+
+SimulatedBoard::Counts SimulatedBoard::held() const noexcept {
+  const std::uint64_t packed = held_.load(std::memory_order_acquire);
+  Counts counts{};
+  for (std::size_t axis = 0; axis < counts.size(); ++axis)
+    counts[axis] = static_cast<std::int16_t>(static_cast<std::uint16_t>(packed >> (16U * axis)));
+  return counts;
+}
+
+Result<SharedBoard> SharedBoard::create() {
+  void* memory =
+      ::mmap(nullptr, sizeof(SimulatedBoard), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED)
+    return Error{std::string("no memory for the simulated board: ") + std::strerror(errno),
+                 "close other programs", "", 0};
+  return SharedBoard(new (memory) SimulatedBoard);
+}
+
+void SharedBoard::Unmap::operator()(SimulatedBoard* board) const noexcept {
+  ::munmap(board, sizeof(SimulatedBoard));
+}
 
 SimulatedLink::SimulatedLink(SimulatedBoard& board, const HandScript& script, const Clock& clock,
                              const SimulatedLinkOptions& options, std::vector<LinkFault> faults)
@@ -43,7 +97,7 @@ void SimulatedLink::close() noexcept {
   open_.store(false);
 }
 
-// After close too: a watchdog and a guard may still have to.
+// Works after close() too, for a watchdog or guard.
 bool SimulatedLink::submit(std::span<const std::uint8_t> bytes) noexcept {
   if (!board_.plugged()) return false;
   board_.command(bytes, clock_.now_ns());
@@ -69,8 +123,8 @@ Packet SimulatedLink::packet_of(std::int64_t index, const LinkFault* fault) cons
   return packet;
 }
 
-/// How many of its bytes come, and what has become of them.
-std::size_t SimulatedLink::spoiled(PacketBytes& bytes, const LinkFault* fault) noexcept {
+/// Applies the fault to the bytes; returns how many arrive.
+std::size_t SimulatedLink::apply_fault(PacketBytes& bytes, const LinkFault* fault) noexcept {
   if (fault == nullptr) return bytes.size();
   if (fault->kind == LinkFault::Kind::kShort) return bytes.size() / 2;
   if (fault->kind == LinkFault::Kind::kGarbled)
@@ -97,7 +151,7 @@ Polled SimulatedLink::poll(std::span<std::uint8_t> into) noexcept {
   if (is(LinkFault::Kind::kDuplicated)) bytes = last_;
   last_ = bytes;
   if (is(LinkFault::Kind::kLost) && index % fault->of != 0) return {};
-  const std::size_t size = spoiled(bytes, fault);
+  const std::size_t size = apply_fault(bytes, fault);
   std::copy_n(bytes.begin(), size, into.begin());
   return {size, false};
 }

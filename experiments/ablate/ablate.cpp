@@ -2,21 +2,23 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <optional>
 
+#include <palpate/control.h>
+#include <palpate/replay.h>
+#include <palpate/result.h>
+#include <palpate/trace.h>
 #include "experiments/ablate/document.h"
 #include "experiments/ablate/variants.h"
+#include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/cleaning.h"
 #include "experiments/run/run.h"
-#include "experiments/session/terminal.h"
-#include "toolkit/control/controlled_renderer.h"
-#include "toolkit/core/instructions.h"
-#include "toolkit/core/try.h"
-#include "toolkit/trace/replay.h"
-#include "toolkit/trace/trace_io.h"
+#include "experiments/run/work.h"
+#include "toolkit/core/instruction_counter.h"
 
 namespace palpate::experiments {
 namespace {
@@ -25,17 +27,16 @@ namespace fs = std::filesystem;
 
 constexpr const char* kPathFile = "path.csv";
 constexpr double kPercent = 100.0;
-/// Seconds of timed passes a variant.
+/// Seconds of timed passes per variant.
 constexpr double kTimedS = 1.0;
 
-/// What is measured: the variants of a scene, and the stage that they stand on.
 struct Plan {
   CheckedRun checked;
   Stage stage;
   std::vector<Variant> variants;
 };
 
-/// The scene as it would be without its steps of cleaning; nothing where it has none.
+/// The scene without its cleaning steps; empty if it has none.
 Result<std::optional<scene::LoadedScene>> without_cleaning(const StageRequest& request, Progress& progress) {
   scene::SceneFile file = request.scene;
   bool any = false;
@@ -60,7 +61,7 @@ Result<RendererRequest> chosen_renderer(const CheckedRun& checked, const Stage& 
   return request;
 }
 
-/// Errors are bad input.
+/// Errors: bad input.
 Status set_up_variants(const render::Registry& registry, int threads, Progress& progress, Plan& plan) {
   PALPATE_ASSIGN(plan.stage, set_up(plan.checked.stage, all_readers(), progress));
   PALPATE_ASSIGN(const RendererRequest request, chosen_renderer(plan.checked, plan.stage, registry));
@@ -68,7 +69,7 @@ Status set_up_variants(const render::Registry& registry, int threads, Progress& 
                  without_cleaning(plan.checked.stage, progress));
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
                  registry.make(request.name, request.options));
-  // Decided for the scene's own points: cleaning of the renderer does not change which stages there are.
+  // Decided for the scene's own points: the renderer's cleaning does not change which stages exist.
   PALPATE_ASSIGN(const render::Decisions decided,
                  renderer->decide(plan.stage.scene.input, {threads, nullptr}));
   plan.variants =
@@ -76,8 +77,8 @@ Status set_up_variants(const render::Registry& registry, int threads, Progress& 
   return Done{};
 }
 
-/// The stage with a variant's scene on it. A truth that does not know all that the scene asks for is left
-/// out: forces would be compared with those of another surface.
+/// The stage with a variant's scene. Drops a truth that does not cover the scene, since it belongs to another
+/// surface.
 Stage stage_of(const Stage& stage, const Variant& variant) {
   Stage seen;
   seen.scene_name = stage.scene_name;
@@ -90,7 +91,7 @@ Stage stage_of(const Stage& stage, const Variant& variant) {
   return seen;
 }
 
-/// Root mean square of the change of force, in percent of the whole scene's; nothing where that has none.
+/// RMS change of force in percent of the whole scene's force; empty without any.
 std::optional<double> change_percent(const trace::ForceTrace& whole, const trace::ForceTrace& rest) {
   double change = 0.0, all = 0.0;
   for (std::size_t i = 0; i < whole.frames.size() && i < rest.frames.size(); ++i) {
@@ -118,39 +119,66 @@ AblateRow row_of(const Variant& variant, const Run& run) {
   return row;
 }
 
-/// One variant after the other; the first one is what the others are compared with.
-Status measure_variants(const Plan& plan, const render::Registry& registry, int threads,
-                        ProgressBar& progress, AblateDocument& document) {
-  RunOptions options;
-  options.threads = threads;
-  options.passes = kAblatePasses;
-  options.budget_s = kTimedS;
-  trace::ForceTrace whole;
-  for (const Variant& variant : plan.variants) {
-    progress.set_prefix(fmt::format("[{} of {}] {}: ", document.rows.size() + 1, plan.variants.size(),
-                                    variant.stage.empty() ? "whole scene" : "without " + variant.stage));
-    const Stage stage = stage_of(plan.stage, variant);
-    PALPATE_ASSIGN(Run run, run_renderer(stage, variant.request, registry, options, progress));
-    AblateRow row = row_of(variant, run);
-    if (document.rows.empty()) {
-      if (!row.reason.empty()) return Error{row.reason, "mend the scene, or take another renderer", {}, 0};
-      whole = std::move(run.trace);
-      for (const std::string& warning : run.result.prepare->warnings) document.warnings.push_back(warning);
-    } else if (row.reason.empty()) {
-      row.error_percent = change_percent(whole, run.trace);
-    }
-    document.rows.push_back(std::move(row));
-  }
-  progress.set_prefix("");
-  return Done{};
-}
-
-/// Parts are told apart by the number of their variant.
 std::string part_of(std::size_t variant) {
   return std::to_string(variant);
 }
 
-/// This program again, on the same variants and along the same path.
+/// The whole scene's run, the reference of the others; its trace stays in the folder.
+Result<Run> measure_whole(const Stage& stage, const Variant& variant, const render::Registry& registry,
+                          const RunOptions& options, const Suite& suite) {
+  Run run;
+  const OutputFolder& folder = suite.folder();
+  const std::string name = "whole";
+  const auto use = [&](const std::string& text) {
+    Result<Run> kept = run_from_text(stage, text, folder);
+    if (kept) run = *std::move(kept);
+    return kept.ok();
+  };
+  if (folder.take_over(name, name, use)) return run;
+  PALPATE_ASSIGN(run, run_renderer(stage, variant.request, registry, options, suite.progress()));
+  if (run.result.status != metrics::RunStatus::kOk)
+    return Error{run.result.reason, "mend the scene, or take another renderer", {}, 0};
+  folder.start_part();
+  PALPATE_TRY(write_run(stage, run, true, folder));
+  PALPATE_TRY(folder.keep(name, name, result_text(run)));
+  return run;
+}
+
+/// Measures the variants in order; the first is the reference.
+Status measure_variants(const Plan& plan, const render::Registry& registry, int threads, const Suite& suite,
+                        AblateDocument& document) {
+  RunOptions options;
+  options.threads = threads;
+  options.passes = kAblatePasses;
+  options.budget_s = kTimedS;
+  Run whole;
+  for (std::size_t i = 0; i < plan.variants.size(); ++i) {
+    const Variant& variant = plan.variants[i];
+    suite.progress().set_prefix(
+        fmt::format("[{} of {}] {}: ", i + 1, plan.variants.size(),
+                    variant.stage.empty() ? "whole scene" : "without " + variant.stage));
+    const Stage stage = stage_of(plan.stage, variant);
+    if (i == 0) {
+      PALPATE_ASSIGN(whole, measure_whole(stage, variant, registry, options, suite));
+      document.rows.push_back(row_of(variant, whole));
+      for (const std::string& warning : whole.result.prepare->warnings) document.warnings.push_back(warning);
+      continue;
+    }
+    const auto measure = [&]() -> Result<AblateRow> {
+      PALPATE_ASSIGN(const Run run,
+                     run_renderer(stage, variant.request, registry, options, suite.progress()));
+      AblateRow measured = row_of(variant, run);
+      if (measured.reason.empty()) measured.error_percent = change_percent(whole.trace, run.trace);
+      return measured;
+    };
+    PALPATE_ASSIGN(AblateRow row, suite.once<AblateRow>(part_of(i), variant.stage, measure));
+    document.rows.push_back(std::move(row));
+  }
+  suite.progress().set_prefix("");
+  return Done{};
+}
+
+/// Command that runs this program on the same variants along the same path.
 std::vector<std::string> marked_command(const AblateArguments& a, const std::string& path) {
   std::error_code code;
   std::vector<std::string> words = {
@@ -200,18 +228,14 @@ void count_variants(const AblateArguments& arguments, const Plan& plan, const st
   document.counted = "Instructions are counted by callgrind: the same on every run.";
 }
 
-/// What is run under valgrind: each variant's frames between marks.
-int step_marked(const AblateArguments& arguments, Plan& plan, const render::Registry& registry,
-                Context& context) {
-  const int threads = arguments.run.load.threads;
-  if (const Status good = set_up_variants(registry, threads, context.progress, plan); !good)
-    return fail(good.error(), kExitBadInput, &context.progress);
+/// Runs under valgrind: each variant's frames between marks.
+void count_frame_instructions(Plan& plan, const render::Registry& registry, int threads, Progress& progress) {
   const trace::ProbePath& path = plan.stage.path;
   for (std::size_t i = 0; i < plan.variants.size(); ++i) {
     Variant& variant = plan.variants[i];
     render::SceneInput& input = variant.scene.input;
     if (!variant.request.clean.empty()) {
-      Result<CleanedScene> cleaned = clean_scene(input, variant.request.clean, threads, context.progress);
+      Result<CleanedScene> cleaned = clean_scene(input, variant.request.clean, threads, progress);
       if (!cleaned) continue;
       input = std::move(cleaned->input);
     }
@@ -220,7 +244,7 @@ int step_marked(const AblateArguments& arguments, Plan& plan, const render::Regi
     const auto renderer = control::wrap(*std::move(made), variant.scene.control);
     if (!renderer->prepare(input, {threads, nullptr})) continue;
     render::Simulation* const simulation = input.simulation.get();
-    if (!trace::replay(*renderer, path, simulation)) continue;  // what is done once is done
+    if (!trace::replay(*renderer, path, simulation)) continue;  // warm-up
     if (simulation != nullptr) simulation->reset();
     renderer->restart(path.hip_mm[0], path.t_s[0] - (path.size() > 1 ? path.t_s[1] - path.t_s[0] : 1e-3));
     const std::string part = part_of(i);
@@ -231,7 +255,6 @@ int step_marked(const AblateArguments& arguments, Plan& plan, const render::Regi
     }
     end_counting(part.c_str());
   }
-  return kExitOk;
 }
 
 std::string renderer_text(const RendererRequest& request) {
@@ -240,37 +263,25 @@ std::string renderer_text(const RendererRequest& request) {
   return text;
 }
 
-Status measure_all(const AblateArguments& arguments, const Plan& plan, const render::Registry& registry,
-                   const OutputFolder& folder, Context& context, AblateDocument& document) {
-  PALPATE_TRY(folder.begin("ablate"));
-  PALPATE_ASSIGN(const std::string path, folder.claim(kPathFile));
-  PALPATE_TRY(trace::write_path_csv(plan.stage.path, path));
-  PALPATE_TRY(measure_variants(plan, registry, arguments.run.load.threads, context.progress, document));
-  count_variants(arguments, plan, path, context.progress, document);
-  PALPATE_TRY(write_ablate(document, folder));
-  return folder.complete();
-}
-
 }  // namespace
 
-int run_ablate(const AblateArguments& arguments, Context& context) {
+Result<int> run_ablate(const AblateArguments& arguments, Context& context) {
+  Suite suite(context);
+  const RunArguments& run = arguments.run;
+  const int threads = run.load.threads;
   const render::Registry registry = all_renderers();
-  Result<CheckedRun> checked = check_run(arguments.run, registry, context.progress);
-  if (!checked) return fail(checked.error(), kExitBadInput, &context.progress);
-  Plan plan{*std::move(checked), {}, {}};
+  PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry, suite.progress()));
+  Plan plan{std::move(checked), {}, {}};
   plan.checked.stage.usual_frames = kAblateFrames;
   if (arguments.marked) {
     plan.checked.stage.reference = ReferenceChoice::kNone;
-    return step_marked(arguments, plan, registry, context);
+    PALPATE_TRY(set_up_variants(registry, threads, suite.progress(), plan));
+    count_frame_instructions(plan, registry, threads, suite.progress());
+    return kExitOk;
   }
-  const Result<OutputFolder> folder = OutputFolder::open(
-      arguments.run.out.empty() ? usual_folder("ablate", arguments.run.scene) : arguments.run.out);
-  if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
-  if (const Status good = folder->check_not_read(files_read(plan.checked.stage)); !good)
-    return fail(good.error(), kExitBadInput, &context.progress);
-  if (const Status good = set_up_variants(registry, arguments.run.load.threads, context.progress, plan);
-      !good)
-    return fail(good.error(), kExitBadInput, &context.progress);
+  PALPATE_TRY(suite.open(run.out.empty() ? usual_folder("ablate", run.scene) : run.out,
+                         files_read(plan.checked.stage)));
+  PALPATE_TRY(set_up_variants(registry, threads, suite.progress(), plan));
   AblateDocument document;
   document.head = new_head(context.command_line);
   document.scene = plan.stage.scene_name;
@@ -279,14 +290,13 @@ int run_ablate(const AblateArguments& arguments, Context& context) {
   if (plan.stage.reference && plan.stage.forces_comparable) document.truth = plan.stage.reference->name;
   document.warnings = plan.stage.warnings;
   document.notes = plan.stage.notes;
-  if (const Status done = measure_all(arguments, plan, registry, *folder, context, document); !done)
-    return fail(done.error(), kExitFellShort, &context.progress);
-  context.progress.clear();
-  if (arguments.run.json)
-    fmt::print("{}", to_json(document));
-  else
-    fmt::print("{}\nreport: {}\n", to_text(ablate_table(document), terminal_columns(STDOUT_FILENO)),
-               fs::absolute(folder->file("report.html")).string());
+  PALPATE_TRY(suite.begin(key_of(run, plan.checked.stage).add(document.renderer)));
+  PALPATE_ASSIGN(const std::string path, suite.folder().claim(kPathFile));
+  PALPATE_TRY(trace::write_path_csv(plan.stage.path, path));
+  PALPATE_TRY(measure_variants(plan, registry, threads, suite, document));
+  count_variants(arguments, plan, path, suite.progress(), document);
+  PALPATE_TRY(suite.publish({kAblateFile, to_json(document), {ablate_table(document)}}, ablate_page(document),
+                            run.json));
   const bool all_ran = std::all_of(document.rows.begin(), document.rows.end(),
                                    [](const AblateRow& row) { return row.reason.empty(); });
   return all_ran ? kExitOk : kExitFellShort;

@@ -1,4 +1,4 @@
-// What `palpate ablate` says: ablate.json, the table and the page. Made of rows and of nothing that runs.
+// Output of `palpate compare ablate` from its rows: ablate.json, table and page.
 #pragma once
 
 #include <cstdint>
@@ -11,34 +11,36 @@
 namespace palpate::experiments {
 
 inline constexpr const char* kAblateFile = "ablate.json";
-/// Goes up when a key changes its meaning or goes away.
+/// Increases when a key is redefined or removed.
 inline constexpr const char* kAblateSchema = "palpate-ablate/1";
 
-/// A scene without one of its stages, measured; the first row of a document is the whole scene.
+/// A scene without one stage, measured; a document's first row is the whole scene.
 struct AblateRow {
-  std::string stage, instead;                        ///< as in Variant; the whole scene's stage is empty
-  std::string reason;                                ///< why it could not be run; empty: it was
-  std::optional<double> instructions, frame_cpu_us;  ///< of a frame, over all frames
+  std::string stage, instead;                        ///< as in Variant; empty stage: the whole scene
+  std::string reason;                                ///< why it did not run; empty: it ran
+  std::optional<double> instructions, frame_cpu_us;  ///< per frame, over all frames
   std::optional<std::uint64_t> bytes;
   std::optional<double> prepare_ms;
-  std::optional<double> error_percent;  ///< of the whole scene's force: root mean square of the change
+  std::optional<double> error_percent;  ///< RMS change of force, relative to the whole scene's
   std::optional<double>
-      truth_percent;  ///< force_rms_percent against the ground truth, where it knows the scene
+      truth_percent;  ///< force_rms_percent against the ground truth, if it covers the scene
   std::string trace_hash;
 };
+
+[[nodiscard]] std::string to_text(const AblateRow& row);
+[[nodiscard]] bool from_text(const std::string& text, AblateRow& row);
 
 struct AblateDocument {
   metrics::DocumentHead head;
   std::string scene, path, renderer;
-  std::string truth;              ///< name of the ground truth; empty: none that knows the scene
-  std::string counted;            ///< how instructions were counted, or why not, a sentence
+  std::string truth;              ///< the ground truth's name; empty: none covers the scene
+  std::string counted;            ///< how instructions were counted, or why not
   std::vector<AblateRow> rows{};  ///< at least the whole scene
   std::vector<std::string> warnings, notes;
 };
 
 [[nodiscard]] std::string to_json(const AblateDocument& document);
 [[nodiscard]] Table ablate_table(const AblateDocument& document);
-/// ablate.json and report.html.
-[[nodiscard]] Status write_ablate(const AblateDocument& document, const OutputFolder& folder);
+[[nodiscard]] Page ablate_page(const AblateDocument& document);
 
 }  // namespace palpate::experiments

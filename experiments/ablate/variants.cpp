@@ -20,7 +20,7 @@ const surface::PointProperties* properties_of(const render::ModelInput& model) {
   return model.surface.per_point.get();
 }
 
-/// Without some of the columns; none is no object.
+/// Removes some columns; without any left, the object.
 template <class Clear>
 void clear_columns(surface::Surface& s, Clear&& clear) {
   if (s.per_point == nullptr) return;
@@ -35,7 +35,7 @@ class Variants {
     all_.push_back({{}, "all that the scene asks for", scene, request});
   }
 
-  /// One more, where the stage is there: leave_out(variant) takes it away.
+  /// Adds a variant if the stage exists; leave_out(variant) removes the stage.
   template <class LeaveOut>
   void add(bool is_there, std::string stage, std::string instead, LeaveOut&& leave_out) {
     if (!is_there) return;
@@ -145,7 +145,7 @@ bool is_shaded(const render::Decisions& decided) {
   return false;
 }
 
-/// Options other than their defaults, and shading, which some renderers add by themselves.
+/// Adds options other than their defaults, and shading, which some renderers add themselves.
 void add_options(Variants& variants, const render::Registry& registry, const render::Decisions& decided) {
   const RendererRequest& request = variants.whole().request;
   const render::RendererInfo& info = *registry.find(request.name);

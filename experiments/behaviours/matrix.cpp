@@ -3,20 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// More than this share of what is counted falls short. One push or crossing is always more.
+/// Share of faults beyond which a renderer falls short; one push or crossing always exceeds it.
 constexpr double kFallsShort = 0.01;
 constexpr std::size_t kPictureSamples = 700;  // a panel is some 250 wide
 
 std::string cell_text(const BehaviourOutcome& outcome) {
-  if (!outcome.failure.empty()) return kNoNumber;
-  return fmt::format("{} of {}", count_text(outcome.wrong), count_text(outcome.of));
+  if (!outcome.failure.empty()) return kMissingNumber;
+  return fmt::format("{} of {}", format_count(outcome.wrong), format_count(outcome.of));
 }
 
 std::uint64_t whole_of(const Behaviour& behaviour) {
@@ -69,7 +69,6 @@ Chart picture(const BehaviourMatrix& matrix, std::size_t b) {
   return chart;
 }
 
-/// One line a renderer: where it falls short.
 std::vector<Headline> headlines_of(const BehaviourMatrix& matrix) {
   std::vector<Headline> lines;
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
@@ -96,7 +95,7 @@ std::vector<RendererRequest> methods_of(const render::Registry& registry) {
   for (const render::RendererInfo& info : registry.all()) {
     if (info.geometry == render::Geometry::kFormula || info.role == render::Role::kOracle) continue;
     RendererRequest request{info.name, info.name, {}, {}};
-    // Of points alone: what a mesh renderer reconstructs, not the generator's own faces.
+    // The mesh is reconstructed from the points, not the generator's own.
     for (const OptionSpec& spec : info.options)
       if (spec.key == "mesh") request.options.set("mesh", "advancing-front");
     requests.push_back(std::move(request));
@@ -107,34 +106,32 @@ std::vector<RendererRequest> methods_of(const render::Registry& registry) {
 Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
                                        std::vector<RendererRequest> renderers,
                                        const render::Registry& registry, int threads, Progress& progress,
-                                       const KeptRows* kept) {
+                                       const Suite* suite) {
   BehaviourMatrix matrix{std::move(behaviours), std::move(renderers), {}, {}};
   for (const RendererRequest& request : matrix.renderers)
     matrix.roles.push_back(registry.find(request.name)->role);
   for (const RendererRequest& request : matrix.renderers) {
-    KeptRows::Row& row = matrix.outcomes.emplace_back();
-    if (kept != nullptr && kept->find(request, row)) continue;
-    for (const Behaviour& behaviour : matrix.behaviours)
-      row.push_back(observe(behaviour, request, registry, threads, progress));
-    if (kept == nullptr) continue;
-    PALPATE_TRY(kept->keep(request, row));
+    using Row = std::vector<BehaviourOutcome>;
+    const auto measure = [&]() -> Result<Row> {
+      Row row;
+      for (const Behaviour& behaviour : matrix.behaviours)
+        row.push_back(observe(behaviour, request, registry, threads, progress));
+      return row;
+    };
+    PALPATE_ASSIGN(Row row,
+                   suite == nullptr ? measure() : suite->once<Row>(request.label, key_of(request), measure));
+    matrix.outcomes.push_back(std::move(row));
   }
   return matrix;
 }
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BehaviourOutcome, failure, wrong, of, shown)
 
-std::string to_text(const KeptRows::Row& row) {
-  return nlohmann::json(row).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+std::string to_text(const std::vector<BehaviourOutcome>& row) {
+  return to_line(row);
 }
-
-bool from_text(const std::string& text, KeptRows::Row& row) {
-  try {
-    row = nlohmann::json::parse(text).get<KeptRows::Row>();
-    return true;
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  }
+bool from_text(const std::string& text, std::vector<BehaviourOutcome>& row) {
+  return from_line(text, row);
 }
 
 Table matrix_table(const BehaviourMatrix& matrix) {
@@ -147,29 +144,28 @@ Table matrix_table(const BehaviourMatrix& matrix) {
   table.bad_means = "more than 1 % of what there is";
   table.columns = {"renderer", "role"};
   for (const Behaviour& behaviour : matrix.behaviours)
-    table.columns.push_back(fmt::format("{}, of {}", behaviour.title, count_text(whole_of(behaviour))));
+    table.columns.push_back(fmt::format("{}, of {}", behaviour.title, format_count(whole_of(behaviour))));
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
     std::vector<Cell> row = {{matrix.renderers[r].label, false, false},
                              {std::string(name_of(matrix.roles[r])), false, false}};
     for (const BehaviourOutcome& outcome : matrix.outcomes[r])
-      row.push_back({outcome.failure.empty() ? count_text(outcome.wrong) : kNoNumber,
+      row.push_back({outcome.failure.empty() ? format_count(outcome.wrong) : kMissingNumber,
                      outcome.failure.empty() && outcome.wrong == 0, falls_short(outcome)});
-    row.resize(table.columns.size(), {kNoNumber, false, false});
+    row.resize(table.columns.size(), {kMissingNumber, false, false});
     table.rows.push_back(std::move(row));
   }
   return table;
 }
 
 std::string matrix_json(const BehaviourMatrix& matrix) {
-  nlohmann::ordered_json root = {{"schema", "palpate-behaviours-1"}};
+  DocumentJson root = {{"schema", "palpate-behaviours-1"}};
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
-    nlohmann::ordered_json row = {{"label", matrix.renderers[r].label},
-                                  {"name", matrix.renderers[r].name},
-                                  {"role", name_of(matrix.roles[r])}};
+    DocumentJson row = {{"label", matrix.renderers[r].label},
+                        {"name", matrix.renderers[r].name},
+                        {"role", name_of(matrix.roles[r])}};
     for (std::size_t b = 0; b < matrix.outcomes[r].size(); ++b) {
       const BehaviourOutcome& outcome = matrix.outcomes[r][b];
-      nlohmann::ordered_json one = {{"id", matrix.behaviours[b].id},
-                                    {"counted", matrix.behaviours[b].counted}};
+      DocumentJson one = {{"id", matrix.behaviours[b].id}, {"counted", matrix.behaviours[b].counted}};
       if (outcome.failure.empty()) {
         one["wrong"] = outcome.wrong;
         one["of"] = outcome.of;

@@ -1,11 +1,11 @@
-// The suite run with several renderers: a matrix, and a picture for each behaviour.
+// Runs the suite with several renderers: a matrix and a picture per behaviour.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "experiments/behaviours/behaviour.h"
-#include "experiments/report/page.h"
+#include "experiments/driver/suite.h"
 
 namespace palpate::experiments {
 
@@ -16,30 +16,23 @@ struct BehaviourMatrix {
   std::vector<render::Role> roles{};                    ///< by renderer
 };
 
-/// Every renderer that is one of the methods: all of the registry but the truth and the oracle of tests.
+/// Every registered renderer except the truth and the tests' oracle.
 [[nodiscard]] std::vector<RendererRequest> methods_of(const render::Registry& registry);
 
-/// Where the rows of a matrix are kept as they are finished, so that a run can go on from an interrupted one.
-struct KeptRows {
-  using Row = std::vector<BehaviourOutcome>;
-  std::function<bool(const RendererRequest&, Row&)> find;
-  std::function<Status(const RendererRequest&, const Row&)> keep;
-};
+/// A renderer's outcomes as one line and back; false for an invalid line.
+[[nodiscard]] std::string to_text(const std::vector<BehaviourOutcome>& row);
+[[nodiscard]] bool from_text(const std::string& text, std::vector<BehaviourOutcome>& row);
 
-/// Runs everything that is not found among `kept`. An Error is one of keeping.
+/// `suite`: keeps each renderer's row, and takes over those of an interrupted run. Error: storing failed.
 [[nodiscard]] Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
                                                      std::vector<RendererRequest> renderers,
                                                      const render::Registry& registry, int threads,
-                                                     Progress& progress, const KeptRows* kept = nullptr);
+                                                     Progress& progress, const Suite* suite = nullptr);
 
-/// A row as a text, and back; false where the text is none.
-[[nodiscard]] std::string to_text(const KeptRows::Row& row);
-[[nodiscard]] bool from_text(const std::string& text, KeptRows::Row& row);
-
-/// One row a renderer, with its role, and one column a behaviour: "wrong of all".
+/// A row per renderer with its role, a column per behaviour: "wrong of all".
 [[nodiscard]] Table matrix_table(const BehaviourMatrix& matrix);
 [[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix);
-/// One section with the matrix and the pictures, drawn into `folder`/figures.
+/// Adds a section with matrix and pictures, drawn into `folder`/figures.
 void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder);
 
 }  // namespace palpate::experiments

@@ -1,6 +1,6 @@
 #include "experiments/behaviours/behaviour.h"
 
-#include "toolkit/trace/replay.h"
+#include <palpate/replay.h>
 
 namespace palpate::experiments {
 

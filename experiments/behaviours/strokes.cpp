@@ -4,10 +4,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "toolkit/cloud/generate.h"
+#include <palpate/accuracy.h>
+#include <palpate/generate.h>
+#include <palpate/reference.h>
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/accuracy.h"
-#include "toolkit/metrics/reference.h"
 
 namespace palpate::experiments {
 namespace {
@@ -67,7 +67,7 @@ Result<Stroke> stroke(const std::vector<BehaviourScene>& scenes, std::size_t sce
   trace::ProbePath path;
   path.name = "straight ways";
   const double step_mm = speed_mm_s / kRateHz;
-  double left_mm = 0.0;  // of the last step, beyond the corner before
+  double left_mm = 0.0;  // remainder of the last step, beyond the previous corner
   for (std::size_t c = 0; c + 1 < corners.size(); ++c) {
     const Vec3 way = corners[c + 1] - corners[c];
     const double length = way.norm();

@@ -1,18 +1,17 @@
-// The fixed set. Lengths in mm; each scene's numbers are chosen around the spacing of its points, and stand
-// in the text that the report shows.
+// The fixed suite. Lengths in mm; each scene's numbers suit its spacing and are in the report's text.
 #include <cmath>
 #include <numbers>
 
+#include <palpate/generate.h>
+#include <palpate/paths.h>
 #include "experiments/behaviours/strokes.h"
-#include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
-#include "toolkit/trace/paths.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr std::size_t kPushes = 20;  // of a kind
-constexpr std::size_t kLines = 5;    // slides of a kind
+constexpr std::size_t kPushes = 20;  // of each kind
+constexpr std::size_t kLines = 5;    // slides of each kind
 
 double travelled(const Stroke& stroke, std::size_t sample) {
   return 1e3 * stroke.path.t_s[sample];
@@ -21,7 +20,7 @@ double force_z(const render::Frame& frame) {
   return frame.force_n.z();
 }
 
-/// Collects scenes and strokes; the first Error stays.
+/// Collects scenes and strokes; keeps the first Error.
 class Maker {
  public:
   explicit Maker(std::string id, std::string title) {
@@ -72,7 +71,7 @@ std::uint64_t one(const Stroke&) {
   return 1;
 }
 
-/// Frames of true contact for which `wrong(frame, truth)`.
+/// Counts true contact frames with `wrong(frame, truth)`.
 template <class Wrong>
 Judge frames_where(Wrong wrong) {
   return [wrong](const Stroke& s, std::span<const render::Frame> frames) {
@@ -83,7 +82,7 @@ Judge frames_where(Wrong wrong) {
   };
 }
 
-/// A force while the HIP is truly outside.
+/// Counts forces while the HIP is truly outside.
 std::uint64_t felt_outside(const Stroke& s, std::span<const render::Frame> frames) {
   std::uint64_t n = 0;
   for (std::size_t i = 0; i < frames.size(); ++i)
@@ -95,7 +94,7 @@ std::uint64_t outside_frames(const Stroke& s) {
 }
 
 Result<Behaviour> thin_plate() {
-  constexpr double kDeepMm = 0.3;  // a spacing and a half: from there on the side is beyond doubt
+  constexpr double kDeepMm = 0.3;  // 1.5 spacings: the side is beyond doubt
   Maker make("thin-plate", "thin plate");
   make->text =
       "A plate 1 mm thick of points 0.2 mm apart, pushed 20 times from above and 20 times from below, "
@@ -120,7 +119,7 @@ Result<Behaviour> thin_plate() {
 }
 
 Result<Behaviour> voronoi_corner() {
-  constexpr double kTurnedDeg = 45.0;  // half of the right angle: another face's force
+  constexpr double kTurnedDeg = 45.0;  // half a right angle: another face's force
   Maker make("voronoi-corner", "corner of a block");
   make->text =
       "Figure 25a: the probe enters a block by its side, 1 mm below the top edge, and goes 3 mm deep. From 1 "
@@ -252,7 +251,7 @@ Result<Behaviour> holes() {
     make.stroke(plane, {{-14.5, y, 1}, {-14, y, -0.5}, {14, y + 1.1, -0.5}, {14.5, y + 1.1, 1}});
   }
   make->judge = frames_where([](const render::Frame& frame, const trace::TruthFrame& truth) {
-    constexpr double kDeepMm = 0.3;  // away from where it enters and leaves
+    constexpr double kDeepMm = 0.3;  // away from entry and exit
     return truth.signed_distance_mm < -kDeepMm && frame.force_n == Vec3::Zero();
   });
   make->whole = contact_frames;
@@ -296,10 +295,10 @@ Result<Behaviour> noisy() {
   }
   const std::size_t scan = make.scene(scene_of_points(points, "a noisy scan", clean->surface));
   if (make.failed()) return make.done();
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = make->scenes[scan].surface.get();
   target.box_mm = target.surface->box_mm();
-  make.along(scan, trace::make_path(*parse_named_options("weave:frames=5000:depth_mm=1"), target));
+  make.along(scan, paths::make_path(*parse_named_options("weave:frames=5000:depth_mm=1"), target));
   make->judge = frames_where(out_of_band);
   make->whole = contact_frames;
   return make.done();
@@ -307,7 +306,7 @@ Result<Behaviour> noisy() {
 
 Result<Behaviour> ridge() {
   Maker make("ridge", "edge of a ridge");
-  constexpr double kTurnedDeg = 10.0;  // well below the 25.6 degrees that a hand tells apart at rest
+  constexpr double kTurnedDeg = 10.0;  // well below the 25.6 degrees that a hand distinguishes at rest
   make->text =
       "A ridge of 120 degrees, points 0.2 mm apart, crossed 0.5 mm deep in five slides: shading that smooths "
       "too much takes "

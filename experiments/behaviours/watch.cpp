@@ -1,18 +1,15 @@
 #include "experiments/behaviours/watch.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 
 #include "experiments/behaviours/matrix.h"
-#include "experiments/session/run_key.h"
-#include "experiments/session/terminal.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// The behaviours named in "a,b"; all where it is empty.
+/// The behaviours named in "a,b"; empty: all.
 Result<std::vector<Behaviour>> chosen(std::vector<Behaviour> suite, const std::string& only) {
   if (only.empty()) return suite;
   std::string known;
@@ -28,49 +25,25 @@ Result<std::vector<Behaviour>> chosen(std::vector<Behaviour> suite, const std::s
 
 }  // namespace
 
-int watch_behaviours(const BehavioursArguments& arguments, Context& context) {
+Result<int> watch_behaviours(const BehavioursArguments& arguments, Context& context) {
+  Suite suite(context);
   const render::Registry registry = all_renderers();
   std::vector<RendererRequest> renderers = methods_of(registry);
   if (!arguments.renderers.empty()) {
-    Result<std::vector<RendererRequest>> named = parse_renderers(arguments.renderers, registry);
-    if (!named) return fail(named.error(), kExitBadInput);
-    renderers = *std::move(named);
+    PALPATE_ASSIGN(renderers, parse_renderers(arguments.renderers, registry));
   }
-  const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
-  if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
-  Result<std::vector<Behaviour>> suite = behaviour_suite(context.progress);
-  if (!suite) return fail(suite.error(), kExitFellShort, &context.progress);
-  suite = chosen(*std::move(suite), arguments.only);
-  if (!suite) return fail(suite.error(), kExitBadInput, &context.progress);
-  RunKey key;
-  key.add(arguments.only).add(static_cast<std::uint64_t>(arguments.threads));
-  if (const Status begun = begin_run(*folder, key.word(), context); !begun)
-    return fail(begun.error(), kExitFellShort, &context.progress);
-  const KeptRows rows = {[&](const RendererRequest& request, KeptRows::Row& row) {
-                           return folder->take_over(
-                               request.label, key_of(request),
-                               [&](const std::string& text) { return from_text(text, row); });
-                         },
-                         [&](const RendererRequest& request, const KeptRows::Row& row) {
-                           return folder->keep(request.label, key_of(request), to_text(row));
-                         }};
-  const Result<BehaviourMatrix> matrix = run_behaviours(*std::move(suite), std::move(renderers), registry,
-                                                        arguments.threads, context.progress, &rows);
-  if (!matrix) return fail(matrix.error(), kExitFellShort, &context.progress);
-  context.progress.report("drawing the report", -1.0);
+  PALPATE_TRY(suite.open(arguments.out));
+  PALPATE_ASSIGN(std::vector<Behaviour> all, behaviour_suite(suite.progress()));
+  PALPATE_ASSIGN(std::vector<Behaviour> wanted, chosen(std::move(all), arguments.only));
+  PALPATE_TRY(suite.begin(RunKey().add(arguments.only).add(static_cast<std::uint64_t>(arguments.threads))));
+  PALPATE_ASSIGN(const BehaviourMatrix matrix,
+                 run_behaviours(std::move(wanted), std::move(renderers), registry, arguments.threads,
+                                suite.progress(), &suite));
+  suite.progress().report("drawing the report", -1.0);
   Page page = begin_page("How haptic renderers behave", new_head(context.command_line));
-  add_behaviours(page, *matrix, *folder);
-  const std::string json = matrix_json(*matrix);
-  Status written = folder->write("behaviours.json", json);
-  if (written) written = write_page(page, *folder);
-  if (written) written = folder->complete();
-  context.progress.clear();
-  if (!written) return fail(written.error(), kExitFellShort);
-  if (arguments.json)
-    fmt::print("{}", json);
-  else
-    fmt::print("{}\nreport: {}\n", to_text(matrix_table(*matrix), terminal_columns(STDOUT_FILENO)),
-               std::filesystem::absolute(folder->file("report.html")).string());
+  add_behaviours(page, matrix, suite.folder());
+  PALPATE_TRY(
+      suite.publish({"behaviours.json", matrix_json(matrix), {matrix_table(matrix)}}, page, arguments.json));
   return kExitOk;
 }
 

@@ -1,4 +1,4 @@
-// The behaviour suite as a command: run, kept, drawn.
+// The behaviour suite as a command.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ struct BehavioursArguments {
   bool json = false;
 };
 
-/// The exit status.
-int watch_behaviours(const BehavioursArguments& arguments, Context& context);
+/// Returns the exit status.
+[[nodiscard]] Result<int> watch_behaviours(const BehavioursArguments& arguments, Context& context);
 
 }  // namespace palpate::experiments

@@ -1,10 +1,10 @@
-// Everything that can go wrong between a renderer and the motors, each many times on the simulated link: how
-// soon it is seen, and how soon the motors have let go. See docs/safety.md.
+// Measures detection and motor release for every fault between renderer and motors, over many runs on the
+// simulated link. See docs/results/hands-and-loops.md.
 //
 //   fault_table [--runs N] [--virtual] [--json FILE]
 //
-// On a virtual clock (--virtual) the figures are the same on every machine; on the machine's own they hold
-// what its scheduler does, and processes are killed too.
+// Virtual-clock figures (--virtual) are equal on every machine. Real-clock figures include the scheduler and
+// killed processes.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "device/servo/scheduling.h"
-#include "device/simulated/death_trial.h"
-#include "device/simulated/fault_trial.h"
+#include <palpate/device/scheduling.h>
+#include "experiments/benchmarks/death_trial.h"
+#include "experiments/benchmarks/fault_trial.h"
 #include "toolkit/core/atomic_file.h"
 
 namespace palpate::device {
@@ -27,11 +27,11 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kRates[] = {1000.0, 4000.0};
-constexpr int kMostFrames = 2;  // from a detection to zero
+constexpr int kMostFrames = 2;  // from detection to zero
 constexpr double kDeathPatienceS = 10.0;
-constexpr double kKillAfterS = 0.050;  // of the guard, for a program that is stopped
-constexpr double kFeltN = 0.9;         // of 1 N, where a fault is felt through
-constexpr int kMostTries = 5;          // for a run that counts
+constexpr double kKillAfterS = 0.050;  // the guard's, for a stopped program
+constexpr double kFeltN = 0.9;         // of 1 N, for harmless faults
+constexpr int kMostTries = 5;          // for a valid run
 
 struct Asked {
   int runs = 20;
@@ -39,7 +39,6 @@ struct Asked {
   std::string json;
 };
 
-/// One line of the table.
 struct Line {
   std::string fault{};
   double rate_hz = 0.0;
@@ -160,7 +159,7 @@ Result<std::vector<Line>> all_lines(const Asked& asked) {
   return lines;
 }
 
-/// False, with a word to the user, where it was asked for what there is not.
+/// False, with an error message, for invalid arguments.
 bool understood(const std::vector<std::string>& words, Asked& asked) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     const bool more = i + 1 < words.size();

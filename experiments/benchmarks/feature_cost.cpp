@@ -1,10 +1,10 @@
-// What each thing that a scene may ask for costs a frame and the memory, for every renderer of ours: the bare
-// scene, the scene that asks for one thing, and the scene that says in so many words that it asks for none,
-// which must cost what the bare one costs, to the instruction and to the byte.
+// Cost of each scene feature per frame and in memory, for our renderers. Compares the bare scene, the scene
+// with one feature, and a scene that explicitly declines it. A declining scene must match the bare one to the
+// instruction and byte.
 //
 //   feature_cost [RENDERER ..]             a table: instructions a frame (by callgrind), bytes, time
-//   feature_cost --rows [RENDERER ..]      the same as lines "RENDERER FEATURE KIND INSTRUCTIONS REPORTED
-//   HEAP" feature_cost --marked RENDERER         the frames alone, between marks: what is run under valgrind
+//   feature_cost --rows [RENDERER ..]      lines "RENDERER FEATURE KIND INSTRUCTIONS REPORTED HEAP"
+//   feature_cost --marked RENDERER         the frames alone, between marks, for valgrind
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -21,20 +21,19 @@
 #include <string_view>
 #include <vector>
 
-#include "toolkit/cloud/generate.h"
-#include "toolkit/control/controlled_renderer.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/instructions.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/paths.h"
+#include <palpate/clock.h>
+#include <palpate/control.h>
+#include <palpate/generate.h>
+#include <palpate/paths.h>
+#include <palpate/registry.h>
+#include "toolkit/core/instruction_counter.h"
 
 namespace {
 
-/// Bytes asked for by operator new and not given back. The allocator's own count will not do: it rounds, and
-/// what it keeps for later is in it.
+/// Bytes requested from operator new and not freed. The allocator's own count rounds and includes its
+/// reserve.
 std::atomic<std::uint64_t> live_bytes{0};
-/// Before each block: how much was asked for. Keeps every alignment up to this.
+/// Header before each block that stores its size; keeps alignments up to this.
 constexpr std::size_t kBefore = 64;
 
 void* allocate(std::size_t bytes, std::size_t alignment) {
@@ -87,7 +86,6 @@ constexpr double kApartMm = 300.0;
 constexpr int kTimedPasses = 50;
 constexpr double kLimitS = 300.0;
 
-/// A scene as it is asked about.
 struct Asked {
   render::SceneInput scene;
   control::ControlOptions control;
@@ -98,7 +96,7 @@ struct Feature {
   const char* name;
   Kind kind;
   std::function<void(Asked&)> ask;
-  render::Features needs{};  ///< a renderer without these leaves it out
+  render::Features needs{};  ///< renderers without these skip the feature
 };
 
 std::shared_ptr<surface::PointProperties> properties() {
@@ -108,7 +106,7 @@ surface::Surface& surface_of(Asked& asked) {
   return asked.scene.models.front().surface;
 }
 
-/// One value at each point, another one on the other side of x = 0.
+/// A value per point, changing at x = 0.
 std::vector<float> halves(const Asked& asked, float left, float right) {
   std::vector<float> values;
   for (const float x : asked.scene.models.front().cloud->x_mm) values.push_back(x > 0.0f ? right : left);
@@ -132,7 +130,6 @@ void add_models(Asked& asked) {
   }
 }
 
-/// What a scene can ask for.
 void add_asking(std::vector<Feature>& all) {
   using enum render::Feature;
   const auto on = [&](const char* name, std::function<void(Asked&)> ask, render::Features needs = {}) {
@@ -194,7 +191,7 @@ void add_asking(std::vector<Feature>& all) {
   on("passivity", [](Asked& a) { a.control.passivity = control::PassivityOptions{}; });
 }
 
-/// The same things, said to be absent or uniform.
+/// The same features, declared absent or uniform.
 void add_declining(std::vector<Feature>& all) {
   const auto off = [&](const char* name, std::function<void(Asked&)> ask) {
     all.push_back({name, Kind::kOff, std::move(ask)});
@@ -204,10 +201,10 @@ void add_declining(std::vector<Feature>& all) {
     surface_of(a).texture.depth_mm = 0.1;  // of no kind
     surface_of(a).texture.wavelength_mm = 2.0;
   });
-  off("deformation", [](Asked& a) { surface_of(a).deformation = 0.5; });  // everywhere: a softer spring
+  off("deformation", [](Asked& a) { surface_of(a).deformation = 0.5; });  // uniform: a softer spring
   off("stiffness", [](Asked& a) { surface_of(a).stiffness_n_per_mm = 0.3; });
   off("by-point", [](Asked& a) { surface_of(a).per_point = properties(); });  // no column
-  off("dents", [](Asked& a) { surface_of(a).dent = {0.5, 1.0, 0.0}; });       // that take for ever
+  off("dents", [](Asked& a) { surface_of(a).dent = {0.5, 1.0, 0.0}; });       // with an infinite duration
   off("motion", [](Asked& a) { a.scene.simulation = std::make_shared<render::ScriptedSimulation>(); });
   off("force-limit", [](Asked& a) { a.scene.force_limit_n = 0.0; });
   off("control", [](Asked& a) {
@@ -215,7 +212,7 @@ void add_declining(std::vector<Feature>& all) {
     a.control.filter = {};
     a.control.passivity.reset();
   });
-  off("truth", [](Asked& a) { a.scene.models.front().analytic = nullptr; });  // what scores need
+  off("truth", [](Asked& a) { a.scene.models.front().analytic = nullptr; });  // used for scores only
 }
 
 std::vector<Feature> all_features() {
@@ -229,7 +226,6 @@ std::string part_name(const Feature& feature) {
   return (feature.kind == Kind::kOff ? "no-" : "") + std::string(feature.name);
 }
 
-/// What all scenes have in common.
 struct Stand {
   render::SceneInput bare;
   trace::ProbePath path;
@@ -244,24 +240,23 @@ Result<Stand> make_stand() {
   render::ModelInput model;
   model.cloud = std::make_shared<const cloud::Cloud>(made->cloud);
   model.analytic = made->surface;
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = made->surface.get();
   target.cloud = model.cloud.get();
   target.box_mm = model.cloud->box_mm();
   target.spacing_mm = made->nominal_spacing_mm;
-  auto path = trace::make_path(parse_named_options(kPath).value(), target);
+  auto path = paths::make_path(parse_named_options(kPath).value(), target);
   if (!path) return path.error();
   stand.path = *std::move(path);
   stand.bare.models.push_back(std::move(model));
   return stand;
 }
 
-/// One renderer on one scene, ready.
 struct Prepared {
   Asked asked;
   std::unique_ptr<render::HapticRenderer> renderer;
-  std::uint64_t reported = 0;  ///< bytes, as it says
-  std::uint64_t heap = 0;      ///< bytes, as the allocator says
+  std::uint64_t reported = 0;  ///< bytes, by the renderer
+  std::uint64_t heap = 0;      ///< bytes, by the allocator
 };
 
 Result<Prepared> prepare(const Stand& stand, const std::string& name, const Feature& feature) {
@@ -282,7 +277,7 @@ Result<Prepared> prepare(const Stand& stand, const std::string& name, const Feat
   return made;
 }
 
-/// The sum of forces: so that no frame is optimised away, and a scene that is not felt is noticed.
+/// Sum of forces: prevents optimising frames away and reveals a scene without contact.
 [[gnu::noinline]] Vec3 step_all(render::HapticRenderer& renderer, const trace::ProbePath& path,
                                 render::Simulation* simulation) {
   Vec3 sum = Vec3::Zero();
@@ -298,7 +293,7 @@ void restart(const Stand& stand, Prepared& made) {
   made.renderer->restart(stand.path.hip_mm[0], -stand.path.t_s[1]);
 }
 
-/// A scene whose models do not move is stepped without a simulation: its share is no renderer's.
+/// The simulation of a scene with moving models; null for others, since its cost is no renderer's.
 render::Simulation* simulation_of(const Prepared& made) {
   return made.asked.scene.models.front().motion != nullptr ? made.asked.scene.simulation.get() : nullptr;
 }
@@ -308,7 +303,7 @@ int run_marked(const Stand& stand, const std::string& renderer) {
     Result<Prepared> made = prepare(stand, renderer, feature);
     if (!made) continue;
     restart(stand, *made);
-    (void)step_all(*made->renderer, stand.path, simulation_of(*made));  // what is done once is done
+    (void)step_all(*made->renderer, stand.path, simulation_of(*made));  // warm-up
     restart(stand, *made);
     const std::string part = part_name(feature);
     begin_counting();
@@ -345,7 +340,7 @@ int show(const Stand& stand, const std::string& self, const std::string& rendere
   if (!rows)
     fmt::print("{}\n{:<26} {:>6} {:>14} {:>10} {:>12} {:>10}\n", renderer, "scene", "", "instructions",
                "more", "bytes", "us");
-  // The first one also pays for what libraries allocate once.
+  // Warm-up for what libraries allocate once.
   (void)prepare(stand, renderer, all_features().front());
   double bare = 0.0;
   for (const Feature& feature : all_features()) {
@@ -365,9 +360,8 @@ int show(const Stand& stand, const std::string& self, const std::string& rendere
   return 0;
 }
 
-/// All of ours and the literal forms, and the second surface of `cloud`.
 std::vector<std::string> our_renderers(const render::Registry& registry) {
-  std::vector<std::string> names = {"cloud:surface=vertices", "cloud:refine=1"};
+  std::vector<std::string> names = {"cloud:refine=1"};
   for (const render::RendererInfo& info : registry.all())
     if (info.role == render::Role::kOurs || info.role == render::Role::kLiteral) names.push_back(info.name);
   return names;

@@ -1,45 +1,42 @@
-// The trial of the felt surface: points that the suite does not have, every renderer on one path a set,
-// scored against the exact truth. See docs/surface.md.
+// Scores every renderer against the exact truth on point sets outside the suite, one path per set. See
+// docs/results/measured.md.
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
 //                [--seed N] [--where N] [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
 //   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
-// A set is a name of --list, or a generator with its options; --seed has other points and paths by chance
-// than the usual ones, and --where tells the places where most of the error is. Renderers as the palpate
-// command takes them; label=NAME among the options names their rows.
+// A set is a name from --list, or a generator with options; --seed chooses other random points and paths,
+// --where lists the places with most error. Renderers use the palpate command's syntax; label=NAME names
+// their rows.
 #include <fmt/format.h>
 
-#include <array>
 #include <cstdio>
-#include <ctime>
 #include <exception>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-#include "baselines/register.h"
+#include <palpate/baselines.h>
+#include <palpate/options.h>
+#include <palpate/registry.h>
+#include <palpate/result.h>
 #include "experiments/benchmarks/felt_surface/slice.h"
 #include "experiments/benchmarks/felt_surface/trial.h"
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/metrics/machine_info.h"
 
 namespace palpate::felt {
 namespace {
 
 constexpr int kBadArguments = 2;
-constexpr std::uint64_t kCpuInfoBytes = 1 << 24;  ///< of hundreds of cores
 constexpr std::size_t kFrames = 20'000, kQuickFrames = 10'000;
 
 struct Arguments {
   std::vector<std::string> sets;
   std::vector<Tried> renderers;
-  std::size_t frames = 0;  ///< 0: as usual
+  std::size_t frames = 0;  ///< 0: default
   std::uint64_t seed = 0;
   bool quick = false, list = false;
   std::string json, slice, commit = "not noted", started_utc;
@@ -84,25 +81,6 @@ void print_mistakes(const Row& row) {
     fmt::print("  frames {} to {}: {:.1f} % of the error; HIP {}, truth {}, felt {}\n", one.begin, one.end,
                100.0 * one.share, place(one.hip_mm), one.true_contact ? place(one.true_god_mm) : "free",
                one.felt_contact ? place(one.felt_god_mm) : "free");
-}
-
-/// "2026-11-21T16:31:21Z"
-std::string now_utc() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  std::array<char, sizeof "2026-11-21T16:31:21Z"> text{};
-  if (gmtime_r(&now, &parts) == nullptr ||
-      std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts) == 0)
-    return {};
-  return text.data();
-}
-
-std::string cpu_name() {
-  const Result<std::string> text = read_file("/proc/cpuinfo", kCpuInfoBytes);
-  const std::string key = "model name\t: ";
-  const std::size_t at = text ? text->find(key) : std::string::npos;
-  if (at == std::string::npos) return "not known";
-  return text->substr(at + key.size(), text->find('\n', at) - at - key.size());
 }
 
 template <class T>
@@ -165,7 +143,7 @@ nlohmann::ordered_json json_of(const Row& row) {
   nlohmann::ordered_json document = {{"schema", "palpate.felt-surface/1"},
                                      {"commit", arguments.commit},
                                      {"started_utc", arguments.started_utc},
-                                     {"machine", {{"cpu", cpu_name()}}},
+                                     {"machine", {{"cpu", metrics::machine_info().cpu}}},
                                      {"quick", arguments.quick},
                                      {"seed", arguments.seed},
                                      {"stiffness_n_per_mm", kStiffness},
@@ -242,7 +220,7 @@ int report(const Error& error, int status) {
 }
 
 int run(Arguments& arguments) {
-  arguments.started_utc = now_utc();
+  arguments.started_utc = metrics::utc_now();
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);

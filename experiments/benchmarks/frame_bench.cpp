@@ -1,5 +1,5 @@
-// The segment-box test, and the frame in contact by size: one renderer after the other over the same contact
-// frames of the same path. What a dent costs, and a batch of moved points.
+// Benchmarks the segment-box test, contact frames by size, dents, and batches of moved points. Renderers use
+// the same contact frames of the same path.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -7,13 +7,13 @@
 #include <memory>
 #include <string>
 
-#include "baselines/register.h"
-#include "toolkit/cloud/generate.h"
+#include <palpate/baselines.h>
+#include <palpate/generate.h>
+#include <palpate/paths.h>
+#include <palpate/registry.h>
 #include "toolkit/core/random.h"
 #include "toolkit/deformation/editable.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/paths.h"
 
 namespace palpate::benchmarks {
 namespace {
@@ -47,10 +47,10 @@ void run_frames(benchmark::State& state, const char* spec, std::int64_t points, 
     scene.models.push_back(input);
     input.world_from_model.translation_mm.x() += kApartMm;
   }
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = model.surface.get();
   target.box_mm = model.surface->box_mm();
-  const auto path = trace::make_path(parse_named_options("weave:frames=50000").value(), target).value();
+  const auto path = paths::make_path(parse_named_options("weave:frames=50000").value(), target).value();
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
@@ -61,7 +61,7 @@ void run_frames(benchmark::State& state, const char* spec, std::int64_t points, 
     return;
   }
   renderer->restart(path.hip_mm[0], -path.t_s[1]);
-  // Contact runs are timed as wholes; free frames between them are stepped untimed.
+  // Times whole contact runs; steps free frames between them untimed.
   std::size_t at = 0;
   std::int64_t contacts = 0;
   render::Frame last;
@@ -91,7 +91,7 @@ void frame(benchmark::State& state, const char* spec) {
   run_frames(state, spec, state.range(0), 1);
 }
 
-/// A flat square of so many points, 0.1 mm apart, that gives way.
+/// A deformable flat square of so many points, 0.1 mm apart.
 render::SceneInput yielding_scene(std::int64_t points) {
   const double extent_mm = 0.1 * std::sqrt(static_cast<double>(points));
   const std::string spec =
@@ -114,7 +114,7 @@ std::unique_ptr<render::HapticRenderer> made(const char* spec, const render::Sce
   return renderer->prepare(scene, {}) ? std::move(renderer) : nullptr;
 }
 
-/// Pressed in and dragged along, somewhere else in each iteration; counted are frames in which points moved.
+/// Presses and drags at a different place per iteration; counts frames in which points moved.
 void dent(benchmark::State& state, const char* spec) {
   const render::SceneInput scene = yielding_scene(state.range(0));
   const auto renderer = made(spec, scene);
@@ -128,7 +128,7 @@ void dent(benchmark::State& state, const char* spec) {
   for (auto _ : state) {
     state.PauseTiming();
     const Vec3 start(random.uniform(-half, half), random.uniform(-half, half), 0.01);
-    renderer->let_go(start);
+    renderer->release_contact(start);
     (void)editable.undo(0);
     const std::uint64_t before = editable.deform_counters(0).moved;
     state.ResumeTiming();
@@ -140,7 +140,7 @@ void dent(benchmark::State& state, const char* spec) {
                                                    benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
 }
 
-/// A batch of 512 points that lie side by side, or anywhere (range 1: 0, 1), and the frame that applies it.
+/// A batch of 512 points, adjacent or anywhere (range 1: 0, 1), and the frame that applies it.
 void batch(benchmark::State& state, const char* spec) {
   const render::SceneInput scene = yielding_scene(state.range(0));
   const auto renderer = made(spec, scene);
@@ -166,7 +166,7 @@ void batch(benchmark::State& state, const char* spec) {
   }
 }
 
-/// Most of the models are away from the probe; each has 10,201 points up to a hundred, 1,024 in a thousand.
+/// Most models are away from the probe; each has 10,201 points, or 1,024 with a thousand models.
 void models(benchmark::State& state) {
   run_frames(state, "cloud", state.range(1), state.range(0));
 }
@@ -184,18 +184,10 @@ constexpr std::int64_t kSizes[] = {10201, 101761, 1002001, 10004569};
 BENCHMARK_CAPTURE(frame, cloud, "cloud")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, heightfield, "heightfield")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, heightfield_lookup, "heightfield-literal:response=lookup")->PALPATE_SIZES;
-BENCHMARK_CAPTURE(frame, cloud_unshaded, "cloud:shading=none")->PALPATE_SIZES;
+BENCHMARK_CAPTURE(frame, cloud_vertices, "cloud-vertices")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, mesh_godobject, "mesh-godobject:mesh=original")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(dent, cloud, "cloud")->Arg(kSizes[0])->Arg(kSizes[2])->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(dent, cloud_vertices, "cloud:surface=vertices")
-    ->Arg(kSizes[0])
-    ->Arg(kSizes[2])
-    ->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(batch, cloud, "cloud")
-    ->Args({kSizes[2], 0})
-    ->Args({kSizes[2], 1})
-    ->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(batch, cloud_vertices, "cloud:surface=vertices")
     ->Args({kSizes[2], 0})
     ->Args({kSizes[2], 1})
     ->Unit(benchmark::kMicrosecond);

@@ -1,6 +1,6 @@
-// The frames of every renderer of the toolkit on one fixed scene, each between marks of its own for
-// callgrind: see tests/experiments/frame_instructions_test.cpp. Renderers on Embree, CGAL or PCL are not
-// among them, for these libraries choose their instructions by the processor.
+// Frames of every toolkit renderer on a fixed scene, between callgrind marks; see
+// tests/experiments/frame_instructions_test.cpp. Omits renderers on Embree, CGAL or PCL, which choose
+// instructions by processor.
 //
 //   frame_instructions        marks each as NAME FRAMES
 //   frame_instructions names  the names alone
@@ -11,17 +11,16 @@
 #include <string_view>
 #include <vector>
 
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/instructions.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/paths.h"
+#include <palpate/generate.h>
+#include <palpate/paths.h>
+#include <palpate/registry.h>
+#include "toolkit/core/instruction_counter.h"
 
 namespace {
 
 using namespace palpate;
 
-// Random points and a raster; frames enough that a path's start weighs nothing.
+// Random points and a raster; many frames make a path's start negligible.
 constexpr const char* kCloud =
     "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:sampling=random:seed=3";
 constexpr const char* kRaster = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1";
@@ -32,8 +31,8 @@ struct Counted {
   const char* scene;
 };
 constexpr Counted kCounted[] = {
-    {"cloud", kCloud},          {"cloud:surface=vertices", kCloud}, {"cloud-smooth", kCloud},
-    {"cloud-literal", kRaster}, {"heightfield", kRaster},           {"heightfield-literal", kRaster},
+    {"cloud", kCloud},        {"cloud-smooth", kCloud},         {"cloud-literal", kRaster},
+    {"heightfield", kRaster}, {"heightfield-literal", kRaster},
 };
 
 int count(const Counted& counted, const render::Registry& registry) {
@@ -46,12 +45,12 @@ int count(const Counted& counted, const render::Registry& registry) {
   const NamedOptions named = parse_named_options(counted.name).value();
   auto renderer = registry.make(named.name, named.options);
   if (!renderer || !(*renderer)->prepare(scene, {1, nullptr})) return 1;
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = made->surface.get();
   target.cloud = model.cloud.get();
   target.box_mm = model.cloud->box_mm();
   target.spacing_mm = made->nominal_spacing_mm;
-  const auto path = trace::make_path(parse_named_options(kPath).value(), target);
+  const auto path = paths::make_path(parse_named_options(kPath).value(), target);
   if (!path) return 1;
   (*renderer)->restart(path->hip_mm[0], -path->t_s[1]);
   render::HapticRenderer& counting = **renderer;

@@ -1,10 +1,9 @@
-// Two tables about renderers that take over from one another under a hand: how wrong a renderer is that was
-// just brought up in contact, against the same one that was there all along; and what two renderers on one
-// model take of memory against one. Counted, not timed: the same on every machine but for the memory of
-// libraries. See docs/live.md.
+// Two tables on switching renderers during contact. Errors of a renderer just brought up, against the same
+// one tracking throughout; and memory of two renderers on one model, against one. Counted, not timed: equal
+// on every machine except for libraries' memory. See docs/results/hands-and-loops.md.
 //
 //   live_tables [KEY=VALUE ...]     scene=sinusoid:points=10201 switches=200 step_mm=0.5 renderers=A,B
-//   json=FILE
+//                                    json=FILE
 #include <fmt/format.h>
 #include <malloc.h>
 
@@ -15,17 +14,16 @@
 #include <string>
 #include <vector>
 
-#include "baselines/register.h"
+#include <palpate/baselines.h>
+#include <palpate/device/contact_catch_up.h>
+#include <palpate/model_store.h>
+#include <palpate/options.h>
+#include <palpate/registry.h>
+#include <palpate/result.h>
 #include "experiments/benchmarks/weave_scene.h"
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
-#include "toolkit/render/bring_up.h"
-#include "toolkit/render/model_store.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/core/number_format.h"
 
 namespace {
 
@@ -34,18 +32,17 @@ using namespace palpate;
 constexpr long long kTableFrames = 20'000;
 using Json = nlohmann::ordered_json;
 
-// As the mixer brings up a standby beside the renderer that is felt.
+// The mixer's bring-up steps per tick of a standby.
 constexpr int kStepsATick = 4;
-// After the frame in which it is ready: at once, 10 ms and 100 ms later, where a fade of 150 ms is at 4 and
-// at 75 %.
+// Frames after readiness: at once, and at 4 and 75 % of a 150 ms fade.
 constexpr std::size_t kLater[] = {0, 10, 100};
-constexpr std::size_t kMostFrames = 400;  // of one bring-up: it is ready long before
+constexpr std::size_t kMostFrames = 400;  // for one bring-up, far more than needed
 
 struct TableArguments {
   std::string scene = "sinusoid:points=10201", json;
   std::vector<std::string> renderers;
   int switches = 200;
-  double step_mm = render::BringUpOptions{}.step_mm;
+  double step_mm = render::ContactCatchUpOptions{}.step_mm;
 };
 
 /// One renderer's row of both tables.
@@ -64,7 +61,7 @@ double rank(std::vector<double> values, double share) {
   return values[static_cast<std::size_t>(at)];
 }
 
-/// What the process has allocated and not given back.
+/// Bytes allocated by the process and not freed.
 double allocated_bytes() {
   malloc_trim(0);
   const struct mallinfo2 info = mallinfo2();
@@ -105,7 +102,7 @@ Result<Renderer> prepared(const render::Registry& registry, const NamedOptions& 
   return made;
 }
 
-/// Every frame of the one that was there all along, and where it was last free before each.
+/// Every frame of the tracking renderer, and its last free position before each.
 struct Tracked {
   std::vector<render::Frame> frames;
   std::vector<Vec3> last_free_mm;
@@ -142,13 +139,13 @@ void bring_up_errors(render::HapticRenderer& late, const Tracked& tracked, const
       std::min<std::size_t>(static_cast<std::size_t>(a.switches), tracked.contact.size());
   for (std::size_t s = 0; s < wanted; ++s) {
     const std::size_t begin = tracked.contact[s * tracked.contact.size() / wanted];
-    render::BringUp bring_up({a.step_mm, kStepsATick});
-    bring_up.begin(late, tracked.last_free_mm[begin], begin > 0 ? path.t_s[begin - 1] : path.t_s[begin]);
-    std::size_t ready = 0;  // frames until it was ready
+    render::ContactCatchUp catch_up({a.step_mm, kStepsATick});
+    catch_up.begin(late, tracked.last_free_mm[begin], begin > 0 ? path.t_s[begin - 1] : path.t_s[begin]);
+    std::size_t ready = 0;  // frames until ready
     for (std::size_t i = begin; i < begin + kMostFrames; ++i) {
-      const render::Frame frame = bring_up.pending() ? bring_up.advance(late, path.hip_mm[i], path.t_s[i])
+      const render::Frame frame = catch_up.pending() ? catch_up.advance(late, path.hip_mm[i], path.t_s[i])
                                                      : late.step(path.hip_mm[i], path.t_s[i]);
-      if (bring_up.pending()) continue;
+      if (catch_up.pending()) continue;
       if (ready == 0) ready = i - begin + 1;
       const std::size_t since = i - begin + 1 - ready;
       if (since == 0 && frame.contact != tracked.frames[i].contact) ++row.contact_differs;
@@ -165,7 +162,8 @@ void bring_up_errors(render::HapticRenderer& late, const Tracked& tracked, const
   }
 }
 
-/// One; two with their own; two on one store. The first of all warms up what libraries keep for ever.
+/// Measures one renderer, two with own stores, and two on one store. The first run warms up permanent
+/// allocations of libraries.
 Status weigh(const render::Registry& registry, const NamedOptions& named, const render::SceneInput& scene,
              TableRow& row) {
   PALPATE_TRY(prepared(registry, named, scene, nullptr, nullptr));
@@ -192,7 +190,7 @@ Result<TableRow> row_of(const render::Registry& registry, const std::string& tex
   PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
   const render::RendererInfo* info = registry.find(named.name);
   if (info == nullptr)
-    return Error{"there is no renderer " + shown(named.name), "see palpate renderers", "", 0};
+    return Error{"there is no renderer " + shown(named.name), "see palpate list renderers", "", 0};
   if (const Status able = registry.check_supports(*info, scene.input); !able) {
     row.not_run = able.error().what;
     return row;
@@ -235,8 +233,8 @@ void print_row(const TableRow& row) {
   fmt::print(
       "| `{}` | {} | {} | {:.2g} / {:.2g} | {:.2g} / {:.2g} | {:.2g} / {:.2g} | {:.2g} | {} | {} | {} |\n",
       row.name, row.ready_frames_max, row.contact_differs, row.p50_n[0], row.max_n[0], row.p50_n[1],
-      row.max_n[1], row.p50_n[2], row.max_n[2], row.own_step_p99_n, bytes_text(row.one_bytes),
-      bytes_text(row.two_apart_bytes), bytes_text(row.two_shared_bytes));
+      row.max_n[1], row.p50_n[2], row.max_n[2], row.own_step_p99_n, format_bytes(row.one_bytes),
+      format_bytes(row.two_apart_bytes), format_bytes(row.two_shared_bytes));
   std::fflush(stdout);
 }
 

@@ -1,7 +1,6 @@
-// The jam test in full: the mesh renderers on table 7's sinusoid of 2 million triangles. One table row a
-// renderer: how far its god object is from the mesh's closest point along the path, how long a frame takes,
-// and at how many of the stops, the probe held still, it comes to no rest or to one that the facets it
-// touches cannot bear.
+// The full jam test: mesh renderers on table 7's sinusoid of 2 million triangles. Each row has the god
+// object's distance from the mesh's closest point along the path, the frame time, and the failed stops. At a
+// failed stop the held probe reaches no rest, or one that the touched facets cannot support.
 //
 //   mesh_jam [POINTS [STOPS [RENDERER..]]]      1002001 100 mesh-godobject mesh-proxy:..
 #include <fmt/format.h>
@@ -12,27 +11,27 @@
 #include <string>
 #include <vector>
 
+#include <palpate/baselines.h>
+#include <palpate/generate.h>
+#include <palpate/paths.h>
+#include <palpate/registry.h>
+#include <palpate/replay.h>
 #include "baselines/mesh_holder.h"
 #include "baselines/reference/rest.h"
-#include "baselines/register.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/paths.h"
-#include "toolkit/trace/replay.h"
 
 namespace palpate {
 namespace {
 
-/// Further calls that a stop is given; the open library that this test comes from needed no more.
+/// Calls allowed per stop; the open library that this test comes from needed no more.
 constexpr double kStepS = 1e-3;  // the servo's period
 constexpr int kMostCalls = 20'000;
-/// A rest is one when the answer has not changed a bit for so many calls.
+/// Identical answers that make a rest.
 constexpr int kRestCalls = 3;
-/// A pull this far off what its facets bear is a jam; rounding leaves some 1e-8, the open library 37 degrees.
+/// Pull direction error that makes a jam; rounding gives some 1e-8, the open library 37 degrees.
 constexpr double kMostOffRad = 1e-6;
-/// Facets this near to the proxy's skin hold it: far above rounding, far below a facet's size.
+/// Distance at which facets hold the proxy's skin: far above rounding, far below a facet's size.
 constexpr double kReachMm = 1e-9;
-/// The way to the first sample of the path.
+/// Approach to the path's first sample.
 constexpr int kApproachFrames = 200;
 constexpr double kApproachMm = 10.0;
 
@@ -41,10 +40,10 @@ struct Ground {
   trace::ProbePath path;
   baselines::SurfaceMesh mesh;
   std::unique_ptr<baselines::FacetTree> tree;
-  std::vector<Vec3> closest;  ///< of the mesh, at every sample of the path, relative to the mesh's origin
+  std::vector<Vec3> closest;  ///< on the mesh, for every path sample, relative to the mesh's origin
 };
 
-/// The path begins close to the surface, nearer than a sphere may be wide: it is led there from afar.
+/// Prepends an approach from afar: the path begins nearer to the surface than a sphere's radius.
 trace::ProbePath approached(const trace::ProbePath& path, const geometry::AnalyticSurface& surface) {
   trace::ProbePath result;
   result.name = path.name;
@@ -68,11 +67,11 @@ trace::ProbePath approached(const trace::ProbePath& path, const geometry::Analyt
   model.cloud = std::make_shared<const cloud::Cloud>(std::move(made->cloud));
   model.original_mesh = made->original_mesh;
   model.analytic = made->surface;
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = made->surface.get();
   target.cloud = model.cloud.get();
   target.box_mm = model.cloud->box_mm();
-  auto path = trace::make_path(
+  auto path = paths::make_path(
       parse_named_options("weave:frames=50000:rate_hz=1000:speed_mm_s=50:depth_mm=2:seed=1").value(), target);
   if (!path) return path.error();
   ground.path = approached(*path, *made->surface);
@@ -90,7 +89,7 @@ struct Track {
   double rms_mm = 0.0, max_mm = 0.0;
 };
 
-/// Over contact frames. A sphere's centre is a radius from the surface: its skin is compared.
+/// Errors over contact frames. A sphere's centre is a radius off the surface, so its skin is compared.
 Track track(const Ground& ground, const trace::ForceTrace& trace, double centre_radius) {
   double sum = 0.0, most = 0.0;
   std::size_t count = 0;
@@ -114,13 +113,13 @@ struct Jams {
   double most_off_rad = 0.0, most_off_mm = 0.0;
 };
 
-/// The mesh that a renderer works on, which may be a refined one.
+/// A renderer's mesh, possibly refined.
 struct Own {
   baselines::SurfaceMesh mesh;
   std::unique_ptr<baselines::FacetTree> tree;
 };
 
-/// Runs the path once more and holds still at frames evenly spread over the contact frames of `trace`.
+/// Reruns the path and stops at frames evenly spread over the contact frames of `trace`.
 Jams jams(const Ground& ground, const Own& own, render::HapticRenderer& renderer,
           const trace::ForceTrace& trace, int stops, double centre_radius) {
   std::vector<std::size_t> touched;

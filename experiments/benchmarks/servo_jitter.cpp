@@ -1,6 +1,6 @@
-// How late the servo's ticks begin, beside cyclictest (of rt-tests) on the same CPU, at the same priority and
-// in the same minute: slices of both take turns, with a renderer that costs nothing and with a costly one on
-// a real scene, on an idle machine and with a memory-bound thread on each CPU. A table, and JSON.
+// Lateness of servo ticks compared with cyclictest (rt-tests). Alternating slices of both use the same CPU,
+// priority and minute. Cases: a costless renderer and a costly one on a real scene; an idle machine and a
+// memory-bound thread on each CPU. Prints a table and JSON.
 //
 //   servo_jitter [KEY=VALUE ...]     seconds=60 slice=5 rates=1000,4000 loads=idle,loaded points=1002001
 //                                    renderers=none,mls-proxy spin=true json=FILE
@@ -23,24 +23,23 @@
 #include <thread>
 #include <vector>
 
-#include "baselines/register.h"
-#include "device/servo/servo_thread.h"
+#include <palpate/baselines.h>
+#include <palpate/device/servo_thread.h>
+#include <palpate/options.h>
+#include <palpate/registry.h>
+#include <palpate/result.h>
 #include "device/simulated/simulated_device.h"
 #include "experiments/benchmarks/weave_scene.h"
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/options.h"
 #include "toolkit/core/process.h"
-#include "toolkit/core/try.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/render/scene_free_renderer.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace {
 
 using namespace palpate;
 using Json = nlohmann::ordered_json;
 
-/// Answers nothing, at once.
+/// A renderer without force or cost.
 class NoRenderer final : public render::SceneFreeRenderer {
  public:
   render::Frame step(const Vec3& hip_mm, double) noexcept override {
@@ -51,7 +50,7 @@ class NoRenderer final : public render::SceneFreeRenderer {
   render::Description describe() const override { return {"none", "", "", "constant", {}}; }
 };
 
-/// Keeps the memory and a CPU busy: 64 MB, beyond every cache, a line at a time.
+/// Loads memory and a CPU: walks 64 MB, beyond every cache, line by line.
 class Competitor {
  public:
   explicit Competitor(int cpu) : thread_([this, cpu] { run(cpu); }) {}
@@ -77,7 +76,7 @@ class Competitor {
   std::thread thread_;
 };
 
-/// Every tick's lateness, in room reserved before; arms again after a fault, so that the renderer goes on.
+/// Records every tick's lateness in preallocated memory; rearms after a fault so the renderer continues.
 class Book final : public device::TickObserver {
  public:
   explicit Book(std::size_t room) { lateness_ns.reserve(room); }
@@ -96,7 +95,7 @@ class Book final : public device::TickObserver {
   device::ServoThread* thread = nullptr;
 };
 
-/// Lateness by whole microseconds, as cyclictest counts it: the same for both.
+/// Lateness in whole microseconds, as cyclictest counts it.
 struct Counts {
   std::map<std::int64_t, std::uint64_t> by_us;
   std::uint64_t total = 0;
@@ -122,8 +121,8 @@ struct Row {
   Counts lateness;
   std::uint64_t missed = 0, overruns = 0, stepped = 0, faults = 0;
   std::int64_t longest_step_ns = 0;
-  std::vector<std::int64_t> step_p50_ns, step_p99_ns;  // of each slice
-  double steal_percent = 0.0;                          // the largest of a slice
+  std::vector<std::int64_t> step_p50_ns, step_p99_ns;  // per slice
+  double steal_percent = 0.0;                          // largest of a slice
   std::string mode;
 };
 
@@ -147,8 +146,8 @@ Result<Arguments> read_arguments(int argc, char** argv) {
     } else if (key == "rates") {
       a.rates.clear();
       for (const std::string& one : split_list(value)) {
-        PALPATE_ASSIGN(const long long rate, read_integer(one, {static_cast<double>(device::kLeastServoHz),
-                                                                static_cast<double>(device::kMostServoHz)}));
+        PALPATE_ASSIGN(const long long rate, read_integer(one, {static_cast<double>(device::kMinServoHz),
+                                                                static_cast<double>(device::kMaxServoHz)}));
         a.rates.push_back(rate);
       }
     } else if (key == "loads") {
@@ -173,7 +172,6 @@ Result<Arguments> read_arguments(int argc, char** argv) {
   return a;
 }
 
-/// What a slice plays on.
 struct Scene {
   experiments::WeaveScene played;
   std::map<std::string, std::unique_ptr<render::HapticRenderer>> renderers;
@@ -323,7 +321,7 @@ Json json_of(const Row& r) {
           {"steal_percent", r.steal_percent}};
 }
 
-/// All of one rate under one load: slices of everybody take turns.
+/// Measures one rate under one load in alternating slices.
 Status measure(const Arguments& a, Scene& scene, std::int64_t rate, const std::string& load, bool cyclictest,
                int cpus, std::vector<Row>& rows) {
   std::vector<Row> turn;

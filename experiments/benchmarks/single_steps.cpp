@@ -16,7 +16,7 @@
 namespace palpate {
 namespace {
 
-/// Waits until the traced process stops or ends; false where it has ended, with what it returned.
+/// Waits until the traced process stops or ends; false with its status if it ended.
 bool stopped(pid_t traced, int& signal, int& status) {
   int what = 0;
   if (::waitpid(traced, &what, 0) != traced) {
@@ -31,12 +31,12 @@ bool stopped(pid_t traced, int& signal, int& status) {
   return false;
 }
 
-/// The part from its beginning to its end; false where the process ended within.
+/// Steps through one part; false if the process ended within it.
 bool step_through(pid_t traced, const SteppedPart& part, int& status) {
   std::uint64_t instructions = 0;
   int signal = SIGTRAP;
   while (part.counting()) {
-    // A signal that is none of ours goes where it was sent.
+    // Foreign signals are passed on.
     const long passed = signal == SIGTRAP ? 0 : signal;
     if (::ptrace(PTRACE_SINGLESTEP, traced, nullptr, passed) != 0) return false;
     if (!stopped(traced, signal, status)) return false;
@@ -47,7 +47,7 @@ bool step_through(pid_t traced, const SteppedPart& part, int& status) {
   return true;
 }
 
-/// Both on one processor: a step is a change from one to the other and back, which wakes no second one.
+/// Pins both processes to one processor, so a step wakes no second one.
 void share_processor(pid_t traced) noexcept {
   const int here = ::sched_getcpu();
   if (here < 0) return;
@@ -81,7 +81,7 @@ void SteppedPart::name(const std::string& text) noexcept {
 
 void SteppedPart::begin() noexcept {
   counting_ = 1;
-  std::raise(SIGTRAP);  // the other process steps from here on
+  std::raise(SIGTRAP);  // the other process single-steps from here
 }
 
 int run_stepped(const std::function<int(SteppedPart*)>& work) {
@@ -89,7 +89,7 @@ int run_stepped(const std::function<int(SteppedPart*)>& work) {
       ::mmap(nullptr, sizeof(SteppedPart), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (shared == MAP_FAILED) return 1;
   auto* const part = new (shared) SteppedPart;
-  std::fflush(nullptr);  // or both processes would write it
+  std::fflush(nullptr);  // else both processes would write the buffers
   const pid_t traced = ::fork();
   if (traced == 0) {
     if (::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) ::_exit(1);

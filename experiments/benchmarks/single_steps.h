@@ -1,6 +1,6 @@
-// Instructions of a part of a program, counted one by one: a second process runs the part instruction by
-// instruction and everything around it at full speed. For parts of some million instructions in programs that
-// would take an hour under an emulator; some 25 microseconds of processor time an instruction. Linux alone.
+// Counts a part's instructions by single-stepping it from a second process; the rest runs at full speed. For
+// parts of some million instructions in programs too slow for an emulator; some 25 microseconds of processor
+// time per instruction. Linux only.
 #pragma once
 
 #include <array>
@@ -9,12 +9,12 @@
 
 namespace palpate {
 
-/// Shared by the process that has the part and the one that steps it.
+/// Shared between the process with the part and the one that steps it.
 class SteppedPart {
  public:
-  /// What the next part is called, without line breaks; what is too long is cut.
+  /// Names the next part; no line breaks, truncated if too long.
   void name(const std::string& text) noexcept;
-  /// From here on instructions count: those of the part, and some dozen of this call's own end.
+  /// Starts counting; includes some dozen instructions of this call's end.
   void begin() noexcept;
   void end() noexcept { counting_ = 0; }
 
@@ -27,9 +27,9 @@ class SteppedPart {
   std::array<char, kMostName + 1> name_{};
 };
 
-/// Runs `work` in a process of its own, which may mark any number of parts, one after the other, on the
-/// thread that it is called on. Prints a line for each: its name, a space, its instructions. What `work`
-/// returned, or 1 where the system allows no tracing or the process came to an end by itself.
+/// Runs `work` in another process. It may mark any number of parts in sequence on its calling thread; a line
+/// is printed for each: name, space, instructions. Returns work's result, or 1 if tracing is refused or the
+/// process ended by itself.
 [[nodiscard]] int run_stepped(const std::function<int(SteppedPart*)>& work);
 
 }  // namespace palpate

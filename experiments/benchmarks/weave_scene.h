@@ -1,4 +1,4 @@
-// A generated model and a weave over it: what benchmarks of a servo play on.
+// A generated model and a weave path, for servo benchmarks.
 #pragma once
 
 #include <fmt/format.h>
@@ -7,11 +7,11 @@
 #include <string>
 #include <utility>
 
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/render/renderer.h"
-#include "toolkit/trace/paths.h"
+#include <palpate/generate.h>
+#include <palpate/options.h>
+#include <palpate/paths.h>
+#include <palpate/renderer.h>
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 
@@ -20,7 +20,7 @@ struct WeaveScene {
   trace::ProbePath path;
 };
 
-/// `generator` as scenes name it, such as sinusoid:points=10201; 1 mm deep.
+/// `generator` in scene syntax, such as sinusoid:points=10201; 1 mm deep.
 inline Result<WeaveScene> weave_scene(const std::string& generator, long long frames) {
   WeaveScene scene;
   PALPATE_ASSIGN(const NamedOptions spec, parse_named_options(generator));
@@ -30,13 +30,13 @@ inline Result<WeaveScene> weave_scene(const std::string& generator, long long fr
   model.cloud = std::make_shared<const cloud::Cloud>(std::move(generated.cloud));
   model.original_mesh = generated.original_mesh;
   model.analytic = generated.surface;
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = model.analytic.get();
   target.cloud = model.cloud.get();
   target.box_mm = model.cloud->box_mm();
   PALPATE_ASSIGN(const NamedOptions weave,
                  parse_named_options(fmt::format("weave:frames={}:depth_mm=1", frames)));
-  PALPATE_ASSIGN(scene.path, trace::make_path(weave, target));
+  PALPATE_ASSIGN(scene.path, paths::make_path(weave, target));
   scene.input.models.push_back(std::move(model));
   return scene;
 }

@@ -1,9 +1,9 @@
-// How many pictures a second the window draws, and how soon a picture is whole: clouds of several sizes,
-// while the camera turns and while it stands. A table. It needs a display: xvfb-run gives one.
+// Picture rate of the window and time to a complete picture, for several cloud sizes, with the camera turning
+// and still. Needs a display, such as xvfb-run.
 //
 //   window_frame_rates [KEY=VALUE ...]     points=400000,1000000,3600000 seconds=3
-//   window_frame_rates jitter=60           instead: how late the servo's ticks begin while it draws and while
-//                                          it does not, 60 s of each, in slices; points: the first number
+//   window_frame_rates jitter=60           servo lateness with and without drawing instead, 60 s of each in
+//                                          slices; points: the first number
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,28 +12,28 @@
 #include <string>
 #include <vector>
 
+#include <palpate/clock.h>
+#include <palpate/generate.h>
+#include <palpate/options.h>
+#include <palpate/result.h>
 #include "experiments/benchmarks/window_jitter.h"
 #include "experiments/window/window.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace {
 
 using namespace palpate;
 using namespace palpate::experiments;
 
-constexpr double kTurnRad = 0.02;  // a picture
+constexpr double kTurnRad = 0.02;  // per picture
 constexpr double kMsPerSecond = 1e3;
 
 struct Rate {
   std::size_t points = 0;
   double turning = 0.0, standing = 0.0;  // pictures a second
-  std::size_t points_a_picture = 0;      // while it turns
+  std::size_t points_a_picture = 0;      // while turning
   double whole_s = 0.0;                  // from the camera's stop until all points are drawn
-  std::size_t whole_pictures = 0;        // how many pictures that takes
+  std::size_t whole_pictures = 0;        // number of pictures until then
 };
 
 Result<std::shared_ptr<const ShownScene>> scene_of(std::size_t points) {
@@ -45,7 +45,7 @@ Result<std::shared_ptr<const ShownScene>> scene_of(std::size_t points) {
   return std::make_shared<const ShownScene>(ShownScene{wanted.name, {model}});
 }
 
-/// Pictures a second for `seconds`, while `before` is called before each.
+/// Pictures a second over `seconds`; calls `before` before each.
 template <class Before>
 double rate_of(Window& window, double seconds, Before&& before) {
   const Stopwatch watch;
@@ -62,14 +62,14 @@ Rate measured(Window& window, std::size_t points, double seconds) {
   Rate rate;
   rate.points = points;
   const SplatDrawer& splats = window.scene().splats();
-  // Normals first: they are part of what is drawn.
+  // Waits for normals, which affect drawing.
   while (*window.scene().awaited() != '\0') window.frame();
   const auto turn = [&] {
     Camera camera = window.camera();
     camera.turn(kTurnRad, 0.0);
     window.look_from(camera);
   };
-  (void)rate_of(window, 0.5 * seconds, turn);  // the budget settles
+  (void)rate_of(window, 0.5 * seconds, turn);  // settles the budget
   rate.turning = rate_of(window, seconds, turn);
   rate.points_a_picture = splats.points_a_frame();
   turn();

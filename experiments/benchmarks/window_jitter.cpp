@@ -13,15 +13,14 @@
 #include <thread>
 #include <vector>
 
+#include <palpate/clock.h>
+#include <palpate/device/servo_thread.h>
+#include <palpate/options.h>
+#include <palpate/registry.h>
+#include <palpate/result.h>
 #include "device/live/mixer.h"
-#include "device/servo/servo_thread.h"
 #include "device/simulated/simulated_device.h"
 #include "experiments/benchmarks/weave_scene.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
 
 namespace palpate::experiments {
 namespace {
@@ -30,7 +29,7 @@ constexpr double kTurnRadAPicture = 0.02;
 constexpr std::int64_t kJitterHz = 1000;
 constexpr double kJitterUsPerNs = 1e-3;
 
-/// Every tick's lateness, in room reserved before; arms again after a fault, so that the renderer goes on.
+/// Records every tick's lateness in preallocated memory; rearms after a fault so the renderer continues.
 class LateBook final : public device::TickObserver {
  public:
   void reserve(double seconds) {
@@ -73,7 +72,6 @@ Result<std::unique_ptr<device::Mixer>> jitter_mixer(const JitterWanted& wanted, 
   return mixer;
 }
 
-/// One slice of the servo.
 Status slice(const JitterWanted& wanted, const WeaveScene& scene, device::Mixer& mixer, SessionLink& link,
              LateBook& book) {
   const MonotonicClock clock;
@@ -84,7 +82,7 @@ Status slice(const JitterWanted& wanted, const WeaveScene& scene, device::Mixer&
   limits.rate_hz = static_cast<double>(kJitterHz);
   device::SimulatedDevice played(scene.path, clock, limits, 0);
   device::Servo servo(mixer, {}, played, clock, {});
-  // The feed is there in both: what is compared is the drawing.
+  // Both cases have the feed, so only drawing differs.
   const auto feed =
       std::make_shared<WindowFeed>(servo, mixer, std::vector<std::shared_ptr<render::MovingModel>>{});
   device::ServoThreadOptions options;
@@ -107,8 +105,8 @@ Status slice(const JitterWanted& wanted, const WeaveScene& scene, device::Mixer&
   return Done{};
 }
 
-/// All slices, on a thread of its own that is there before the window, as in a session: a thread keeps the
-/// niceness of the one that makes it, and the window makes its own nicer.
+/// All slices, on a thread made before the window, as in a session: threads inherit niceness, and the window
+/// raises its own.
 class Slices {
  public:
   Slices(const JitterWanted& wanted, const WeaveScene& scene, device::Mixer& mixer, SessionLink& link)
@@ -137,7 +135,7 @@ class Slices {
   [[nodiscard]] bool draws() const { return draws_.load(std::memory_order_acquire); }
   [[nodiscard]] bool over() const { return over_.load(std::memory_order_acquire); }
 
-  LateBook without, with;  // to be read when it is over
+  LateBook without, with;  // read after the end
   Status status = Done{};
 
  private:

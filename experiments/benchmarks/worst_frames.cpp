@@ -1,13 +1,12 @@
-// The longest frames that a renderer of ours can be brought to, each between marks of its own for
-// callgrind: see tests/experiments/worst_frames_test.cpp. Jumps across the model, strokes through it and
-// drags along it over points that no surface orders; of all frames those with the most counted steps are
-// played once more under the counter.
+// Longest frames of our renderers, between callgrind marks; see tests/experiments/worst_frames_test.cpp.
+// Paths jump across, stroke through and drag over points of no surface; the frames with the most counted
+// steps are replayed under the counter.
 //
 //   worst_frames [--step] [RENDERER ...] [POINTS ...]
 //
-// marks each as NAME SCENE POINTS FRAME BOUND (default: every renderer of ours, 10000 300000). --step needs
-// no valgrind, under which ten million points take an hour to prepare: the frames are run one instruction at
-// a time, everything else at full speed, and a line for each ends with its instructions.
+// Marks each as NAME SCENE POINTS FRAME BOUND (default: all our renderers, 10000 300000). --step works
+// without valgrind, under which ten million points take an hour to prepare. It single-steps the frames, runs
+// the rest at full speed, and ends each line with the instructions.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,16 +18,14 @@
 #include <string>
 #include <vector>
 
+#include <palpate/generate.h>
+#include <palpate/registry.h>
 #include "experiments/benchmarks/single_steps.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/instructions.h"
+#include "toolkit/core/instruction_counter.h"
 #include "toolkit/core/random.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
-#include "toolkit/heightfield/heightfield_descent.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/smooth/smooth_contact.h"
-#include "toolkit/stars/star_contact.h"
+#include "toolkit/local_delaunay/mesh_contact.h"
+#include "toolkit/spline_sdf/spline_sdf_contact.h"
 
 namespace {
 
@@ -37,41 +34,41 @@ using namespace palpate;
 constexpr double kPeriodS = 1e-3;
 constexpr int kFramesTried = 600;
 constexpr std::size_t kCounted = 3;
-/// Stepped, a million instructions take half a minute: of the frames the one with the most counted steps.
+/// Frames stepped, those with the most counted steps: a million instructions take half a minute.
 constexpr std::size_t kStepped = 1;
 
-// Instructions of one unit of a written bound, from above: what callgrind counts on frames that do little
-// else. A node: eight boxes at once, then each child's visit and the layer of its block. A triangle: its
-// corners read from the ring, its box, six products. A move: the feet on a ring of facets. A value or a
-// Newton step of the spline: 64 coefficients, with derivatives. A look at a cell of a height field: its patch
-// and the rise over it.
+// Upper bounds on instructions per unit of a written bound, from callgrind on frames that do little else.
+// Node: eight boxes at once, each child's visit and its block's layer. Triangle: corners from the ring, box,
+// six products. Move: closest points on a ring of facets. Spline value or Newton step: 64 coefficients with
+// derivatives. Height-field cell: its patch and the rise over it.
 constexpr double kPerNode = 400.0, kPerTriangle = 120.0, kPerMove = 2500.0;
 constexpr double kPerNewton = 900.0, kPerValue = 350.0, kPerCube = 150.0;
 constexpr double kPerLook = 250.0, kPerSheetMove = 400.0;
-/// What any frame takes besides.
+/// Fixed instructions per frame.
 constexpr double kPerFrame = 5000.0;
 
 double bound_of(const std::string& name) {
   if (name == "cloud")
-    // A flight enters, bridges, and looks for a step of density beyond the gap.
-    return kPerFrame + kPerMove * stars::kMaxFacetMoves * stars::kMaxFlights +
-           stars::kMaxFlights * 3.0 * (kPerNode * stars::kMaxNodes + kPerTriangle * stars::kMaxTested);
+    // A flight enters, bridges, and searches for a density step beyond the gap.
+    return kPerFrame + kPerMove * local_delaunay::kMaxFacetMoves * local_delaunay::kMaxFlights +
+           local_delaunay::kMaxFlights * 3.0 *
+               (kPerNode * local_delaunay::kMaxNodes + kPerTriangle * local_delaunay::kMaxTestedTriangles);
   if (name == "cloud-smooth")
     return kPerFrame + kPerNewton * render::kMaxNewtonSteps +
-           render::kMaxSmoothEntries *
-               (kPerValue * render::kMaxSegmentValues + kPerCube * render::kMaxSmoothLooks);
-  return kPerFrame + kPerLook * render::kMaxSegmentLooks + kPerSheetMove * render::kMaxSheetMoves;
+           render::kMaxEntriesPerFrame *
+               (kPerValue * render::kMaxSegmentSamples + kPerCube * render::kMaxBrickLookups);
+  return kPerFrame + kPerLook * render::kMaxCrossingTests + kPerSheetMove * render::kMaxDescentMoves;
 }
 
-// Where no surface orders the points preparation tries every repair at each: 55 us a point, whatever their
-// number, twenty times what a surface takes. More than so many prepare for minutes.
+// Unordered points make preparation try every repair: 55 us a point, twenty times a surface's. More points
+// would prepare for minutes.
 constexpr std::size_t kMostSoup = 1'000'000;
-constexpr double kSoupMm = 20.0, kSoupAboveMm = 1.0;  // side of the cube, its height above a relief
+constexpr double kSoupMm = 20.0, kSoupAboveMm = 1.0;  // side of the cube, height above a relief
 
 struct Stand {
   std::string scene;
   std::shared_ptr<const cloud::Cloud> cloud;
-  geometry::Aabb around;  ///< where the path is
+  geometry::Aabb around;  ///< the path's region
 };
 
 Stand stand_of(const char* scene, const std::vector<Vec3>& points, const geometry::Aabb& around) {
@@ -80,8 +77,8 @@ Stand stand_of(const char* scene, const std::vector<Vec3>& points, const geometr
           around};
 }
 
-/// Points anywhere in a cube: no surface, facets in all directions. Those beyond kMostSoup are a plane below
-/// it, as dense along it as the soup is in space: all that grows with the number of points is as large.
+/// Random points in a cube: no surface, facets in all directions. Points beyond kMostSoup form a plane below
+/// it, of the same spacing, so everything that grows with the number of points has its full size.
 Stand soup(std::size_t count) {
   Random random(41);
   std::vector<Vec3> points;
@@ -107,7 +104,7 @@ Stand generated(const char* scene, const std::string& spec) {
   return {scene, std::move(cloud), around};
 }
 
-/// Each is made when its turn comes: ten million points are a gigabyte.
+/// Stands are made one at a time: ten million points are a gigabyte.
 std::vector<std::function<Stand()>> stands_of(const std::string& name, std::size_t points) {
   if (name == "heightfield")
     return {[=] { return generated("relief", fmt::format("relief:points={}:mesh=false:slope=1", points)); }};
@@ -120,7 +117,6 @@ std::vector<std::function<Stand()>> stands_of(const std::string& name, std::size
       }};
 }
 
-/// Jumps, strokes and drags.
 std::vector<Vec3> wild_path(const geometry::Aabb& box) {
   Random random(42);
   const Vec3 middle = box.centre_mm(), half = box.extent_mm().cwiseMax(0.1 * box.extent_mm().maxCoeff());
@@ -133,7 +129,7 @@ std::vector<Vec3> wild_path(const geometry::Aabb& box) {
   while (path.size() < kFramesTried) {
     const double kind = random.uniform();
     const Vec3 from = path.back();
-    if (kind < 0.4) {  // a jump, out and in
+    if (kind < 0.4) {  // a jump in and out
       path.push_back(anywhere(0.5));
       continue;
     }
@@ -149,7 +145,7 @@ std::vector<Vec3> wild_path(const geometry::Aabb& box) {
 }
 
 std::uint64_t work_of(const render::FrameCounters& c) {
-  // A step of a walk looks at several facets.
+  // A walk step examines several facets.
   return 8 * c.walk_steps + c.box_tests + c.cells_visited;
 }
 
@@ -158,7 +154,7 @@ struct Tried {
   std::uint64_t work = 0;
 };
 
-/// The frames with the most work, in their order.
+/// Frames with the most work, in order.
 std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::vector<Vec3>& path,
                                   std::size_t wanted) {
   renderer.restart(path[0], -kPeriodS);
@@ -167,7 +163,7 @@ std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::v
   for (std::size_t k = 0; k < path.size(); ++k) {
     const render::Frame frame = renderer.step(path[k], kPeriodS * static_cast<double>(k));
     const std::uint64_t now = work_of(renderer.counters());
-    // A frame at its bound comes before all others.
+    // A frame at its bound ranks above all others.
     constexpr std::uint64_t kAtBound = std::uint64_t{1} << 32;
     tried.push_back({k, now - before + (frame.status == render::FrameStatus::kBoundHit ? kAtBound : 0)});
     before = now;
@@ -180,7 +176,7 @@ std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::v
   return frames;
 }
 
-/// The marks around a frame: callgrind's, or those of the process that steps this one.
+/// A frame's marks: callgrind's or the stepping process's.
 class Marks {
  public:
   explicit Marks(SteppedPart* stepped) : stepped_(stepped) {}
@@ -237,7 +233,7 @@ struct Wanted {
   bool step = false;
 };
 
-/// What the arguments ask for; the first that says nothing is answered with why.
+/// Parses the arguments; the first invalid one is an Error.
 Result<Wanted> wanted_of(const std::vector<std::string>& words, const render::Registry& registry) {
   constexpr NumberRange kSizes{1'000, 20'000'000};
   Wanted wanted;
@@ -260,7 +256,7 @@ Result<Wanted> wanted_of(const std::vector<std::string>& words, const render::Re
   return wanted;
 }
 
-/// One renderer at one size on all of its stands.
+/// Counts one renderer at one size on all its stands.
 int count_all(const std::string& name, std::size_t size, bool step, const render::Registry& registry) {
   for (const auto& stand : stands_of(name, size)) {
     const auto counted = [&](SteppedPart* stepped) { return count(name, stand(), registry, stepped); };

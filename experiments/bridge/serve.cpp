@@ -10,15 +10,15 @@
 #include <optional>
 #include <thread>
 
-#include "device/bridge/far_end.h"
+#include <palpate/device/scheduling.h>
+#include <palpate/device/servo_loop.h>
+#include <palpate/device/watchdog.h>
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
+#include "device/bridge/bridge_server.h"
 #include "device/links/udp_link.h"
-#include "device/safety/watchdog.h"
-#include "device/servo/scheduling.h"
-#include "device/servo/servo_loop.h"
 #include "experiments/live/homing_teller.h"
-#include "toolkit/core/at_stop.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -26,7 +26,7 @@ namespace {
 constexpr const char* kBridgeSchema = "palpate-bridge/1";
 constexpr double kFarSPerMs = 1e-3, kFarNsPerS = 1e9;
 constexpr std::int64_t kNsInS = 1'000'000'000;
-// Fifty periods of the slowest loop: one that hangs is not waited for, its force is cut.
+// Fifty periods of the slowest loop, after which a hanging loop's force is cut.
 constexpr std::int64_t kStopPatienceNs = 100'000'000, kStopStepNs = 1'000'000;
 
 void far_sleep_to(std::int64_t monotonic) noexcept {
@@ -35,14 +35,14 @@ void far_sleep_to(std::int64_t monotonic) noexcept {
   }
 }
 
-/// What the thread that ticks and the one that ends the program tell each other.
+/// Signals between the ticking thread and the one that ends the program.
 struct Ending {
   std::atomic<bool> wanted{false}, done{false};
 };
 
-/// Ticks to the beat, in a thread of its own with what priority the system gives it. Closes at its end, so
-/// that no force follows the last zero.
-void tick_until(device::FarEnd& far, const MonotonicClock& clock, const BridgeArguments& arguments,
+/// Ticks at a fixed rate in a thread of its own, with the priority granted. Closes at its end, so no force
+/// follows the last zero.
+void tick_until(device::BridgeServer& far, const MonotonicClock& clock, const BridgeArguments& arguments,
                 device::SchedulingMode& mode, Ending& ending) {
   device::enter_real_time({}, mode);
   device::DueTimes due(std::llround(arguments.rate_hz));
@@ -58,7 +58,7 @@ void tick_until(device::FarEnd& far, const MonotonicClock& clock, const BridgeAr
   ending.done.store(true);
 }
 
-void print_served(const BridgeArguments& arguments, const device::FarEndCounters& counts,
+void print_served(const BridgeArguments& arguments, const device::BridgeServerCounters& counts,
                   const std::string& scheduling) {
   if (arguments.json) {
     const nlohmann::ordered_json document = {
@@ -78,19 +78,19 @@ void print_served(const BridgeArguments& arguments, const device::FarEndCounters
       counts.old, counts.trips);
 }
 
-device::FarEndOptions far_options(const BridgeArguments& arguments) {
-  device::FarEndOptions options;
+device::BridgeServerOptions far_options(const BridgeArguments& arguments) {
+  device::BridgeServerOptions options;
   options.rate_hz = arguments.rate_hz;
   options.watchdog_s = kFarSPerMs * arguments.watchdog_ms;
-  options.most_age_s = kFarSPerMs * arguments.most_age_ms;
+  options.max_age_s = kFarSPerMs * arguments.most_age_ms;
   options.user_limit_n = arguments.force_limit_n;
   return options;
 }
 
-/// Ticks in a thread of its own, and tells the person at this device what homing needs.
-void serve_and_tell(device::FarEnd& far, const SessionDevice& session, const MonotonicClock& clock,
+/// Ticks in a thread of its own and tells the person at this device how to home it.
+void serve_and_tell(device::BridgeServer& far, const SessionDevice& session, const MonotonicClock& clock,
                     const BridgeArguments& arguments, device::SchedulingMode& mode, Ending& ending) {
-  constexpr std::int64_t kTellEveryNs = 20'000'000;  // a person sees no delay
+  constexpr std::int64_t kTellEveryNs = 20'000'000;  // below what a person notices
   HomingTeller teller(session, "");
   std::thread loop([&] { tick_until(far, clock, arguments, mode, ending); });
   while (!ending.done.load()) {
@@ -100,25 +100,25 @@ void serve_and_tell(device::FarEnd& far, const SessionDevice& session, const Mon
   loop.join();
 }
 
-/// Everything around the device, in the order in which it has to come: guard, device, watchdog, loop.
+/// Starts guard, device, watchdog and loop in their required order.
 Status serve_device(const BridgeArguments& arguments) {
   const MonotonicClock clock;
   PALPATE_ASSIGN(const DeviceChoice choice, choose_device(arguments.device, session_drivers()));
   PALPATE_ASSIGN(const device::UdpAddress listen, device::UdpAddress::of(arguments.listen));
   PALPATE_ASSIGN(SessionDevice session, SessionDevice::make(choice, clock, 1.0 / arguments.rate_hz));
   session.roam();
-  device::ReplugDevice& device = session.device();
+  device::ReconnectingDevice& device = session.device();
   device::Heartbeat& heart = session.heart();
   device::UdpPort port(listen);
   PALPATE_TRY(port.open());
-  device::FarEnd far(device, port, clock, far_options(arguments));
+  device::BridgeServer far(device, port, clock, far_options(arguments));
   far.watched_by(&heart);
   PALPATE_TRY(far.open());
   device::SchedulingMode mode;
   device::SchedulingOptions scheduling;
   const device::ProcessRealTime process(scheduling, mode);
   Ending ending;
-  const AtStop at_stop([&device, &ending]() -> std::string {
+  const StopCallback stop_callback([&device, &ending]() -> std::string {
     ending.wanted.store(true);
     const std::int64_t until = monotonic_ns() + kStopPatienceNs;
     while (!ending.done.load() && monotonic_ns() < until) far_sleep_to(monotonic_ns() + kStopStepNs);
@@ -142,9 +142,9 @@ Status serve_device(const BridgeArguments& arguments) {
 
 }  // namespace
 
-int run_bridge(const BridgeArguments& arguments, Context& context) {
-  const Status served = serve_device(arguments);
-  return served ? kExitOk : fail(served.error(), kExitBadInput, &context.progress);
+Result<int> run_bridge(const BridgeArguments& arguments, Context& /*context*/) {
+  PALPATE_TRY(serve_device(arguments));
+  return kExitOk;
 }
 
 }  // namespace palpate::experiments

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "toolkit/core/option_text.h"
-#include "toolkit/core/words.h"
+#include <palpate/options.h>
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {

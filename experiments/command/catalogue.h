@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/core/options.h"
-#include "toolkit/core/result.h"
+#include <palpate/options.h>
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 

@@ -1,19 +1,23 @@
 #include "experiments/command/cli.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <string_view>
-#include <vector>
 
-#include "toolkit/core/words.h"
+#include "experiments/report/tables.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
 
+constexpr const char *kShared = "shared", *kRare = "rare";
+
 template <class T>
-void add_read(CLI::App& command, const std::string& name, const std::function<void(T)>& take,
-              const NumberRange& range, const std::string& help,
-              Result<T> (*read)(std::string_view, const NumberRange&), const std::string& kind) {
+CLI::Option* add_read(CLI::App& command, const std::string& name, const std::function<void(T)>& take,
+                      const NumberRange& range, const std::string& help,
+                      Result<T> (*read)(std::string_view, const NumberRange&)) {
   CLI::Option* option = command.add_option_function<std::string>(
       name,
       [take, range, name, read](const std::string& text) {
@@ -22,8 +26,7 @@ void add_read(CLI::App& command, const std::string& name, const std::function<vo
         take(*number);
       },
       help);
-  const std::string where = text_of(range);
-  option->type_name(where.empty() ? kind : kind + " " + where);
+  return option->type_name(text_of(range));
 }
 
 /// The letter or the word behind the dashes, without a value; empty where the argument is no option.
@@ -49,78 +52,147 @@ std::string given_and_empty(const std::string& text) {
   return text.empty() ? "is empty; leave it out for the default, or give it a value" : "";
 }
 
+/// Words of one column, then text beside it.
+std::string entry_text(const std::string& name, const std::string& says) {
+  constexpr std::size_t kNames = 20;
+  std::string text = "  " + name;
+  if (text.size() >= kNames)
+    text += "\n" + std::string(kNames, ' ');
+  else
+    text.resize(kNames, ' ');
+  std::string between;
+  for (const std::string& line : wrapped(says, kHelpColumns - kNames)) {
+    text += between + line;
+    between = "\n" + std::string(kNames, ' ');
+  }
+  return text + "\n";
+}
+
+std::string option_text(const CLI::Option& option, bool all) {
+  const bool takes_value = option.get_items_expected_max() > 0 && !option.get_positional();
+  const std::string range = all ? option.get_type_name() : "";
+  return entry_text(option.get_name() + (takes_value ? " .." : ""),
+                    option.get_description() + (range.empty() ? "" : "; " + range));
+}
+
+std::string options_text(const CLI::App& command, const std::string& group, bool all) {
+  std::string text;
+  for (const CLI::Option* option : command.get_options())
+    if (option->get_group() == group) text += option_text(*option, all);
+  return text;
+}
+
 }  // namespace
 
 void Declaration::text(const std::string& name, std::string& value, const std::string& help) const {
-  command_.add_option(name, value, help)->check(given_and_empty);
+  placed(command_.add_option(name, value, help))->check(given_and_empty);
 }
 
 void Declaration::required(const std::string& name, std::string& value, const std::string& help) const {
-  command_.add_option(name, value, help)->required()->check(given_and_empty);
+  placed(command_.add_option(name, value, help))->required()->check(given_and_empty);
 }
 
 void Declaration::several(const std::string& name, std::vector<std::string>& values,
                           const std::string& help) const {
-  command_.add_option(name, values, help)->required()->check(given_and_empty);
+  placed(command_.add_option(name, values, help))->required()->check(given_and_empty);
 }
 
 void Declaration::repeated(const std::string& name, std::vector<std::string>& values,
                            const std::string& help) const {
-  command_.add_option(name, values, help)->allow_extra_args(false)->check(given_and_empty);
+  placed(command_.add_option(name, values, help))->allow_extra_args(false)->check(given_and_empty);
 }
 
 void Declaration::choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,
                          const std::string& help) const {
-  command_.add_option(name, value, help)->check(CLI::IsMember(choices));
+  placed(command_.add_option(name, value, help))
+      ->check(CLI::IsMember(choices))
+      ->type_name(joined(choices, "|"));
 }
 
 void Declaration::flag(const std::string& name, bool& value, const std::string& help) const {
-  command_.add_flag(name, value, help);
+  placed(command_.add_flag(name, value, help));
+}
+
+void Declaration::verbose() const {
+  const std::string help = "print every table, not the first lines alone";
+  shared().placed(command_.add_flag("--verbose", help));
 }
 
 void Declaration::number(const std::string& name, double& value, const NumberRange& range,
                          const std::string& help) const {
-  add_read<double>(
-      command_, name, [&value](double given) { value = given; }, range, help, read_number, "NUMBER");
+  placed(add_read<double>(
+      command_, name, [&value](double given) { value = given; }, range, help, read_number));
 }
 
 void Declaration::take_integer(const std::string& name, const std::function<void(long long)>& take,
                                const NumberRange& range, const std::string& help) const {
-  add_read<long long>(command_, name, take, range, help, read_integer, "INTEGER");
+  placed(add_read<long long>(command_, name, take, range, help, read_integer));
 }
 
 void Declaration::excludes(const std::string& one, const std::string& other) const {
   command_.get_option(one)->excludes(command_.get_option(other));
 }
 
-void declare(CLI::App& app, const std::vector<Subcommand>& subcommands, Runs& runs) {
-  for (const Subcommand& subcommand : subcommands) {
-    CLI::App* command = app.add_subcommand(subcommand.name, subcommand.summary);
-    runs[subcommand.name] = subcommand.declare(Declaration(*command));
-    std::string footer = "Examples:";
-    for (const std::string& example : subcommand.examples) footer += "\n  " + example;
-    command->footer(footer);
-  }
+CLI::Option* Declaration::placed(CLI::Option* option) const {
+  return group_ == HelpGroup::kOwn ? option : option->group(group_ == HelpGroup::kShared ? kShared : kRare);
 }
 
-std::optional<Error> unknown_option(const CLI::App& app, int argc, const char* const* argv) {
-  const CLI::App* command = &app;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view argument = argv[i];
+DeclaredCommand declare(const Subcommand& subcommand) {
+  DeclaredCommand declared{std::make_unique<CLI::App>(subcommand.summary, "palpate " + subcommand.name), {}};
+  declared.app->set_help_flag();
+  declared.run = subcommand.declare(Declaration(*declared.app));
+  return declared;
+}
+
+std::optional<Error> unknown_option(const CLI::App& command, const std::vector<std::string>& arguments) {
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string_view argument = arguments[i];
     if (argument == "--") break;
     const std::string_view name = option_name(argument);
-    if (name.empty()) {
-      const auto inner = app.get_subcommands([&](const CLI::App* a) { return a->get_name() == argument; });
-      if (command == &app && !inner.empty()) command = inner.front();
-      continue;
-    }
-    const CLI::Option* option = command->get_option_no_throw(std::string(name));
-    if (option == nullptr) return not_known(*command, name);
+    if (name.empty()) continue;
+    const CLI::Option* option = command.get_option_no_throw(std::string(name));
+    if (option == nullptr) return not_known(command, name);
     // The library takes as many words for values, whatever they look like.
     if (name.size() == argument.size())
-      i += std::min(option->get_type_size_min(), option->get_items_expected_min());
+      i += static_cast<std::size_t>(
+          std::max(0, std::min(option->get_type_size_min(), option->get_items_expected_min())));
   }
   return std::nullopt;
+}
+
+std::vector<std::string> option_names(const CLI::App& command, bool rare) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : command.get_options())
+    if (!option->get_lnames().empty() && (rare || option->get_group() != kRare))
+      names.push_back("--" + option->get_lnames().front());
+  return names;
+}
+
+std::string help_text(const Subcommand& subcommand, bool all, const std::vector<Subcommand>& kinds) {
+  const DeclaredCommand declared = declare(subcommand);
+  const CLI::App& app = *declared.app;
+  std::string use, shared = options_text(app, kShared, all), rare = options_text(app, kRare, all);
+  for (const CLI::Option* option : app.get_options())
+    if (option->get_positional())
+      use += option->get_required() ? " " + option->get_name() : " [" + option->get_name() + "]";
+  std::string text = joined(wrapped(subcommand.summary, kHelpColumns), "\n") + "\n";
+  for (std::size_t i = 0; i < subcommand.examples.size() && (all || i < 2); ++i)
+    text += "\n  " + subcommand.examples[i];
+  text += fmt::format("\n\npalpate {}{} [OPTION ..]\n{}", subcommand.name, use,
+                      options_text(app, "Options", all));
+  if (!shared.empty()) text += "as many commands have them:\n" + shared;
+  if (all && !rare.empty()) text += "seldom needed:\n" + rare;
+  if (!all && !rare.empty()) {
+    std::string names;
+    for (const std::string& name : option_names(app, true)) {
+      if (app.get_option(name)->get_group() == kRare) names += (names.empty() ? "" : ", ") + name;
+    }
+    text += entry_text("--help-all", "shows " + names + " too");
+  }
+  if (!kinds.empty()) text += "kinds:\n";
+  for (const Subcommand& kind : kinds)
+    text += entry_text(kind.name, kind.summary) + "      " + kind.examples.front() + "\n";
+  return text;
 }
 
 }  // namespace palpate::experiments

@@ -3,20 +3,34 @@
 #pragma once
 
 #include <CLI/App.hpp>
-#include <map>
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "experiments/command/subcommand.h"
 
 namespace palpate::experiments {
 
-/// Puts every subcommand's options into `app`; `runs` gets what is then done, by name.
-using Runs = std::map<std::string, RunSubcommand>;
-void declare(CLI::App& app, const std::vector<Subcommand>& subcommands, Runs& runs);
+/// A subcommand's options in the library's terms, and what is done with them.
+struct DeclaredCommand {
+  std::unique_ptr<CLI::App> app;
+  RunSubcommand run;
+};
+[[nodiscard]] DeclaredCommand declare(const Subcommand& subcommand);
 
-/// The first word that looks like an option and is none of `app` or the subcommand that it stands in; nothing
-/// where there is none. Values of options are no options, whatever they look like, and nothing is after "--".
-[[nodiscard]] std::optional<Error> unknown_option(const CLI::App& app, int argc, const char* const* argv);
+/// The first word that looks like an option and is none of `command`; nothing where there is none. Values of
+/// options are no options, whatever they look like, and nothing is after "--".
+[[nodiscard]] std::optional<Error> unknown_option(const CLI::App& command,
+                                                  const std::vector<std::string>& arguments);
+
+/// Long options with a place in --help; `rare`: with those that --help-all alone shows.
+[[nodiscard]] std::vector<std::string> option_names(const CLI::App& command, bool rare);
+
+/// Name, use, two examples, options: at most `kHelpColumns` wide where an example allows it. `all`: every
+/// example and option. `kinds`: of the same verb.
+inline constexpr std::size_t kHelpColumns = 100;
+[[nodiscard]] std::string help_text(const Subcommand& subcommand, bool all,
+                                    const std::vector<Subcommand>& kinds);
 
 }  // namespace palpate::experiments

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "experiments/command/subcommand.h"
+#include "experiments/live/session_device.h"
 #include "experiments/session/study_run.h"
 #include "experiments/trade/sweep.h"
 
@@ -9,26 +10,48 @@ namespace palpate::experiments {
 
 inline constexpr NumberRange kThreads{0, 4096};       ///< more than any machine has
 inline constexpr NumberRange kGigabytes{0.001, 1e6};  ///< a petabyte: beyond every machine
+inline constexpr NumberRange kServoRates{500, 8000};  ///< Hz
+inline constexpr NumberRange kPasses{1, 1000};
 
-inline constexpr const char* kForceHelp =
-    "files to be written may replace those that are read, or that Palpate did not write";
 inline constexpr const char* kStudyFolderHelp =
-    "the folder of a study: what replay or compare wrote with --out, or a table's folder in what reproduce "
-    "wrote";
+    "the folder of a study: what compare wrote with --out, or a table's folder in what reproduce wrote";
 inline constexpr const char* kSceneHelp =
-    "a scene (.toml), a model file, a scan by name (`palpate fetch` lists them), or a generator such as "
+    "a scene (.toml), a model file, a scan by name (`palpate list scans`), or a generator such as "
     "sinusoid:points=10201";
 
 void declare_threads(const Declaration& declare, int& threads);
+void declare_json(const Declaration& declare, bool& json);
+/// --force, of files that may be replaced.
+void declare_force(const Declaration& declare, bool& force);
+/// --out as a folder that may be left out, and one that may not.
+void declare_out(const Declaration& declare, std::string& out);
+void declare_required_out(const Declaration& declare, std::string& out);
+/// --renderers; `usual`: those that are taken where none is given.
+void declare_renderers(const Declaration& declare, std::string& renderers, const std::string& usual);
+void declare_renderer(const Declaration& declare, std::string& renderer);
+/// How models are read.
 void declare_model(const Declaration& declare, ModelArguments& load);
-/// --traj-columns, where the text of --path says what is meant.
-void declare_traj_columns(const Declaration& declare, std::string& columns);
-/// --out as a folder, --json.
-void declare_results(const Declaration& declare, RunArguments& run);
+/// --path; `usual`: what is taken where none is given.
+void declare_path(const Declaration& declare, std::string& path, const std::string& usual);
+void declare_reference(const Declaration& declare, std::string& reference);
+/// The truth, --out, --json, --verbose, surfaces and how models are read: of what runs a scene.
+void declare_scene_run(const Declaration& declare, RunArguments& run);
 void declare_surface(const Declaration& declare, SurfaceArguments& surface);
-/// Those of replay and compare.
-void declare_run(const Declaration& declare, RunArguments& run);
 /// Those of sweep and tune.
 void declare_trade(const Declaration& declare, SweepArguments& trade);
+
+/// --device and --grip, and what follows.
+void declare_device(const Declaration& declare, DeviceArguments& device);
+/// --device-file, --device-option, --guard-kill-after, where another option names the device.
+void declare_device_details(const Declaration& declare, DeviceArguments& device);
+/// --rate of the servo.
+template <class Rate>
+void declare_rate(const Declaration& declare, Rate& rate_hz) {
+  constexpr const char* kHelp = "of the servo, whole Hz (default: 1000)";
+  if constexpr (std::is_floating_point_v<Rate>)
+    declare.number("--rate", rate_hz, kServoRates, kHelp);
+  else
+    declare.integer("--rate", rate_hz, kServoRates, kHelp);
+}
 
 }  // namespace palpate::experiments

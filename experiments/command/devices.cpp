@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/device_options.h"
+#include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
 #include "experiments/run/output_file.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
@@ -107,35 +107,33 @@ void declare_devices(const Declaration& declare, DevicesArguments& a) {
                "also check limits, kernel, timer, CPUs and permissions, each with its remedy (a tenth of a "
                "second); exit "
                "status 1 where a simulated session would not run in time");
-  declare.flag("--json", a.json, "print JSON");
+  declare_json(declare, a.json);
   declare.text("--report", a.report.device,
                "NAME: opens this device, commands zero force, and prints as JSON what its first user sends "
                "back: ids, packets, latency, homing, calibration. Move it while it runs");
   declare.text("--out", a.out, "FILE.json: where the report goes (default: standard output)");
-  declare.flag("--force", a.replace, "a report of this name may be replaced");
-  constexpr NumberRange kSeconds{0.1, 3600.0}, kRates{500.0, 8000.0};
+  declare_force(declare, a.replace);
+  constexpr NumberRange kSeconds{0.1, 3600.0};
   declare.number("--seconds", a.look.seconds, kSeconds, "how long the report looks (default: 5)");
-  declare.number("--rate", a.look.rate_hz, kRates, "how often, Hz (default: 1000)");
+  declare_rate(declare, a.look.rate_hz);
   declare_device_details(declare, a.report);
 }
 
 /// Exit status 1 where the device does not open: the report says why.
-int run_device_report(const DevicesArguments& a, Context& context) {
-  if (!a.out.empty())
-    if (Status good = check_output({a.out, {"json"}, a.replace}, {}); !good)
-      return fail(good.error(), kExitBadInput, &context.progress);
-  const Result<ReportedDevice> reported =
-      report_device(a.report, session_drivers(), a.look, new_head(context.command_line));
-  if (!reported) return fail(reported.error(), kExitBadInput, &context.progress);
-  if (a.out.empty()) {
-    fmt::print("{}", reported->json);
-  } else if (const Status written = write_file(a.out, reported->json); !written) {
-    return fail(written.error(), kExitBadInput, &context.progress);
-  }
-  return reported->not_opened ? fail(*reported->not_opened, kExitFellShort, &context.progress) : kExitOk;
+Result<int> run_device_report(const DevicesArguments& a, Context& context) {
+  if (!a.out.empty()) PALPATE_TRY(check_output({a.out, {"json"}, a.replace}, {}));
+  PALPATE_ASSIGN(const ReportedDevice reported,
+                 report_device(a.report, session_drivers(), a.look, new_head(context.command_line)));
+  if (a.out.empty())
+    fmt::print("{}", reported.json);
+  else
+    PALPATE_TRY(write_file(a.out, reported.json));
+  context.working = true;
+  if (reported.not_opened) return *reported.not_opened;
+  return kExitOk;
 }
 
-int run_devices(const DevicesArguments& arguments, Context& context) {
+Result<int> run_devices(const DevicesArguments& arguments, Context& context) {
   if (!arguments.report.device.empty()) return run_device_report(arguments, context);
   const std::vector<Listed> devices = listed();
   std::vector<Check> checks;
@@ -154,10 +152,10 @@ int run_devices(const DevicesArguments& arguments, Context& context) {
 }  // namespace
 
 Subcommand devices_subcommand() {
-  return subcommand("devices",
+  return subcommand("list devices",
                     "haptic devices: what is connected and what could be; what the machine allows a servo",
-                    {"palpate devices", "palpate devices --doctor", "palpate devices --json",
-                     "palpate devices --report sim:omni --seconds 1 --out report.json"},
+                    {"palpate list devices", "palpate list devices --doctor", "palpate list devices --json",
+                     "palpate list devices --report sim:omni --seconds 1 --out report.json"},
                     declare_devices, run_devices);
 }
 

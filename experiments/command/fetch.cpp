@@ -5,12 +5,12 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include <palpate/stop_callback.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/data/fetch.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/session/session.h"
-#include "toolkit/core/at_stop.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
@@ -28,6 +28,14 @@ nlohmann::ordered_json json_of(const Scan& scan) {
                                   {"terms", scan.terms},   {"home", scan.home},   {"sources", sources}};
   entry["found"] = found ? nlohmann::ordered_json(found->string()) : nlohmann::ordered_json(nullptr);
   return entry;
+}
+
+struct ScansArguments {
+  bool json = false;
+};
+
+void declare_scans(const Declaration& declare, ScansArguments& a) {
+  declare_json(declare, a.json);
 }
 
 void print_json() {
@@ -80,7 +88,7 @@ Result<BroughtScan> fetch_from(const Scan& scan, const FetchOptions& options, Pr
 }
 
 struct FetchArguments {
-  std::string name;            ///< empty: list
+  std::string name;
   std::string source;          ///< an address to take it from instead
   double size_limit_gb = 0.0;  ///< of the download; 0: kDownloadLimitBytes
   bool force = false;          ///< fetched though it is here
@@ -88,29 +96,24 @@ struct FetchArguments {
 };
 
 void declare_fetch(const Declaration& declare, FetchArguments& a) {
-  declare.text("NAME", a.name, "the scan; without it: the list");
+  declare.required("NAME", a.name, "the scan, of `palpate list scans`");
   declare.text("--source", a.source, "take it from this address (http, https, file) instead");
   declare.flag("--force", a.force, "fetch it though it is here, and keep what differs from an earlier fetch");
   declare.number("--size-limit-gb", a.size_limit_gb, kGigabytes,
                  fmt::format("a download, and what is unpacked of it, may be so large (default: {:.3g})",
                              static_cast<double>(kDownloadLimitBytes) / kBytesPerGb));
-  declare.flag("--json", a.json, "print JSON");
+  declare_json(declare, a.json);
 }
 
-int run_fetch(const FetchArguments& arguments, Context& context) {
+int run_scans(const ScansArguments& arguments, Context& /*context*/) {
+  arguments.json ? print_json() : print_list();
+  return kExitOk;
+}
+
+Result<int> run_fetch(const FetchArguments& arguments, Context& context) {
   const bool of_download = !arguments.source.empty() || arguments.force || arguments.size_limit_gb > 0.0;
-  if (arguments.name.empty() && of_download)
-    return fail({"--source, --force and --size-limit-gb are of a download, and no scan is named",
-                 "palpate fetch NAME; `palpate fetch` lists the names",
-                 {},
-                 0},
-                kExitBadInput);
-  if (arguments.name.empty()) {
-    arguments.json ? print_json() : print_list();
-    return kExitOk;
-  }
   const Scan* known = find_scan(arguments.name);
-  if (known == nullptr) return fail(no_such_scan(arguments.name), kExitBadInput);
+  if (known == nullptr) return no_such_scan(arguments.name);
   const Scan scan = arguments.source.empty() ? *known : from_address(*known, arguments.source);
   // Where results are printed for a program, what is for a person goes elsewhere.
   std::FILE* const to_person = arguments.json ? stderr : stdout;
@@ -118,7 +121,7 @@ int run_fetch(const FetchArguments& arguments, Context& context) {
     fmt::print(to_person, "{}: {}\n{}\n", scan.name, scan.what, scan.terms);
   std::fflush(to_person);
   const io::Readers readers = all_readers();
-  const AtStop at_stop(
+  const StopCallback stop_callback(
       [] { return std::string("what has come is kept; the same command goes on from there"); });
   FetchOptions options;
   options.cache = cache_folder();
@@ -126,32 +129,37 @@ int run_fetch(const FetchArguments& arguments, Context& context) {
   options.force = arguments.force;
   if (arguments.size_limit_gb > 0.0)
     options.download_limit_bytes = static_cast<std::uint64_t>(arguments.size_limit_gb * kBytesPerGb);
-  const Result<BroughtScan> got = arguments.source.empty() ? bring_scan(scan, options, context.progress)
-                                                           : fetch_from(scan, options, context.progress);
+  context.working = true;
+  PALPATE_ASSIGN(const BroughtScan got, arguments.source.empty()
+                                            ? bring_scan(scan, options, context.progress)
+                                            : fetch_from(scan, options, context.progress));
   context.progress.clear();
-  if (!got) return fail(got.error(), kExitFellShort);
-  if (!got->note.empty()) tell("palpate: note: {}\n", got->note);
-  const std::filesystem::path record = checksum_record(got->file);
+  if (!got.note.empty()) tell("palpate: note: {}\n", got.note);
+  const std::filesystem::path record = checksum_record(got.file);
   std::error_code code;
   if (arguments.json)
     fmt::print("{}\n", json_of(*known).dump(2));
-  else if (!got->fetched)
-    fmt::print("{} is here already: {}\n", scan.name, got->file.string());
+  else if (!got.fetched)
+    fmt::print("{} is here already: {}\n", scan.name, got.file.string());
   else if (std::filesystem::exists(record, code))
     fmt::print("stored; no checksum is known, this one was recorded for next time: {}\n  {}\n",
-               record.string(), got->file.string());
+               record.string(), got.file.string());
   else
-    fmt::print("stored, checksum right: {}\n", got->file.string());
+    fmt::print("stored, checksum right: {}\n", got.file.string());
   return kExitOk;
 }
 
 }  // namespace
 
 Subcommand fetch_subcommand() {
-  return subcommand(
-      "fetch", "lists the scans known by name, or downloads one, checked, into the cache",
-      {"palpate fetch", "palpate fetch stanford-dragon", "palpate fetch stanford-dragon --force"},
-      declare_fetch, run_fetch);
+  return subcommand("fetch", "downloads a scan that is known by name, checked, into the cache",
+                    {"palpate fetch stanford-dragon", "palpate fetch stanford-dragon --force"}, declare_fetch,
+                    run_fetch);
+}
+
+Subcommand scans_subcommand() {
+  return subcommand("list scans", "scans known by name: size, licence, where each is", {"palpate list scans"},
+                    declare_scans, run_scans);
 }
 
 }  // namespace palpate::experiments

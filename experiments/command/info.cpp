@@ -15,8 +15,8 @@
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/neighbourhood/spacing.h"
+#include "toolkit/search/knn.h"
+#include "toolkit/search/spacing.h"
 
 namespace palpate::experiments {
 namespace {
@@ -25,8 +25,8 @@ struct Info {
   const render::ModelInput& model;
   const scene::Provenance& provenance;
   cloud::Statistics statistics;
-  cloud::HeightFieldFacts lattice;
-  neighbourhood::Spacing spacing;
+  cloud::HeightFieldSummary lattice;
+  search::Spacing spacing;
   std::string neighbours;  ///< which neighbours the resolution is about
   std::vector<std::string> warnings;
 };
@@ -36,14 +36,14 @@ Info describe(const render::ModelInput& model, const scene::Provenance& provenan
   Info info{model, provenance, {}, {}, {}, {}, provenance.warnings};
   progress.report("counting", -1.0);
   info.statistics = cloud::describe(*model.cloud);
-  info.lattice = cloud::height_field_facts(*model.cloud);
+  info.lattice = cloud::summarise_height_field(*model.cloud);
   progress.report("finding neighbours", -1.0);
   const bool raster = model.cloud->raster.has_value();
-  Result<neighbourhood::NeighbourTable> table = raster ? neighbourhood::scanner_path(*model.cloud, threads)
-                                                       : neighbourhood::exact_knn(*model.cloud, threads);
-  if (!table) table = neighbourhood::exact_knn(*model.cloud, threads);
+  Result<search::NeighbourTable> table =
+      raster ? search::scanner_path(*model.cloud, threads) : search::exact_knn(*model.cloud, threads);
+  if (!table) table = search::exact_knn(*model.cloud, threads);
   info.neighbours = raster ? "the scanner's path" : "the eight nearest points";
-  info.spacing = neighbourhood::describe_spacing(*model.cloud, *table);
+  info.spacing = search::describe_spacing(*model.cloud, *table);
   if (!info.spacing.high_resolution)
     info.warnings.push_back(
         fmt::format("the resolution of {:.4g} mm is above the {} mm that the thesis calls highly detailed",
@@ -54,7 +54,7 @@ Info describe(const render::ModelInput& model, const scene::Provenance& provenan
   return info;
 }
 
-nlohmann::ordered_json percentiles(const neighbourhood::Percentiles& p) {
+nlohmann::ordered_json percentiles(const search::Percentiles& p) {
   return {{"min", p.min}, {"p50", p.p50}, {"p99", p.p99}, {"p999", p.p999}, {"max", p.max}};
 }
 
@@ -137,7 +137,7 @@ void print_text(const Info& info) {
   const cloud::Statistics& s = info.statistics;
   const Vec3 low = s.box_mm.low_mm, high = s.box_mm.high_mm, extent = s.box_mm.extent_mm();
   const auto row = [](const char* key, const std::string& value) { fmt::print("  {:<18} {}\n", key, value); };
-  const auto spread = [](const neighbourhood::Percentiles& p) {
+  const auto spread = [](const search::Percentiles& p) {
     return fmt::format("min {:.4g}, median {:.4g}, 99 % {:.4g}, 99.9 % {:.4g}, max {:.4g} mm", p.min, p.p50,
                        p.p99, p.p999, p.max);
   };
@@ -192,7 +192,7 @@ struct InfoArguments {
 
 void declare_info(const Declaration& declare, InfoArguments& a) {
   declare.required("MODEL", a.model, std::string(kSceneHelp) + "; or a recording (.palrec)");
-  declare.flag("--json", a.json, "print JSON");
+  declare_json(declare, a.json);
   declare.flag("--skip-damaged", a.skip_damaged, "of a recording: leave out what is damaged in the middle");
   declare_model(declare, a.load);
 }
@@ -211,42 +211,37 @@ std::string given_for_models(const ModelArguments& load) {
   return {};
 }
 
-int run_info_recording(const InfoArguments& arguments, Context& context) {
+Result<int> run_info_recording(const InfoArguments& arguments, Context& context) {
   if (const std::string given = given_for_models(arguments.load); !given.empty())
-    return fail({fmt::format("{} does nothing: this is a recording, and no model", given), "leave it out",
-                 arguments.model, 0},
-                kExitBadInput);
+    return Error{fmt::format("{} does nothing: this is a recording, and no model", given), "leave it out",
+                 arguments.model, 0};
   context.progress.report("reading the recording", -1.0);
-  const Result<RecordingFacts> facts = facts_of_recording(arguments.model, arguments.skip_damaged);
-  if (!facts) return fail(facts.error(), kExitBadInput, &context.progress);
+  PALPATE_ASSIGN(const RecordingFacts facts, facts_of_recording(arguments.model, arguments.skip_damaged));
   context.progress.clear();
-  fmt::print("{}", arguments.json ? facts_json(*facts) + "\n" : facts_text(*facts));
+  fmt::print("{}", arguments.json ? facts_json(facts) + "\n" : facts_text(facts));
   return kExitOk;
 }
 
-int run_info(const InfoArguments& arguments, Context& context) {
+Result<int> run_info(const InfoArguments& arguments, Context& context) {
   if (is_recorded_session(arguments.model)) return run_info_recording(arguments, context);
   if (arguments.skip_damaged)
-    return fail({"--skip-damaged does nothing: this is a model, and no recording", "leave it out",
-                 arguments.model, 0},
-                kExitBadInput);
-  const Result<scene::LoadOptions> options = load_options(arguments.load);
-  if (!options) return fail(options.error(), kExitBadInput);
-  const Result<scene::SceneFile> file = open_scene(arguments.model, all_renderers(), context.progress);
-  if (!file) return fail(file.error(), kExitBadInput);
-  const Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
-  if (!loaded) return fail(loaded.error(), kExitBadInput, &context.progress);
+    return Error{"--skip-damaged does nothing: this is a model, and no recording", "leave it out",
+                 arguments.model, 0};
+  PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
+  PALPATE_ASSIGN(const scene::SceneFile file, open_scene(arguments.model, all_renderers(), context.progress));
+  PALPATE_ASSIGN(const scene::LoadedScene loaded,
+                 scene::load(file, all_readers(), options, context.progress));
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (std::size_t i = 0; i < loaded->input.models.size(); ++i) {
+  for (std::size_t i = 0; i < loaded.input.models.size(); ++i) {
     const Info info =
-        describe(loaded->input.models[i], loaded->provenance[i], arguments.load.threads, context.progress);
+        describe(loaded.input.models[i], loaded.provenance[i], arguments.load.threads, context.progress);
     context.progress.clear();
     if (arguments.json)
       list.push_back(to_json(info));
     else
       print_text(info);
   }
-  for (const std::string& doubt : doubts_about_models(*loaded)) tell("palpate: warning: {}\n", doubt);
+  for (const std::string& doubt : doubts_about_models(loaded)) tell("palpate: warning: {}\n", doubt);
   if (arguments.json) fmt::print("{}\n", (list.size() == 1 ? list.front() : list).dump(2));
   return kExitOk;
 }
@@ -257,8 +252,8 @@ Subcommand info_subcommand() {
   return subcommand("info",
                     "what a model holds: points, box, resolution, density, spacing, defects; or a recording: "
                     "length, renderers, device, faults",
-                    {"palpate info scan.ply --unit m --scale 1.025", "palpate info stanford-bunny",
-                     "palpate info sinusoid:points=1002001 --json", "palpate info session.palrec"},
+                    {"palpate info scan.ply --unit m", "palpate info session.palrec",
+                     "palpate info stanford-bunny", "palpate info sinusoid:points=1002001 --json"},
                     declare_info, run_info);
 }
 

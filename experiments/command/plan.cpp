@@ -1,9 +1,10 @@
-#include "toolkit/plan/plan.h"
+#include "toolkit/plan/choose_renderer.h"
 
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/data/scene_scans.h"
@@ -14,8 +15,7 @@
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -59,7 +59,7 @@ ordered_json json(const plan::Plan& plan) {
           {"expected",
            {{"frame_us", or_null(plan.decided.frame_us)},
             {"prepare_ms", or_null(plan.decided.prepare_ms)},
-            {"on", plan.machine ? plan::text(*plan.machine) : render::kExpectedOn},
+            {"on", plan.machine ? plan::text(*plan.machine) : render::kReferenceMachine},
             {"why", plan.cost ? plan.cost->reason : "as measured there, for points of no special kind"}}}};
 }
 
@@ -75,21 +75,21 @@ struct PlanArguments {
 
 void declare_plan(const Declaration& declare, PlanArguments& a) {
   declare.required("SCENE", a.scene, kSceneHelp);
-  declare.text("--renderer", a.renderer, "NAME[:option=value...]; default: the scene's, or the plan's own");
-  declare.choice(
+  declare_renderer(declare, a.renderer);
+  declare.rare().choice(
       "--machine", a.machine, {"auto", "anew", "off"},
       "expected frames: auto, of this machine, which is measured in a second and kept in the cache; anew, "
       "measured again; off, as they were where Palpate was measured");
   declare.flag("--check", a.check,
                "then prepare and step it after all, and show what was measured beside what was expected");
-  declare.flag("--json", a.json, "print JSON");
+  declare_json(declare, a.json);
   declare_surface(declare, a.surface);
   declare_model(declare, a.load);
 }
 
 /// What was expected, and what it came to.
 struct Checked {
-  plan::Flight flight;
+  plan::PilotRun flight;
   std::uint64_t bytes_expected = 0;
   std::optional<double> frame_us_expected;
 };
@@ -119,26 +119,26 @@ std::string text(const Checked& checked) {
   };
   const auto bytes = static_cast<double>(checked.bytes_expected);
   return fmt::format("measured: {} beside the points ({}), {} µs a frame in contact ({})\n",
-                     bytes_text(checked.flight.bytes),
+                     format_bytes(checked.flight.bytes),
                      beside(bytes > 0.0 ? std::optional(bytes) : std::nullopt, checked.flight.bytes),
-                     short_number(checked.flight.contact_us),
+                     format_number(checked.flight.contact_us),
                      beside(checked.frame_us_expected, checked.flight.contact_us));
 }
 
-/// The way that `replay` takes where none is named: expected and measured along it.
+/// The way that `compare` takes where none is named: expected and measured along it.
 std::string path_over(const render::ModelInput& model) {
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = model.analytic.get();
   target.cloud = model.cloud.get();
   target.box_mm = model.cloud->box_mm();
   return usual_path(target, kUsualFrames);
 }
 
-/// As replay would step it.
+/// As compare would step it.
 Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, int threads,
                       const render::Registry& registry) {
-  PALPATE_ASSIGN(const plan::Flight flight,
-                 plan::fly(scene, plan.renderer, registry, path_over(scene.models.front()), threads));
+  PALPATE_ASSIGN(const plan::PilotRun flight,
+                 plan::run_pilot(scene, plan.renderer, registry, path_over(scene.models.front()), threads));
   if (!(flight.contact_frames > 0.0))
     return Error{
         "nothing is felt along the path", "check the file and its unit, or take another renderer", {}, 0};
@@ -151,10 +151,10 @@ void expect_here(const PlanArguments& arguments, const render::SceneInput& scene
   const render::Role role = registry.find(plan.renderer.name)->role;
   if (arguments.machine == "off" || (role != render::Role::kOurs && role != render::Role::kLiteral)) return;
   plan::Machine machine =
-      plan::this_machine_measured(version_text(), arguments.machine == "anew", &context.progress);
+      plan::measure_machine(version_text(), arguments.machine == "anew", &context.progress);
   context.progress.report("stepping pieces of it", -1.0);
   const std::string path = path_over(scene.models.front());
-  plan::expect_on(plan, scene, registry, path, std::move(machine));
+  plan::estimate_on_machine(plan, scene, registry, path, std::move(machine));
 }
 
 /// What the arguments name, loaded.
@@ -175,7 +175,7 @@ Result<PlannedScene> load_planned(const PlanArguments& arguments, const render::
   if (!arguments.renderer.empty()) {
     PALPATE_ASSIGN(planned.wanted, parse_named_options(arguments.renderer));
   }
-  // A wrong name or option is found here, as replay would find it; so is the cleaning that it asks for.
+  // A wrong name or option is found here, as compare would find it; so is the cleaning that it asks for.
   std::vector<NamedOptions> clean;
   if (planned.wanted) {
     PALPATE_ASSIGN(RendererRequest request, request_of(*planned.wanted, registry));
@@ -198,42 +198,40 @@ std::vector<std::string> warnings_of(const PlannedScene& planned, const plan::Pl
   for (const scene::Provenance& p : planned.loaded.provenance)
     warnings.insert(warnings.end(), p.warnings.begin(), p.warnings.end());
   for (std::string& doubt : doubts_about_models(planned.loaded)) warnings.push_back(std::move(doubt));
-  for (std::string& text : render::left_out(*registry.find(plan.renderer.name), planned.loaded.input))
+  for (std::string& text :
+       render::unsupported_features(*registry.find(plan.renderer.name), planned.loaded.input))
     warnings.push_back(std::move(text));
   return warnings;
 }
 
-int run_plan(const PlanArguments& arguments, Context& context) {
+Result<int> run_plan(const PlanArguments& arguments, Context& context) {
   const render::Registry registry = all_renderers();
-  const Result<PlannedScene> planned = load_planned(arguments, registry, context.progress);
-  if (!planned) return fail(planned.error(), kExitBadInput, &context.progress);
-  const render::SceneInput& scene = planned->loaded.input;
+  PALPATE_ASSIGN(const PlannedScene planned, load_planned(arguments, registry, context.progress));
+  const render::SceneInput& scene = planned.loaded.input;
   context.progress.report("asking the renderer", -1.0);
-  Result<plan::Plan> plan =
-      plan::make_plan(scene, planned->wanted, registry, {arguments.load.threads, nullptr});
-  if (!plan) return fail(plan.error(), kExitBadInput, &context.progress);
-  expect_here(arguments, scene, registry, context, *plan);
+  PALPATE_ASSIGN(plan::Plan plan,
+                 plan::make_plan(scene, planned.wanted, registry, {arguments.load.threads, nullptr}));
+  expect_here(arguments, scene, registry, context, plan);
   std::optional<Checked> checked;
   if (arguments.check) {
     context.progress.report("preparing and stepping it", -1.0);
-    const Result<Checked> done = check(*plan, scene, arguments.load.threads, registry);
-    if (!done) return fail(done.error(), kExitFellShort, &context.progress);
-    checked = *done;
+    context.working = true;
+    PALPATE_ASSIGN(checked, check(plan, scene, arguments.load.threads, registry));
   }
   context.progress.clear();
-  const std::vector<std::string> warnings = warnings_of(*planned, *plan, registry);
+  const std::vector<std::string> warnings = warnings_of(planned, plan, registry);
   if (arguments.json) {
-    nlohmann::ordered_json document = json(*plan);
+    nlohmann::ordered_json document = json(plan);
     document["measured"] = json(checked);
     document["warnings"] = warnings;
-    document["notes"] = planned->surfaces.notes;
+    document["notes"] = planned.surfaces.notes;
     fmt::print("{}\n", document.dump(2));
     return kExitOk;
   }
-  fmt::print("{}", plan::text(*plan));
+  fmt::print("{}", plan::text(plan));
   if (checked) fmt::print("{}", text(*checked));
   for (const std::string& warning : warnings) tell("palpate: warning: {}\n", warning);
-  for (const std::string& note : planned->surfaces.notes) tell("palpate: note: {}\n", note);
+  for (const std::string& note : planned.surfaces.notes) tell("palpate: note: {}\n", note);
   return kExitOk;
 }
 
@@ -241,9 +239,10 @@ int run_plan(const PlanArguments& arguments, Context& context) {
 
 Subcommand plan_subcommand() {
   return subcommand(
-      "plan", "what will be built for a scene and why, with bytes and expected cost; only --check runs it",
-      {"palpate plan sinusoid:points=101761", "palpate plan sinusoid:points=101761 --check",
-       "palpate plan scan.toml --renderer cloud --json"},
+      "info plan",
+      "what will be built for a scene and why, with bytes and expected cost; only --check runs it",
+      {"palpate info plan sinusoid:points=101761", "palpate info plan sinusoid:points=101761 --check",
+       "palpate info plan scan.toml --renderer cloud --json"},
       declare_plan, run_plan);
 }
 

@@ -10,7 +10,6 @@
 #include <system_error>
 
 #include "experiments/command/command_line.h"
-#include "experiments/command/stop_on_signal.h"
 #include "toolkit/core/messages.h"
 
 namespace {

@@ -1,18 +1,27 @@
+// What is kept: reports, scores, recordings in other formats, the tables of the thesis.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 
+#include <palpate/result.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
+#include "experiments/live/recording_export.h"
+#include "experiments/report/findings.h"
 #include "experiments/report/page.h"
 #include "experiments/report/page_figures.h"
+#include "experiments/session/terminal.h"
+#include "experiments/session/version.h"
+#include "experiments/study/scoring.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/physical_ranges.h"
+#include "toolkit/metrics/score_io.h"
 
 namespace palpate::experiments {
-
 namespace {
 
 struct ReportArguments {
@@ -33,7 +42,7 @@ constexpr const char* kShownRun = "one-run.json";
 struct Shown {
   const char *written, *shown, *picture;
 };
-constexpr std::array<Shown, 2> kTrials = {
+constexpr std::array<Shown, 2> kShownTrials = {
     {{"felt_surface.json", "surface.json", nullptr}, {"stress.json", "stress.json", "stress.svg"}}};
 
 Status take_picture(const ReportArguments& arguments, const char* picture) {
@@ -43,41 +52,118 @@ Status take_picture(const ReportArguments& arguments, const char* picture) {
   return write_file(to.string(), text);
 }
 
-int write_docs(const ReportArguments& arguments) {
+Result<int> write_docs(const ReportArguments& arguments) {
   if (!arguments.folder.empty()) {
     Shown shown{nullptr, kShownRun, nullptr};
-    for (const Shown& trial : kTrials)
+    for (const Shown& trial : kShownTrials)
       if (std::filesystem::exists(std::filesystem::path(arguments.folder) / trial.written)) shown = trial;
-    Status taken = take_page_figures(arguments.docs, shown.shown, arguments.folder);
-    if (taken && shown.picture != nullptr) taken = take_picture(arguments, shown.picture);
-    if (!taken) return fail(taken.error(), kExitBadInput);
+    PALPATE_TRY(take_page_figures(arguments.docs, shown.shown, arguments.folder));
+    if (shown.picture != nullptr) PALPATE_TRY(take_picture(arguments, shown.picture));
   }
-  const Result<std::vector<std::string>> written = write_page_figures(arguments.docs);
-  if (!written) return fail(written.error(), kExitBadInput);
-  for (const std::string& page : *written) fmt::print("written: {}\n", page);
-  if (written->empty()) fmt::print("every page shows what docs/figures holds\n");
+  PALPATE_ASSIGN(const std::vector<std::string> written, write_page_figures(arguments.docs));
+  for (const std::string& page : written) fmt::print("written: {}\n", page);
+  if (written.empty()) fmt::print("every page shows what docs/figures holds\n");
   return kExitOk;
 }
 
-int run_report(const ReportArguments& arguments, Context& context) {
+Result<int> run_report(const ReportArguments& arguments, Context& context) {
   if (!arguments.docs.empty()) return write_docs(arguments);
   if (arguments.folder.empty())
-    return fail({"DIR is required", "name the folder of a study, or a checkout with --docs", {}, 0},
-                kExitBadInput);
+    return Error{"DIR is required", "name the folder of a study, or a checkout with --docs", {}, 0};
   const bool whole = std::filesystem::exists(std::filesystem::path(arguments.folder) / kReproductionFile);
   // What is wrong with the folder as a study is said before what is wrong with it as a place to write.
-  if (!whole)
-    if (const Result<Study> study = read_study(arguments.folder); !study)
-      return fail(study.error(), kExitBadInput, &context.progress);
-  const Result<OutputFolder> folder = OutputFolder::reopen(arguments.folder);
-  if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
+  if (!whole) PALPATE_TRY(read_study(arguments.folder));
+  PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::reopen(arguments.folder));
   context.progress.report("drawing the report", -1.0);
-  const Status drawn = whole ? draw_reproduction(*folder) : draw_report(*folder);
+  const Status drawn = whole ? draw_reproduction(folder) : draw_report(folder);
   context.progress.clear();
-  if (!drawn)
-    return fail(drawn.error(), whole && !drawn.error().file.empty() ? kExitBadInput : kExitFellShort);
-  fmt::print("report: {}\n", std::filesystem::absolute(folder->file(kReportFile)).string());
+  context.working = drawn.ok() || !whole || drawn.error().file.empty();
+  PALPATE_TRY(drawn);
+  fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   return kExitOk;
+}
+
+/// The scores of every run, and last of all result.json.
+Status write_scores(const Study& study, const OutputFolder& folder) {
+  for (std::size_t i = 0; i < study.runs.size(); ++i) {
+    const std::string& name = study.document.renderers[i].scores_file;
+    if (name.empty()) continue;
+    const Result<std::string> file = folder.claim(name);
+    if (!file) return file.error();
+    PALPATE_TRY(metrics::write_scores_csv(study.path, study.runs[i].per_frame, *file));
+  }
+  return folder.write(kResultFile, metrics::to_json(study.document));
+}
+
+/// Scores by another program than that which measured are said to be.
+void note_program(metrics::ResultDocument& document) {
+  if (document.version == version_text() && document.commit == kCommit) return;
+  const std::string note = fmt::format("Scored again by palpate {}, commit {}.", version_text(), kCommit);
+  if (std::find(document.notes.begin(), document.notes.end(), note) == document.notes.end())
+    document.notes.push_back(note);
+}
+
+struct ScoreArguments {
+  std::string folder;
+  bool json = false;
+};
+
+void declare_score(const Declaration& declare, ScoreArguments& a) {
+  declare.required("DIR", a.folder, kStudyFolderHelp);
+  declare_json(declare, a.json);
+  declare.verbose();
+}
+
+Result<int> run_score(const ScoreArguments& arguments, Context& context) {
+  context.progress.report("reading the study", -1.0);
+  PALPATE_ASSIGN(Study study, read_study(arguments.folder));
+  PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::reopen(arguments.folder));
+  context.progress.report("scoring", -1.0);
+  context.working = true;
+  PALPATE_TRY(score_study(study));
+  note_program(study.document);
+  PALPATE_TRY(write_scores(study, folder));
+  context.progress.clear();
+  if (arguments.json) {
+    fmt::print("{}\n", metrics::to_json(study.document));
+    return kExitOk;
+  }
+  print_scores(study.document, context.verbose);
+  fmt::print("results: {}\n", folder.path().string());
+  if (std::filesystem::exists(folder.file(kReportFile)))
+    fmt::print("`palpate report {}` draws the report again\n", arguments.folder);
+  tell("{}", findings_text(study.document));
+  return kExitOk;
+}
+
+void declare_export(const Declaration& declare, ExportArguments& a) {
+  declare.required("RECORDING", a.recording, "what `palpate live record` or `palpate live --record` wrote");
+  declare.choice("--format", a.format, {"csv", "hdf5", "motion-bids"},
+                 "csv: the trace of one renderer, as compare writes it; hdf5: everything; motion-bids: a "
+                 "dataset of one subject (default: csv)");
+  declare.required("--out", a.out, "the file (.csv, .h5), or the folder of the dataset");
+  declare.text("--renderer", a.renderer, "of csv: the label of the renderer (default: the first)");
+  declare.text("--subject", a.subject, "of motion-bids: label of the subject (default: 01)");
+  declare.text("--task", a.task, "of motion-bids: label of the task (default: touch)");
+  declare.flag("--skip-damaged", a.skip_damaged, "leave out what is damaged in the middle, and say so");
+  declare_force(declare, a.force);
+  declare_json(declare, a.json);
+}
+
+void declare_reproduce(const Declaration& declare, ReproduceArguments& a) {
+  declare.text("--tables", a.tables,
+               "which tables, or manifests of your own (.toml), separated by commas (default: all)");
+  declare_required_out(declare, a.out);
+  declare.flag("--full", a.full,
+               "longer runs too: every reconstruction and neighbour builder, paced frames, growth to ten "
+               "million points, behaviours, protocols; whole models; no limit of time for reconstructions");
+  declare.rare().number(
+      "--mesh-limit", a.mesh_limit_s, kTimesS,
+      "a reconstruction may take so many seconds; 0: no limit (default: 120, with --full 0)");
+  declare.rare().flag("--no-cache", a.no_cache, "make every mesh anew, and keep none for the next run");
+  declare.flag("--quick", a.quick, "small models, short paths: tries the machinery, measures nothing");
+  declare.excludes("--quick", "--full");
+  declare_threads(declare, a.threads);
 }
 
 }  // namespace
@@ -88,6 +174,27 @@ Subcommand report_subcommand() {
       {"palpate report out/ab", "palpate report out/reproduce", "palpate report out/reproduce/table7",
        "palpate report --docs ."},
       declare_report, run_report);
+}
+
+Subcommand score_subcommand() {
+  return subcommand("report score", "scores a study again, from its traces and its truth; no renderer is run",
+                    {"palpate report score out/ab", "palpate report score out/ab --json"}, declare_score,
+                    run_score);
+}
+
+Subcommand export_subcommand() {
+  return subcommand("report export", "a recording as CSV, HDF5 or Motion-BIDS",
+                    {"palpate report export session.palrec --out session.csv",
+                     "palpate report export session.palrec --format hdf5 --out session.h5",
+                     "palpate report export session.palrec --format motion-bids --subject 01 --out dataset"},
+                    declare_export, run_export);
+}
+
+Subcommand reproduce_subcommand() {
+  return subcommand(
+      "reproduce", "the thesis's tables beside the printed values, and a comparison",
+      {"palpate reproduce --out out/reproduce", "palpate reproduce --tables 6,7 --out out/tables"},
+      declare_reproduce, reproduce);
 }
 
 }  // namespace palpate::experiments

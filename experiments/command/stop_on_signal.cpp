@@ -1,4 +1,4 @@
-#include "experiments/command/stop_on_signal.h"
+#include "experiments/command/command_line.h"
 
 #include <poll.h>
 #include <semaphore.h>
@@ -10,8 +10,8 @@
 #include <string>
 #include <thread>
 
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
+#include <palpate/stop_callback.h>
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {
@@ -48,7 +48,7 @@ void say(const std::string& text) {
 [[noreturn]] void wait_and_stop() {
   while (::sem_wait(&asked) != 0) {
   }
-  const std::string said = run_stop_actions();
+  const std::string said = run_stop_callbacks();
   const std::string over_the_bar = ::isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "";
   say(over_the_bar + "palpate: stopped" + (said.empty() ? "" : ": " + said) + "\n");
   ::_exit(kSignalBase + signal_number);

@@ -7,19 +7,28 @@
 #include <string>
 #include <vector>
 
+#include <palpate/options.h>
 #include "experiments/session/session.h"
-#include "toolkit/core/options.h"
 
 namespace CLI {
 class App;
-}
+class Option;
+}  // namespace CLI
 
 namespace palpate::experiments {
+
+/// Where --help shows an option: first, in the group at the end that many commands have, or in --help-all
+/// alone.
+enum class HelpGroup { kOwn, kShared, kRare };
 
 /// Options of one subcommand, put where their values go. What is not given stays as it is.
 class Declaration {
  public:
-  explicit Declaration(CLI::App& command) : command_(command) {}
+  explicit Declaration(CLI::App& command, HelpGroup group = HelpGroup::kOwn)
+      : command_(command), group_(group) {}
+  /// The same command, for options of that group.
+  [[nodiscard]] Declaration shared() const { return Declaration(command_, HelpGroup::kShared); }
+  [[nodiscard]] Declaration rare() const { return Declaration(command_, HelpGroup::kRare); }
 
   /// A word without a name before it ("SCENE"), or an option ("--out"), of any text.
   void text(const std::string& name, std::string& value, const std::string& help) const;
@@ -32,7 +41,9 @@ class Declaration {
   void choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,
               const std::string& help) const;
   void flag(const std::string& name, bool& value, const std::string& help) const;
-  /// A finite number in `range`, which --help shows too.
+  /// --verbose, which is put into the Context.
+  void verbose() const;
+  /// A finite number in `range`, which --help-all shows too.
   void number(const std::string& name, double& value, const NumberRange& range,
               const std::string& help) const;
   /// The same for whole numbers; T must hold all of `range`.
@@ -47,28 +58,34 @@ class Declaration {
  private:
   void take_integer(const std::string& name, const std::function<void(long long)>& take,
                     const NumberRange& range, const std::string& help) const;
+  CLI::Option* placed(CLI::Option* option) const;
 
   CLI::App& command_;
+  HelpGroup group_;
 };
 
 /// What a subcommand does with the arguments that were read. The exit status.
 using RunSubcommand = std::function<int(Context& context)>;
 
 struct Subcommand {
-  std::string name, summary;
-  std::vector<std::string> examples;
+  std::string name;  ///< "compare", or a kind of it: "compare sweep"
+  std::string summary;
+  std::vector<std::string> examples;  ///< --help shows two, --help-all every one
   std::function<RunSubcommand(const Declaration&)> declare;
 };
 
 /// One whose arguments are an A, which lives as long as what is returned of declare().
-template <class A>
+/// `run`: an exit status or an Error (exit_status).
+template <class A, class Run>
 [[nodiscard]] Subcommand subcommand(std::string name, std::string summary, std::vector<std::string> examples,
-                                    void (*declare)(const Declaration&, A&), int (*run)(const A&, Context&)) {
+                                    void (*declare)(const Declaration&, A&), Run run) {
   return {std::move(name), std::move(summary), std::move(examples),
           [declare, run](const Declaration& declaration) -> RunSubcommand {
             auto arguments = std::make_shared<A>();
             declare(declaration, *arguments);
-            return [arguments, run](Context& context) { return run(*arguments, context); };
+            return [arguments, run](Context& context) {
+              return exit_status(Result<int>(run(*arguments, context)), context);
+            };
           }};
 }
 

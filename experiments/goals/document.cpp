@@ -1,31 +1,31 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/goals/goal.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Finding, about, value, unit, limit, at_most, limit_from, baseline)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Cell, text, best, bad)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Table, title, caption, columns, rows, notes, turns, best_means, bad_means)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figure, name, title, caption, svg, wide)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Goal, id, title, words, method, findings, tables, figures, short_of, notes,
+                                   picture)
+
 namespace {
 
-using GoalsJson = nlohmann::ordered_json;
-
-GoalsJson goal_number(const std::optional<double>& value) {
-  return value && std::isfinite(*value) ? GoalsJson(*value) : GoalsJson(nullptr);
-}
-
 std::string with_unit(double value, const std::string& unit) {
-  return short_number(value) + (unit.empty() ? "" : " " + unit);
+  return format_number(value) + (unit.empty() ? "" : " " + unit);
 }
 
 std::string goal_file(const Goal& goal) {
   return "goal-" + goal.id + ".html";
 }
 
-/// The class of the style sheet.
 const char* class_of(Verdict verdict) {
   switch (verdict) {
     case Verdict::kReached:
@@ -49,14 +49,14 @@ std::string verdict_html(const Goal& goal) {
       class_of(verdict), name_of(verdict), good, goal.findings.size());
 }
 
-GoalsJson finding_json(const Finding& finding) {
+DocumentJson finding_json(const Finding& finding) {
   return {{"about", finding.about},
-          {"value", goal_number(finding.value)},
+          {"value", finding.value},
           {"unit", finding.unit},
           {"limit", finding.limit},
           {"limit_is", finding.at_most ? "at most" : "at least"},
           {"limit_from", finding.limit_from},
-          {"baseline", goal_number(finding.baseline)},
+          {"baseline", finding.baseline},
           {"kept", kept(finding)}};
 }
 
@@ -72,13 +72,13 @@ Table findings_table(const Goal& goal) {
          {finding.value ? with_unit(*finding.value, finding.unit) : "not measured", false, !kept(finding)},
          {asked},
          {finding.limit_from},
-         {finding.baseline ? with_unit(*finding.baseline, finding.unit) : std::string(kNoNumber)}});
+         {finding.baseline ? with_unit(*finding.baseline, finding.unit) : std::string(kMissingNumber)}});
   }
   table.bad_means = "is not as asked";
   return table;
 }
 
-/// What is not as asked, and what else falls short.
+/// Missed findings and other shortcomings.
 std::vector<std::string> shortcomings(const Goal& goal) {
   std::vector<std::string> all;
   for (const Finding& finding : goal.findings)
@@ -106,28 +106,6 @@ Page goal_page(const Goal& goal, const GoalsDocument& document) {
   section.tables.insert(section.tables.end(), goal.tables.begin(), goal.tables.end());
   section.figures = goal.figures;
   if (!goal.notes.empty()) section.facts.push_back({"notes", goal.notes});
-  page.sections.push_back(std::move(section));
-  return page;
-}
-
-/// The first page: a line a goal, which leads to its page.
-Page goals_page(const GoalsDocument& document) {
-  Page page = begin_page("The goals of the thesis, measured", document.head);
-  add_known(page, Known{{}, document.warnings, document.notes});
-  Section section;
-  section.id = "goals";
-  section.title = "Seven goals, each answered by a measurement";
-  for (const Goal& goal : document.goals)
-    section.opening += fmt::format(
-        "<p class=\"verdict {0}\"><a href=\"{1}\">{2}</a>: <strong>{3}</strong></p>\n",
-        class_of(verdict_of(goal)), goal_file(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
-  section.paragraphs.emplace_back(
-      "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
-      "beside "
-      "the same on a mesh of the same points, and with what falls short. A goal is reached where every "
-      "number "
-      "that decides is as asked, reached in part where some are.");
-  section.tables.push_back(goals_table(document));
   page.sections.push_back(std::move(section));
   return page;
 }
@@ -170,15 +148,21 @@ std::string text_of(const Finding& finding) {
   return text + ")";
 }
 
+std::string to_text(const Goal& goal) {
+  return to_line(goal);
+}
+bool from_text(const std::string& text, Goal& goal) {
+  return from_line(text, goal);
+}
+
 std::string to_json(const GoalsDocument& document) {
-  GoalsJson json = {{"schema", kGoalsSchema}};
-  json.update(GoalsJson::parse(metrics::head_json(document.head)));
+  DocumentJson json = begin_json(kGoalsSchema, document.head);
   json["quick"] = document.quick;
   json["warnings"] = document.warnings;
   json["notes"] = document.notes;
-  json["goals"] = GoalsJson::array();
+  json["goals"] = DocumentJson::array();
   for (const Goal& goal : document.goals) {
-    GoalsJson findings = GoalsJson::array();
+    DocumentJson findings = DocumentJson::array();
     for (const Finding& finding : goal.findings) findings.push_back(finding_json(finding));
     json["goals"].push_back({{"id", goal.id},
                              {"title", goal.title},
@@ -189,7 +173,7 @@ std::string to_json(const GoalsDocument& document) {
                              {"falls_short", shortcomings(goal)},
                              {"notes", goal.notes}});
   }
-  return json.dump(1, ' ', false, GoalsJson::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
 Table goals_table(const GoalsDocument& document) {
@@ -210,11 +194,31 @@ Table goals_table(const GoalsDocument& document) {
   return table;
 }
 
-Status write_goals(const GoalsDocument& document, const OutputFolder& folder) {
+Status write_goal_pages(const GoalsDocument& document, const OutputFolder& folder) {
   for (const Goal& goal : document.goals)
     PALPATE_TRY(folder.write(goal_file(goal), to_html(goal_page(goal, document))));
-  PALPATE_TRY(write_page(goals_page(document), folder));
-  return folder.write(kGoalsFile, to_json(document));
+  return Done{};
+}
+
+Page goals_page(const GoalsDocument& document) {
+  Page page = begin_page("The goals of the thesis, measured", document.head);
+  add_known(page, Known{{}, document.warnings, document.notes});
+  Section section;
+  section.id = "goals";
+  section.title = "Seven goals, each answered by a measurement";
+  for (const Goal& goal : document.goals)
+    section.opening += fmt::format(
+        "<p class=\"verdict {0}\"><a href=\"{1}\">{2}</a>: <strong>{3}</strong></p>\n",
+        class_of(verdict_of(goal)), goal_file(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
+  section.paragraphs.emplace_back(
+      "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
+      "beside "
+      "the same on a mesh of the same points, and with what falls short. A goal is reached where every "
+      "number "
+      "that decides is as asked, reached in part where some are.");
+  section.tables.push_back(goals_table(document));
+  page.sections.push_back(std::move(section));
+  return page;
 }
 
 }  // namespace palpate::experiments

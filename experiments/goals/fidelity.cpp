@@ -3,29 +3,27 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/replay.h>
+#include <palpate/result.h>
 #include "experiments/goals/measures.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
-#include "toolkit/trace/replay.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kPercentOfOne = 100.0;
 
-// What the points of the plane carry: coefficients that rise along x, by a quarter of their range and more
-// over the path.
+// Coefficients of the plane's points rise along x, by a quarter of their range and more over the path.
 constexpr double kPlaneMm = 60.0;
 constexpr double kLeastStiffness = 0.3, kMostStiffness = 0.7;
 constexpr double kLeastFriction = 0.1, kMostFriction = 0.5;
-/// Of the way at its beginning the spring of the friction is drawn out: the probe sticks.
+/// Initial part of the path left out: the friction spring is still stretching (stick).
 constexpr double kSticksMm = 2.0;
 
 double between(double least, double most, double x_mm) {
   return least + (most - least) * (x_mm / kPlaneMm + 0.5);
 }
 
-/// The plane with its coefficients by point.
 void give_properties(render::ModelInput& model) {
   auto properties = std::make_shared<surface::PointProperties>();
   for (std::size_t i = 0; i < model.cloud->size(); ++i) {
@@ -38,7 +36,7 @@ void give_properties(render::ModelInput& model) {
   model.surface.per_point = properties;
 }
 
-/// What was felt of them: root mean squares of what is off, in percent of what the points carry at the place.
+/// RMS errors of rendered coefficients, in percent of those of the points at the place.
 struct CarriedOff {
   double stiffness_percent = 0.0, friction_percent = 0.0;
   std::uint64_t frames = 0;
@@ -105,20 +103,20 @@ Table shapes_table(const std::vector<GoalRuns>& shapes) {
   table.columns = {"model, renderer", "points",           "force error, RMS %", "median %",
                    "within 7 %, %",   "direction p99, °", "missed or false",    "jump error, most N"};
   const auto text = [](const std::optional<double>& value) {
-    return Cell{value ? short_number(*value) : std::string(kNoNumber)};
+    return Cell{value ? format_number(*value) : std::string(kMissingNumber)};
   };
   for (const GoalRuns& runs : shapes) {
     table.rows.push_back({{runs.name}});
     for (const metrics::RendererResult& result : runs.results) {
       if (result.status != metrics::RunStatus::kOk || !result.accuracy) {
-        std::vector<Cell> row(table.columns.size(), Cell{kNoNumber});
+        std::vector<Cell> row(table.columns.size(), Cell{kMissingNumber});
         row.front() = {result.label + ": " + result.reason, false, true};
         table.rows.push_back(std::move(row));
         continue;
       }
       const metrics::Accuracy& a = *result.accuracy;
       table.rows.push_back({{result.label},
-                            {count_text(runs.points)},
+                            {format_count(runs.points)},
                             text(a.force_rms_percent),
                             text(a.force_p50_percent),
                             text(a.within_7_percent),

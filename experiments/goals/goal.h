@@ -1,4 +1,4 @@
-// A goal of section 1.4 of the thesis, and what was measured of it.
+// A goal of the thesis's section 1.4 with its measurements.
 #pragma once
 
 #include <optional>
@@ -12,42 +12,44 @@ namespace palpate::experiments {
 inline constexpr const char* kGoalsSchema = "palpate-goals/1";
 inline constexpr const char* kGoalsFile = "goals.json";
 
-/// One number that decides. What could not be measured has no value, and is never kept.
+/// A deciding number. Unmeasured numbers have no value and are never kept.
 struct Finding {
   std::string about;  ///< "force error of cloud, RMS"
   std::optional<double> value;
   std::string unit;
   double limit = 0.0;
   bool at_most = true;               ///< else at least
-  std::string limit_from;            ///< why that much is asked, a few words
-  std::optional<double> baseline{};  ///< the same of the mesh; nothing: it has none
+  std::string limit_from;            ///< reason for the limit, a few words
+  std::optional<double> baseline{};  ///< the mesh's number; empty: none
 };
 [[nodiscard]] bool kept(const Finding& finding);
 
 enum class Verdict : std::uint8_t {
-  kReached,      ///< every finding is kept
-  kInPart,       ///< some are
-  kMissed,       ///< none is
-  kNotMeasured,  ///< a finding has no value, or there is none
+  kReached,      ///< all findings kept
+  kInPart,       ///< some kept
+  kMissed,       ///< none kept
+  kNotMeasured,  ///< no findings, or one without a value
 };
 [[nodiscard]] const char* name_of(Verdict verdict);
 
 struct Goal {
-  std::string id;                     ///< "fidelity": of its page, goal-ID.html
-  std::string title;                  ///< as the thesis has it
-  std::string words;                  ///< what it asks for, in our own words
-  std::vector<std::string> method{};  ///< what was measured and how, paragraphs
+  std::string id;                     ///< "fidelity": its page is goal-ID.html
+  std::string title;                  ///< the thesis's title
+  std::string words;                  ///< the requirement in our words
+  std::vector<std::string> method{};  ///< paragraphs: measurements and methods
   std::vector<Finding> findings{};
   std::vector<Table> tables{};
   std::vector<Figure> figures{};
-  std::vector<std::string> short_of{};  ///< what falls short beside the findings that are not kept
+  std::vector<std::string> short_of{};  ///< shortcomings besides missed findings
   std::vector<std::string> notes{};
   std::string picture{};  ///< HTML beside the figures; may be empty
 };
-/// Decided by the findings alone.
+/// Decided by the findings only.
 [[nodiscard]] Verdict verdict_of(const Goal& goal);
-/// "0.233 % (asked: at most 7 %, ..; mesh 0.233 %)".
 [[nodiscard]] std::string text_of(const Finding& finding);
+
+[[nodiscard]] std::string to_text(const Goal& goal);
+[[nodiscard]] bool from_text(const std::string& text, Goal& goal);
 
 struct GoalsDocument {
   metrics::DocumentHead head;
@@ -57,7 +59,14 @@ struct GoalsDocument {
 };
 [[nodiscard]] std::string to_json(const GoalsDocument& document);
 [[nodiscard]] Table goals_table(const GoalsDocument& document);
-/// goals.json, a page for each goal, and report.html, which leads to them.
-[[nodiscard]] Status write_goals(const GoalsDocument& document, const OutputFolder& folder);
+/// Writes a page per goal.
+[[nodiscard]] Status write_goal_pages(const GoalsDocument& document, const OutputFolder& folder);
+/// The first page, with a line and link per goal.
+[[nodiscard]] Page goals_page(const GoalsDocument& document);
+
+/// A 1 kHz servo loop's.
+inline constexpr double kTickS = 1e-3, kTickUs = 1e3;
+/// Just noticeable change of force in percent: Weber's fraction of the thesis.
+inline constexpr double kHandTellsPercent = 7.0;
 
 }  // namespace palpate::experiments

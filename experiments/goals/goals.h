@@ -1,4 +1,4 @@
-// The goals of the thesis, each answered by a measurement, as a command.
+// Measures the thesis's goals as a command.
 #pragma once
 
 #include <string>
@@ -14,8 +14,8 @@ struct GoalsArguments {
   bool json = false;
 };
 
-/// Measures, writes goals.json and the pages, prints the table. The exit status: kExitFellShort where a goal
-/// could not be measured; one that is not reached is a result.
-int run_goals(const GoalsArguments& arguments, Context& context);
+/// Measures, writes goals.json and pages, and prints the table. Exit status kExitFellShort: a goal could not
+/// be measured. A missed goal is a result.
+[[nodiscard]] Result<int> run_goals(const GoalsArguments& arguments, Context& context);
 
 }  // namespace palpate::experiments

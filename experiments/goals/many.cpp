@@ -4,23 +4,23 @@
 #include <cmath>
 #include <set>
 
+#include <palpate/replay.h>
+#include <palpate/result.h>
 #include "experiments/goals/measures.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
-#include "toolkit/trace/replay.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// Balls in a square lattice, so far apart that the HIP is free between them.
+/// Spheres in a square lattice, spaced so that the HIP is free between them.
 constexpr double kBallMm = 10.0, kApartMm = 14.0;
 constexpr double kDeepMm = 0.5, kAboveMm = 1.0;
-/// A frame near one of many models may take so many times that of one alone: it has to find it first.
+/// Allowed ratio of a frame near one of many models to a frame with one model, including the search for it.
 constexpr double kMostTimes = 2.0;
-/// Off the crease: a twentieth of a ball. Its points are 0.3 mm apart, in a quick run 1 mm.
+/// Allowed distance from the crease: a twentieth of a sphere. Points are 0.3 mm apart, 1 mm with quick.
 constexpr double kCreaseMm = 0.05 * kBallMm;
 
-/// So many balls, one cloud shared by all.
+/// `count` spheres sharing one cloud.
 Result<Stage> balls(const GoalBench& bench, std::size_t count) {
   const std::string scene = fmt::format("sphere:extent_mm={}:points={}", kBallMm, bench.quick ? 400 : 4000);
   PALPATE_ASSIGN(Stage stage,
@@ -39,7 +39,7 @@ Result<Stage> balls(const GoalBench& bench, std::size_t count) {
   return stage;
 }
 
-/// Over `visited` of the balls, evenly spread: down onto the top of each, along it, and up again.
+/// A path over `visited` evenly spread spheres: down onto each top, along it, and up.
 trace::ProbePath visit(const std::vector<render::ModelInput>& models, std::size_t visited, int frames_each) {
   trace::ProbePath path;
   path.name = fmt::format("onto the top of {} balls", visited);
@@ -47,7 +47,7 @@ trace::ProbePath visit(const std::vector<render::ModelInput>& models, std::size_
   for (std::size_t k = 0; k < visited; ++k) {
     const Vec3 middle = models[k * models.size() / visited].world_from_model.translation_mm;
     for (int i = 0; i < frames_each; ++i) {
-      // Half a turn from above to below and back; along x by a fifth of the ball.
+      // Half a turn from above to below and back; along x by a fifth of the sphere.
       const double share = (static_cast<double>(i) + 0.5) / static_cast<double>(frames_each);
       const double down = 0.5 * (1.0 - std::cos(2.0 * M_PI * share));
       const double height = top + kAboveMm - (kAboveMm + kDeepMm) * down;
@@ -62,8 +62,8 @@ struct ManyRow {
   std::string label;
   std::size_t models = 0, visited = 0, felt = 0;
   double mean_us = 0.0, bytes = 0.0;
-  std::ptrdiff_t longest_at = 0;  ///< of the longest frame: which on its ball; 0 goes there from another
-  std::optional<double> median_us{}, longest_us{};  ///< of all frames, each its median over the passes
+  std::ptrdiff_t longest_at = 0;  ///< index of the longest frame on its sphere; 0 arrives from another
+  std::optional<double> median_us{}, longest_us{};  ///< over all frames, each its median over the passes
 };
 
 std::size_t models_felt(const trace::ForceTrace& trace) {
@@ -99,11 +99,10 @@ Result<std::vector<ManyRow>> many_rows(const GoalBench& bench, std::size_t count
   return rows;
 }
 
-/// Two balls whose tops the HIP is inside of at once: the force of both together.
 Result<double> both_at_once(const GoalBench& bench, const std::string& renderer, const Options& options) {
   PALPATE_ASSIGN(Stage stage, balls(bench, 2));
   std::vector<render::ModelInput>& models = stage.scene.input.models;
-  // So near that they overlap: the HIP comes down in the crease between them, and must be held by both.
+  // The overlapping spheres form a crease into which the HIP descends; both must hold it.
   models[1].world_from_model.translation_mm = Vec3{0.8 * kBallMm, 0.0, 0.0};
   const double half = 0.4 * kBallMm, radius = 0.5 * kBallMm;
   const double crease = std::sqrt(radius * radius - half * half);
@@ -117,7 +116,7 @@ Result<double> both_at_once(const GoalBench& bench, const std::string& renderer,
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> made, bench.registry.make(renderer, options));
   PALPATE_TRY(made->prepare(stage.scene.input, {bench.threads, nullptr}));
   PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(*made, path));
-  // The god object belongs on the crease, above the HIP: how far off it is, in mm.
+  // Distance of the god object from the crease, mm; it should be on it.
   return (trace.frames.back().god_object_mm - Vec3{half, 0.0, crease}).norm();
 }
 
@@ -135,12 +134,12 @@ Table many_table(const std::vector<ManyRow>& rows) {
                    "memory beside the points"};
   for (const ManyRow& row : rows)
     table.rows.push_back({{fmt::format("{}, {}", row.label, row.models)},
-                          {count_text(row.visited)},
-                          {count_text(row.felt), false, row.felt != row.visited},
-                          {short_number(row.mean_us)},
-                          {row.median_us ? short_number(*row.median_us) : std::string(kNoNumber)},
-                          {row.longest_us ? short_number(*row.longest_us) : std::string(kNoNumber)},
-                          {bytes_text(row.bytes)}});
+                          {format_count(row.visited)},
+                          {format_count(row.felt), false, row.felt != row.visited},
+                          {format_number(row.mean_us)},
+                          {row.median_us ? format_number(*row.median_us) : std::string(kMissingNumber)},
+                          {row.longest_us ? format_number(*row.longest_us) : std::string(kMissingNumber)},
+                          {format_bytes(row.bytes)}});
   table.notes = {
       "The median and the longest are of frames timed one by one, each the median over the passes; the mean "
       "is "
@@ -168,7 +167,7 @@ Chart many_chart(const std::vector<ManyRow>& rows) {
   return chart;
 }
 
-/// A frame over a tick, and where it stands.
+/// Reports a frame longer than a tick and its position.
 void say_long_frame(const std::vector<ManyRow>& rows, const std::string& label, std::size_t count,
                     Goal& goal) {
   const ManyRow* row = row_of(rows, label, count);
@@ -177,14 +176,13 @@ void say_long_frame(const std::vector<ManyRow>& rows, const std::string& label, 
       fmt::format("{} among {} models: the longest frame that repeats takes {} µs, more than a tick. It is "
                   "frame {} on its "
                   "ball; frame 0 goes there from the ball before, over all that lie between.",
-                  label, count, short_number(*row->longest_us), row->longest_at));
+                  label, count, format_number(*row->longest_us), row->longest_at));
 }
 
-/// All counts, one after the other; one that fails is said.
 std::vector<ManyRow> all_rows(const GoalBench& bench, const std::vector<std::size_t>& counts, Goal& goal) {
   std::vector<ManyRow> rows;
   for (const std::size_t count : counts) {
-    bench.context.progress.set_prefix(fmt::format("{} models: ", count));
+    bench.suite.progress().set_prefix(fmt::format("{} models: ", count));
     const Result<std::vector<ManyRow>> more = many_rows(bench, count);
     if (more)
       rows.insert(rows.end(), more->begin(), more->end());
@@ -194,7 +192,7 @@ std::vector<ManyRow> all_rows(const GoalBench& bench, const std::vector<std::siz
   return rows;
 }
 
-/// The mean frame among the most models, in times of that with one.
+/// Mean frame with the most models over that with one.
 std::optional<double> times_of_one(const std::vector<ManyRow>& rows, const std::string& label,
                                    const std::vector<std::size_t>& counts) {
   const ManyRow *one = row_of(rows, label, counts.front()), *many = row_of(rows, label, counts.back());

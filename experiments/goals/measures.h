@@ -1,52 +1,55 @@
-// What the pages of the goals are made of: one measurement each, some of which serve several goals.
+// Measurements for the goals' pages; some serve several goals.
 #pragma once
 
 #include <string>
 #include <vector>
 
+#include <palpate/trace.h>
+#include "experiments/driver/suite.h"
 #include "experiments/goals/goal.h"
-#include "experiments/goals/tick.h"
 #include "experiments/run/run.h"
-#include "experiments/session/session.h"
-#include "toolkit/trace/trace.h"
 
 namespace palpate::experiments {
 
-/// What all measurements share. Refers to all it is given.
+/// Inputs common to all measurements, held by reference.
 struct GoalBench {
   const render::Registry& registry;
-  Context& context;
+  const Suite& suite;
   const OutputFolder& figures;
-  bool quick = false;  ///< small models and short paths: a trial of the machinery, no measurement
+  bool quick = false;  ///< small models and short paths: tests the program, measures nothing
   int threads = 0;     ///< of preparation; 0: all
 };
 
-/// Some renderers on one stage. The mesh is the last.
+/// Several renderers on one stage; the mesh is the last.
 struct GoalRuns {
-  std::string name;  ///< of the model, for a reader
+  std::string name;  ///< the model's display name
   std::uint64_t points = 0;
   std::vector<metrics::RendererResult> results;
-  std::vector<trace::ForceTrace> traces{};  ///< of each result; empty where it failed
+  std::vector<trace::ForceTrace> traces{};  ///< per result; empty if failed
 };
-/// Renderers of ours that are judged, and the mesh beside them.
+/// A run without its traces, as one line and back.
+[[nodiscard]] std::string to_text(const GoalRuns& runs);
+[[nodiscard]] bool from_text(const std::string& text, GoalRuns& runs);
+
+/// Our judged renderers, and the mesh for comparison.
 inline constexpr const char* kJudged[] = {"cloud", "cloud-smooth"};
 inline constexpr const char* kMeshLabel = "mesh";
 
-/// A scene as `palpate compare` takes it, ready to run on.
+/// A scene as for `palpate compare`, ready to run.
 [[nodiscard]] Result<Stage> goal_stage(const GoalBench& bench, const std::string& scene,
                                        const std::string& path, ReferenceChoice reference);
-/// `renderers`: as on the command line.
+/// `renderers`: command-line syntax.
 [[nodiscard]] Result<GoalRuns> goal_runs(const GoalBench& bench, const Stage& stage, const std::string& name,
                                          const std::string& renderers);
-/// The result of this label; null where it has not run to its end.
+/// The label's result; null if it did not finish.
 [[nodiscard]] const metrics::RendererResult* ran(const GoalRuns& runs, const std::string& label);
 
-/// Models of every kind of points, with a truth.
+/// Models of every kind of points, with truth; each is kept by the suite, without traces, as are the next.
 [[nodiscard]] Result<std::vector<GoalRuns>> run_on_shapes(const GoalBench& bench);
-/// One surface and path by number of points.
+/// One surface and path at several numbers of points.
 [[nodiscard]] Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench);
 
-// Each fills a goal that has its id and words.
+// Each returns a goal with id and words.
 [[nodiscard]] Goal fidelity_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes);
 [[nodiscard]] Goal no_mesh_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes);
 [[nodiscard]] Goal one_machine_goal(const GoalBench& bench);
@@ -56,7 +59,7 @@ inline constexpr const char* kMeshLabel = "mesh";
 [[nodiscard]] Goal stability_goal(const GoalBench& bench);
 [[nodiscard]] Goal many_models_goal(const GoalBench& bench);
 
-/// Lying bars, one a label.
+/// Horizontal bars, one per label.
 struct Bar {
   std::string label;
   double value = 0.0;
@@ -64,7 +67,7 @@ struct Bar {
 [[nodiscard]] Chart bar_chart(const std::string& name, const std::string& title, const std::string& x_label,
                               const std::string& caption, const std::vector<Bar>& bars);
 
-/// An empty chart of the mean of all frames against a count, both axes logarithmic.
+/// An empty log-log chart of the mean frame against a count.
 [[nodiscard]] Chart growth_chart(const std::string& name, const std::string& counted,
                                  const std::string& caption);
 

@@ -1,14 +1,14 @@
 #include <fmt/format.h>
 
 #include "experiments/goals/measures.h"
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kAllPercent = 100.0;
 
-/// Of one model: what preparation took and holds, in percent of the mesh's.
+/// Preparation time and memory on one model, in percent of the mesh's.
 struct Share {
   std::optional<double> time_percent, bytes_percent;
 };
@@ -24,7 +24,7 @@ Share share_of(const GoalRuns& runs, const std::string& label) {
   return share;
 }
 
-/// Models that were felt as something else than their points, by what the renderer declares that it works on.
+/// Number of models rendered from something other than points, by the renderer's declaration.
 std::optional<double> not_as_points(const std::vector<GoalRuns>& shapes, const std::string& label) {
   double count = 0.0;
   for (const GoalRuns& runs : shapes) {
@@ -35,9 +35,9 @@ std::optional<double> not_as_points(const std::vector<GoalRuns>& shapes, const s
   return shapes.empty() ? std::nullopt : std::optional(count);
 }
 
-/// What is deduced and kept, where it is more than the points themselves.
+/// Reports stored data beyond the points themselves.
 void say_kept(const std::vector<GoalRuns>& shapes, const std::string& label, Goal& goal) {
-  // A point in memory: three floats.
+  // Three floats.
   constexpr double kPointBytes = 12.0;
   double most = 0.0;
   for (const GoalRuns& runs : shapes)
@@ -49,13 +49,13 @@ void say_kept(const std::vector<GoalRuns>& shapes, const std::string& label, Goa
         fmt::format("{} keeps what it deduces of each place, for speed: up to {} bytes a point beside the {} "
                     "of the point "
                     "itself.",
-                    label, short_number(most), short_number(kPointBytes)));
+                    label, format_number(most), format_number(kPointBytes)));
 }
 
 struct Shares {
   std::optional<double> slowest_percent, largest_percent;
 };
-/// The worst of all models; nothing where one has not run.
+/// The worst over all models; empty if one did not run.
 Shares worst_shares(const std::vector<GoalRuns>& shapes, const std::string& label) {
   Shares worst;
   for (const GoalRuns& runs : shapes) {
@@ -67,7 +67,6 @@ Shares worst_shares(const std::vector<GoalRuns>& shapes, const std::string& labe
   return worst;
 }
 
-/// What each builds, phase by phase.
 Table phases_table(const GoalRuns& runs) {
   Table table;
   table.title = "What is made before the first frame: " + runs.name;
@@ -76,11 +75,11 @@ Table phases_table(const GoalRuns& runs) {
     if (result.status != metrics::RunStatus::kOk || !result.prepare) continue;
     std::string phases;
     for (const render::PreparePhase& phase : result.prepare->phases)
-      phases += fmt::format("{}{} {}", phases.empty() ? "" : ", ", phase.name, duration_text(phase.ms));
+      phases += fmt::format("{}{} {}", phases.empty() ? "" : ", ", phase.name, format_duration(phase.ms));
     table.rows.push_back({{result.label},
-                          {duration_text(result.prepare->total_ms)},
-                          {short_number(static_cast<double>(result.prepare->bytes) /
-                                        static_cast<double>(std::max<std::uint64_t>(1, runs.points)))},
+                          {format_duration(result.prepare->total_ms)},
+                          {format_number(static_cast<double>(result.prepare->bytes) /
+                                         static_cast<double>(std::max<std::uint64_t>(1, runs.points)))},
                           {phases}});
   }
   return table;

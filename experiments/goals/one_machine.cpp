@@ -2,23 +2,22 @@
 
 #include <algorithm>
 
-#include "device/servo/scheduling.h"
+#include <palpate/device/scheduling.h>
+#include <palpate/result.h>
 #include "experiments/goals/measures.h"
 #include "experiments/goals/pinned_loop.h"
 #include "experiments/report/png.h"
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
+#include "toolkit/core/percentiles.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kPinnedUs = 1e3;        // ns of it
-constexpr double kMostLateUs = kTickUs;  // a tick that begins a whole period late is another tick
-constexpr double kLeastImages = 10.0;    // a second: below that a picture no longer follows a hand
+constexpr double kMostLateUs = kTickUs;  // a tick late by a period is another tick
+constexpr double kLeastImages = 10.0;    // per second; fewer cannot follow a hand
 constexpr double kInTime = 0.999;
 
-/// One renderer, with drawing or without.
 struct PinnedRow {
   std::string label;
   bool draws = false;
@@ -28,11 +27,10 @@ struct PinnedRow {
 double quantile_us(std::vector<std::int64_t> values, double share) {
   if (values.empty()) return 0.0;
   std::sort(values.begin(), values.end());
-  const auto at = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1));
-  return static_cast<double>(values[at]) / kPinnedUs;
+  return static_cast<double>(nearest_rank(values, 100.0 * share)) / kPinnedUs;
 }
 
-/// Ticks that were not over before they began, in percent.
+/// Share of ticks that ran, not skipped, in percent.
 double ticks_percent(const PinnedRun& run) {
   const auto ran = static_cast<double>(run.late_ns.size());
   return 100.0 * ran / (ran + static_cast<double>(run.skipped_ticks));
@@ -42,7 +40,7 @@ double images_per_s(const PinnedRun& run) {
   return run.drawn_s > 0.0 ? static_cast<double>(run.images) / run.drawn_s : 0.0;
 }
 
-/// More than caches hold.
+/// Exceeds the caches.
 std::uint64_t pinned_points(const GoalBench& bench) {
   return bench.quick ? 4000 : 400'000;
 }
@@ -53,7 +51,7 @@ Result<std::vector<PinnedRow>> pinned_rows(const GoalBench& bench) {
   const std::string path =
       fmt::format("weave:frames={}:depth_mm=1:period_frames=300", bench.quick ? 900 : 9000);
   PALPATE_ASSIGN(const Stage stage, goal_stage(bench, scene, path, ReferenceChoice::kNone));
-  // Reconstruction of so many points takes long: the mesh is that of a scanner's rows of the same ring.
+  // Uses the same ring in scanner rows for the mesh, since reconstructing so many points takes long.
   const std::string rows_scene =
       std::string("torus:order=turntable:points=") + std::to_string(pinned_points(bench));
   PALPATE_ASSIGN(const Stage mesh_stage, goal_stage(bench, rows_scene, path, ReferenceChoice::kNone));
@@ -61,7 +59,7 @@ Result<std::vector<PinnedRow>> pinned_rows(const GoalBench& bench) {
   for (const char* const name : {"cloud", "cloud-smooth", "mesh-godobject"}) {
     const bool is_mesh = std::string(name) == "mesh-godobject";
     const Stage& on = is_mesh ? mesh_stage : stage;
-    bench.context.progress.report(std::string("one core: ") + name, -1.0);
+    bench.suite.progress().report(std::string("one core: ") + name, -1.0);
     Options options;
     if (is_mesh) options.set("mesh", "original");
     PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> made, bench.registry.make(name, options));
@@ -89,16 +87,16 @@ Table pinned_table(const std::vector<PinnedRow>& rows) {
                    "ticks skipped", "pictures a second", "points a picture"};
   for (const PinnedRow& row : rows) {
     const PinnedRun& run = row.run;
-    table.rows.push_back(
-        {{row.label + (row.draws ? ", drawing" : ", alone")},
-         {short_number(quantile_us(run.late_ns, 0.5))},
-         {short_number(quantile_us(run.late_ns, kInTime))},
-         {short_number(quantile_us(run.late_ns, 1.0))},
-         {short_number(quantile_us(run.step_ns, 0.5))},
-         {short_number(quantile_us(run.step_ns, kInTime))},
-         {count_text(run.skipped_ticks)},
-         {row.draws ? short_number(images_per_s(run)) : std::string(kNoNumber)},
-         {row.draws && run.images > 0 ? count_text(run.points_drawn / run.images) : std::string(kNoNumber)}});
+    table.rows.push_back({{row.label + (row.draws ? ", drawing" : ", alone")},
+                          {format_number(quantile_us(run.late_ns, 0.5))},
+                          {format_number(quantile_us(run.late_ns, kInTime))},
+                          {format_number(quantile_us(run.late_ns, 1.0))},
+                          {format_number(quantile_us(run.step_ns, 0.5))},
+                          {format_number(quantile_us(run.step_ns, kInTime))},
+                          {format_count(run.skipped_ticks)},
+                          {row.draws ? format_number(images_per_s(run)) : std::string(kMissingNumber)},
+                          {row.draws && run.images > 0 ? format_count(run.points_drawn / run.images)
+                                                       : std::string(kMissingNumber)}});
   }
   table.notes = {
       "Late: from when a tick was due to when it began. A step holds whatever interrupted it. A picture has "
@@ -108,7 +106,7 @@ Table pinned_table(const std::vector<PinnedRow>& rows) {
   return table;
 }
 
-/// Lateness by share of the ticks, with drawing and without.
+/// Lateness by share of the ticks, with and without drawing.
 Chart late_chart(const std::vector<PinnedRow>& rows) {
   Chart chart;
   chart.name = "goal-one-machine";
@@ -174,7 +172,7 @@ Goal one_machine_goal(const GoalBench& bench) {
       "points into pictures, as fast as it can. Both are pinned to one core, so that each microsecond of the "
       "one is missing to the other. The same without drawing stands beside it. No device takes part: its "
       "reading and sending would be added to each tick.",
-      count_text(pinned_points(bench)))};
+      format_count(pinned_points(bench)))};
   const Result<std::vector<PinnedRow>> rows = pinned_rows(bench);
   if (!rows) goal.notes.push_back("Not measured: " + rows.error().message());
   const std::vector<PinnedRow> none, &all = rows ? *rows : none;

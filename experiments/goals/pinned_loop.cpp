@@ -11,25 +11,25 @@
 #include <system_error>
 #include <thread>
 
-#include "device/servo/scheduling.h"
-#include "device/servo/servo_loop.h"
-#include "experiments/goals/tick.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/handover.h"
+#include <palpate/clock.h>
+#include <palpate/device/scheduling.h>
+#include <palpate/device/servo_loop.h>
+#include <palpate/triple_buffer.h>
+#include "experiments/goals/goal.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr std::int64_t kPinnedHz = 1000;
 constexpr double kPinnedNsPerS = 1e9;
-/// A picture is shown at the latest after so long; what is not drawn by then is left out.
+/// Time limit of a picture; undrawn points are left out.
 constexpr std::int64_t kImageNs = 33'000'000;
-/// Points between two looks at the clock: some tens of microseconds.
+/// Points between clock checks: some tens of microseconds.
 constexpr std::size_t kPointsAtOnce = 4096;
-/// The camera goes round once in ten seconds of pictures.
+/// One camera turn in ten seconds of pictures.
 constexpr double kTurnPerImage = 2.0 * std::numbers::pi / 300.0;
 
-/// The last core that this process may run on: the first ones serve most interrupts. -1: not known.
+/// The last core allowed to this process, since the first serve most interrupts. -1: unknown.
 int core_to_share() {
   cpu_set_t allowed;
   CPU_ZERO(&allowed);
@@ -57,15 +57,14 @@ void sleep_until(std::int64_t due_ns) {
   }
 }
 
-/// What the two threads share.
 struct SharedByThreads {
   std::atomic<bool> stop{false};
-  Handover<Vec3> hip_mm{Vec3::Zero()};
+  TripleBuffer<Vec3> hip_mm{Vec3::Zero()};
 };
 
-/// The servo: its ticks go into `run`, whose arrays have their room. Scheduling and due times are those of
-/// device::ServoThread; the thread itself is not, since it keeps histograms where every tick is wanted here,
-/// steps a device and its governor as well, and is pinned under SCHED_FIFO alone.
+/// The servo thread: writes its ticks into `run`, whose arrays are preallocated. Scheduling and due times
+/// follow device::ServoThread, which does not fit: it keeps histograms instead of every tick, steps a device
+/// and governor, and is pinned only under SCHED_FIFO.
 void step_servo(render::HapticRenderer& renderer, const trace::ProbePath& path, std::size_t ticks, int cpu,
                 SharedByThreads& shared, PinnedRun& run) {
   run.cpu = pin_this_thread(cpu) ? cpu : -1;
@@ -84,8 +83,8 @@ void step_servo(render::HapticRenderer& renderer, const trace::ProbePath& path, 
     const std::int64_t began_ns = monotonic_ns();
     run.skipped_ticks += due.take(began_ns);
     const Vec3& hip = path.hip_mm[at];
-    // Back at its beginning the path is far away: the probe is lifted and set down again.
-    if (at == 0) renderer.let_go(hip);
+    // Restarting the path is a jump: the probe is lifted and set down again.
+    if (at == 0) renderer.release_contact(hip);
     (void)renderer.step(hip, kTickS * static_cast<double>(tick + 1));
     const std::int64_t ended_ns = monotonic_ns();
     run.late_ns.push_back(began_ns - due_ns);

@@ -11,12 +11,12 @@ namespace palpate::experiments {
 namespace {
 
 constexpr std::uint64_t kOrderSeed = 20'090'414;
-/// The camera looks down by so much, and stands so many radii away: the whole model is seen.
+/// The camera looks down at 30 degrees from this many radii away and sees the whole model.
 constexpr float kSine = 0.5f, kCosine = 0.8660254f, kAwayRadii = 4.0f;
 /// Pixels of a radius at a distance of one radius.
 constexpr float kFocal = 1200.0f;
 constexpr std::uint8_t kPaper = 255;
-/// Near points are dark, far ones light: of the greys between.
+/// Greys of near (dark) and far (light) points.
 constexpr float kDarkestPoint = 30.0f, kLightestPoint = 200.0f;
 constexpr int kCross = 12;
 

@@ -1,33 +1,32 @@
-// Points drawn into a picture with depth, in software: what a program without a second processor does beside
-// its servo loop.
+// A software point renderer with depth, for drawing beside a servo loop.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
+#include <palpate/cloud.h>
 
 namespace palpate::experiments {
 
 inline constexpr int kImageWidth = 1280, kImageHeight = 720;
 
 struct PointImage {
-  std::vector<std::uint8_t> grey;  ///< rows from the top; empty: nothing was drawn
+  std::vector<std::uint8_t> grey;  ///< rows from the top; empty: nothing drawn
   std::vector<float> depth_mm;
 };
 
-/// Draws more and more of a cloud: the points stand in random order, so that each beginning of them is an
-/// even sample, and a picture that has to end early still shows the whole.
+/// Draws a cloud progressively in random order, so every prefix is an even sample and an early end still
+/// shows the whole.
 class PointDrawer {
  public:
   /// Copies the points. O(n).
   explicit PointDrawer(const cloud::Cloud& cloud);
 
-  /// Begins a picture from a camera that has gone round by `turn_rad`.
+  /// Begins a picture with the camera rotated by `turn_rad`.
   void begin(double turn_rad);
-  /// Draws the next `count` points; how many were left to draw.
+  /// Draws the next `count` points; returns the number left.
   std::size_t draw(std::size_t count) noexcept;
-  /// A small cross at a place of the model.
+  /// Draws a small cross at a model position.
   void mark(const Vec3& at_mm) noexcept;
   [[nodiscard]] const PointImage& image() const noexcept { return image_; }
   [[nodiscard]] std::size_t size() const noexcept { return points_.size(); }
@@ -46,7 +45,7 @@ class PointDrawer {
   PointImage image_;
   Vec3 origin_mm_ = Vec3::Zero();
   float radius_mm_ = 1.0f;
-  float right_x_ = 1.0f, right_y_ = 0.0f;  // of the camera, in the plane of x and y
+  float right_x_ = 1.0f, right_y_ = 0.0f;  // the camera's, in the xy plane
   std::size_t next_ = 0;
 };
 

@@ -2,24 +2,41 @@
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/data/scene_scans.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/goals/measures.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// Of timed passes: a trial of the machinery, and a measurement.
+/// Timed passes with quick and of a measurement.
 constexpr std::uint64_t kQuickPasses = 2, kGoalPasses = 8;
 constexpr double kQuickBudgetS = 0.5, kGoalBudgetS = 3.0;
 constexpr double kGoalPrepareLimitS = 300.0;
 
 }  // namespace
 
+std::string to_text(const GoalRuns& runs) {
+  metrics::ResultDocument document;
+  document.renderers = runs.results;
+  return to_line(
+      nlohmann::json{{"name", runs.name}, {"points", runs.points}, {"results", metrics::to_json(document)}});
+}
+
+bool from_text(const std::string& text, GoalRuns& runs) {
+  nlohmann::json kept;
+  if (!from_line(text, kept) || !kept.is_object()) return false;
+  Result<metrics::ResultDocument> document = metrics::parse_result(kept.value("results", ""), "a kept run");
+  if (!document) return false;
+  runs = {kept.value("name", ""), kept.value("points", std::uint64_t{0}), std::move(document->renderers)};
+  return true;
+}
+
 Result<Stage> goal_stage(const GoalBench& bench, const std::string& scene, const std::string& path,
                          ReferenceChoice reference) {
-  Progress& progress = bench.context.progress;
+  Progress& progress = bench.suite.progress();
   PALPATE_ASSIGN(scene::SceneFile file, open_scene(scene, bench.registry, progress));
   StageRequest request;
   request.scene_name = scene;
@@ -38,9 +55,9 @@ Result<GoalRuns> goal_runs(const GoalBench& bench, const Stage& stage, const std
   options.passes = bench.quick ? kQuickPasses : kGoalPasses;
   options.budget_s = bench.quick ? kQuickBudgetS : kGoalBudgetS;
   options.prepare_limit_s = kGoalPrepareLimitS;
-  metrics::Conditions conditions;
+  metrics::MeasurementConditions conditions;
   PALPATE_ASSIGN(std::vector<Run> runs, run_renderers(stage, requests, bench.registry, options,
-                                                      bench.context.progress, conditions, {}));
+                                                      bench.suite.progress(), conditions, {}));
   GoalRuns out;
   out.name = name;
   for (const render::ModelInput& model : stage.scene.input.models) out.points += model.cloud->size();
@@ -74,9 +91,13 @@ Result<std::vector<GoalRuns>> run_on_shapes(const GoalBench& bench) {
       {"a ring, a tenth of a spacing of noise", "torus:sampling=random:noise=0.1:seed=14:points=" + points}};
   std::vector<GoalRuns> all;
   for (const Shape& shape : shapes) {
-    bench.context.progress.set_prefix(std::string(shape.name) + ": ");
-    PALPATE_ASSIGN(const Stage stage, goal_stage(bench, shape.scene, path, ReferenceChoice::kAuto));
-    PALPATE_ASSIGN(GoalRuns runs, goal_runs(bench, stage, shape.name, renderers));
+    bench.suite.progress().set_prefix(std::string(shape.name) + ": ");
+    const auto measure = [&]() -> Result<GoalRuns> {
+      PALPATE_ASSIGN(const Stage stage, goal_stage(bench, shape.scene, path, ReferenceChoice::kAuto));
+      return goal_runs(bench, stage, shape.name, renderers);
+    };
+    PALPATE_ASSIGN(GoalRuns runs,
+                   bench.suite.once<GoalRuns>(fmt::format("model-{}", all.size() + 1), shape.scene, measure));
     all.push_back(std::move(runs));
   }
   return all;
@@ -84,20 +105,21 @@ Result<std::vector<GoalRuns>> run_on_shapes(const GoalBench& bench) {
 
 Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench) {
   const std::string path = fmt::format("weave:frames={}:seed=1", bench.quick ? 2000 : 20000);
-  // All of one surface, a scanner's raster: the mesh is that of its rows, which is made in no time.
+  // All sizes use one surface in a scanner's raster, from which the mesh takes no time to make.
   const std::string renderers =
       "cloud,cloud-smooth,mesh-godobject:mesh=organised:label=" + std::string(kMeshLabel);
   const std::vector<std::string> sizes = bench.quick ? std::vector<std::string>{"2601", "10201"}
                                                      : std::vector<std::string>{"10201", "101761", "1002001"};
   std::vector<GoalRuns> all;
   for (const std::string& points : sizes) {
-    bench.context.progress.set_prefix(points + " points: ");
-    PALPATE_ASSIGN(const Stage stage,
-                   goal_stage(bench, "sinusoid:mesh=false:points=" + points, path, ReferenceChoice::kNone));
-    PALPATE_ASSIGN(
-        GoalRuns runs,
-        goal_runs(bench, stage, count_text(stage.scene.input.models.front().cloud->size()) + " points",
-                  renderers));
+    bench.suite.progress().set_prefix(points + " points: ");
+    const std::string scene = "sinusoid:mesh=false:points=" + points;
+    const auto measure = [&]() -> Result<GoalRuns> {
+      PALPATE_ASSIGN(const Stage stage, goal_stage(bench, scene, path, ReferenceChoice::kNone));
+      return goal_runs(bench, stage, format_count(stage.scene.input.models.front().cloud->size()) + " points",
+                       renderers);
+    };
+    PALPATE_ASSIGN(GoalRuns runs, bench.suite.once<GoalRuns>(points + "-points", scene, measure));
     all.push_back(std::move(runs));
   }
   return all;
@@ -133,7 +155,7 @@ Chart bar_chart(const std::string& name, const std::string& title, const std::st
   std::string tics;
   for (std::size_t i = 0; i < bars.size(); ++i) {
     const double row = -static_cast<double>(i);
-    // gnuplot takes a label for a format of the number.
+    // gnuplot reads labels as number formats.
     std::string label = bars[i].label;
     for (std::size_t at = 0; (at = label.find('%', at)) != std::string::npos; at += 2) label.insert(at, "%");
     tics += fmt::format("{}'{}' {}", tics.empty() ? "" : ", ", label, row);

@@ -1,13 +1,13 @@
 #include <fmt/format.h>
 
 #include "experiments/goals/measures.h"
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
-// From ten thousand points to a million the mean of all frames may grow so many times. Our own goals, which
-// hold up to ten million.
+// Allowed growth of the mean frame from ten thousand to a million points. Our own goals, which hold up to ten
+// million.
 constexpr double kCloudGrowth = 2.0, kSmoothGrowth = 1.5;
 
 std::optional<double> mean_us_of(const GoalRuns& runs, const std::string& label) {
@@ -46,9 +46,9 @@ Table size_table(const std::vector<GoalRuns>& sizes) {
   Table table;
   table.title = "Mean of all frames, µs, and what grows besides";
   table.columns = {"renderer"};
-  for (const GoalRuns& runs : sizes) table.columns.push_back(count_text(runs.points) + " points");
+  for (const GoalRuns& runs : sizes) table.columns.push_back(format_count(runs.points) + " points");
   const auto text = [](const std::optional<double>& value) {
-    return Cell{value ? short_number(*value) : std::string(kNoNumber)};
+    return Cell{value ? format_number(*value) : std::string(kMissingNumber)};
   };
   for (const std::string& label : size_labels()) {
     std::vector<Cell> means = {{label + ", mean"}}, long_ones = {{label + ", 99.9 % under"}},
@@ -74,8 +74,8 @@ Goal size_goal(const GoalBench& bench, const std::vector<GoalRuns>& sizes) {
       "One surface of 100 x 100 mm and one path, by number of points. Growth is the mean of all frames at "
       "the "
       "most points over that at the fewest; it holds the waits for memory of a model that fits no cache."};
-  const std::string from = sizes.empty() ? "0" : count_text(sizes.front().points);
-  const std::string to = sizes.empty() ? "0" : count_text(sizes.back().points);
+  const std::string from = sizes.empty() ? "0" : format_count(sizes.front().points);
+  const std::string to = sizes.empty() ? "0" : format_count(sizes.back().points);
   for (const char* const judged : kJudged)
     goal.findings.push_back(
         {fmt::format("{}, growth of the mean frame from {} to {} points", judged, from, to),

@@ -2,22 +2,21 @@
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/goals/measures.h"
 #include "experiments/stability/measure.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// Of the stiffness that the true surface bears: what is lost is the renderer's.
+/// Share of the stiffness that the true surface bears; the renderer loses the rest.
 constexpr double kShareOfTruth = 90.0;
 constexpr double kPercentOfTruth = 100.0;
-/// In times of what touch notices: a ripple below is not felt.
+/// In just noticeable units: a smaller ripple is not felt.
 constexpr double kNoticedRipple = 1.0;
 constexpr const char* kTruthLabel = "truth";
 
-/// One renderer in the loop.
 struct Looped {
   std::string label;
   std::vector<StabilityPoint> limits;  ///< by rate
@@ -25,7 +24,6 @@ struct Looped {
   std::optional<LoopScores> scores;
 };
 
-/// What is asked of each.
 struct GoalLoop {
   const Stage& stage;
   Bench bench;
@@ -56,7 +54,7 @@ Result<Looped> loop_truth(const GoalLoop& loop) {
 
 Result<Looped> loop_renderer(const GoalBench& bench, const GoalLoop& loop, const RendererRequest& request) {
   Looped out{request.label, {}, {}, {}};
-  Progress& progress = bench.context.progress;
+  Progress& progress = bench.suite.progress();
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> made,
                  bench.registry.make(request.name, request.options));
   PALPATE_TRY(made->prepare(loop.stage.scene.input, {bench.threads, nullptr}));
@@ -73,7 +71,7 @@ const Looped* looped(const std::vector<Looped>& all, const std::string& label) {
   return at == all.end() ? nullptr : &*at;
 }
 
-/// Least over the rates, in percent of the truth's at the same rate.
+/// Smallest share over the rates, in percent of the truth's at the same rate.
 std::optional<double> share_of_truth(const std::vector<Looped>& all, const std::string& label) {
   const Looped *one = looped(all, label), *truth = looped(all, kTruthLabel);
   if (one == nullptr || truth == nullptr || one->limits.size() != truth->limits.size()) return std::nullopt;
@@ -145,9 +143,9 @@ Table loop_table(const std::vector<Looped>& all) {
     for (const StabilityPoint& point : one.limits)
       table.rows.push_back(
           {{fmt::format("{}, {:g}", one.label, point.rate_hz)},
-           {short_number(point.largest_stable_n_per_mm)},
-           {point.unlimited ? std::string(kNoNumber) : short_number(point.limit_cycle_mm)},
-           {point.theory_n_per_mm ? short_number(*point.theory_n_per_mm) : std::string(kNoNumber)}});
+           {format_number(point.largest_stable_n_per_mm)},
+           {point.unlimited ? std::string(kMissingNumber) : format_number(point.limit_cycle_mm)},
+           {point.theory_n_per_mm ? format_number(*point.theory_n_per_mm) : std::string(kMissingNumber)}});
   return table;
 }
 
@@ -158,9 +156,9 @@ Table hand_table(const std::vector<Looped>& all) {
   for (const Looped& one : all)
     for (const TaskResult& task : one.tasks)
       table.rows.push_back({{one.label + ", " + task.task},
-                            {short_number(task.contour_rms_mm)},
-                            {short_number(task.contour_max_mm)},
-                            {short_number(task.generated_mj)},
+                            {format_number(task.contour_rms_mm)},
+                            {format_number(task.contour_max_mm)},
+                            {format_number(task.generated_mj)},
                             {task.stable ? "yes" : "no", false, !task.stable}});
   return table;
 }
@@ -178,7 +176,7 @@ Result<std::vector<Looped>> run_loops(const GoalBench& bench, const Stage& stage
   PALPATE_ASSIGN(Looped truth, loop_truth(loop));
   all.push_back(std::move(truth));
   for (const RendererRequest& request : requests) {
-    bench.context.progress.report("in the loop: " + request.label, -1.0);
+    bench.suite.progress().report("in the loop: " + request.label, -1.0);
     PALPATE_ASSIGN(Looped one, loop_renderer(bench, loop, request));
     all.push_back(std::move(one));
   }

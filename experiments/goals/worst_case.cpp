@@ -3,14 +3,14 @@
 #include <algorithm>
 
 #include "experiments/goals/measures.h"
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
 using GoalStatistics = std::optional<double> trace::FrameStatistics::*;
 
-/// The largest over all models; nothing where one has not run.
+/// The largest over all models; empty if one did not run.
 std::optional<double> largest_over(const std::vector<const GoalRuns*>& all, const std::string& label,
                                    GoalStatistics member) {
   std::optional<double> most = 0.0;
@@ -32,15 +32,15 @@ std::optional<double> misses(const std::vector<const GoalRuns*>& all, const std:
   return all.empty() ? std::nullopt : std::optional(sum);
 }
 
-/// A single reading over a tick is the machine's where it does not repeat, and a servo misses that tick all
-/// the same.
+/// A single reading above a tick that does not repeat is due to the machine, but the servo still misses that
+/// tick.
 void say_longest_reading(const std::vector<const GoalRuns*>& all, const std::string& label, Goal& goal) {
   const std::optional<double> longest = largest_over(all, label, &trace::FrameStatistics::worst_us);
   if (longest && *longest > kTickUs)
     goal.short_of.push_back(fmt::format(
         "{}: the longest single reading is {} µs, more than a tick. It holds what the system did meanwhile, "
         "which gives no promise.",
-        label, short_number(*longest)));
+        label, format_number(*longest)));
 }
 
 Table goal_frames_table(const std::vector<const GoalRuns*>& all) {
@@ -49,7 +49,7 @@ Table goal_frames_table(const std::vector<const GoalRuns*>& all) {
   table.columns = {"model, renderer",        "mean",         "99.9 % under", "longest that repeats",
                    "longest single reading", "at the bound", "over 1 ms"};
   const auto text = [](const std::optional<double>& value) {
-    return Cell{value ? short_number(*value) : std::string(kNoNumber)};
+    return Cell{value ? format_number(*value) : std::string(kMissingNumber)};
   };
   for (const GoalRuns* runs : all) {
     table.rows.push_back({{runs->name}});
@@ -61,8 +61,8 @@ Table goal_frames_table(const std::vector<const GoalRuns*>& all) {
                             text(frame.p999_us),
                             text(frame.max_us),
                             text(frame.worst_us),
-                            {count_text(frame.bound_hits)},
-                            {count_text(frame.deadline_misses_1khz)}});
+                            {format_count(frame.bound_hits)},
+                            {format_count(frame.deadline_misses_1khz)}});
     }
   }
   table.notes = {
@@ -122,7 +122,7 @@ Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes
       bench.figures));
   for (const char* const judged : kJudged) say_longest_reading(all, judged, goal);
   goal.notes.emplace_back(
-      "This page measures usual paths. The worst frame in instructions is hunted by `palpate hunt`.");
+      "This page measures usual paths. The worst frame in instructions is hunted by `palpate test hunt`.");
   return goal;
 }
 

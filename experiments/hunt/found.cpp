@@ -4,10 +4,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
+#include <palpate/trace.h>
+#include <palpate/write_mesh.h>
 #include "experiments/hunt/hand_scene.h"
-#include "toolkit/core/try.h"
-#include "toolkit/io/write_mesh.h"
-#include "toolkit/trace/trace_io.h"
 
 namespace palpate::experiments {
 namespace {
@@ -114,7 +114,7 @@ Status write_case(const OutputFolder& folder, const std::string& name, const Qua
 
 std::string command_of(const OutputFolder& folder, const std::string& name) {
   const std::string at = folder.file(name).string();
-  return fmt::format("palpate replay {0}.toml --path {0}.csv --out {0}", at);
+  return fmt::format("palpate compare {0}.toml --renderers auto --path {0}.csv --out {0}", at);
 }
 
 Result<std::string> write_found(const OutputFolder& folder, const HuntState& state, std::uint64_t seed) {

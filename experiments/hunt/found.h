@@ -1,4 +1,4 @@
-// What the hunt has found so far, and how it is written: cases that replay alone, a document.
+// Results of the hunt: replayable cases and a document.
 #pragma once
 
 #include <array>
@@ -13,10 +13,10 @@
 
 namespace palpate::experiments {
 
-/// The worst of one renderer towards one goal.
+/// One renderer's worst case for one goal.
 struct Found {
   double score = 0.0;
-  std::uint64_t trial = 0;  ///< its number: the seed of the hunt and it give the quarry again
+  std::uint64_t trial = 0;  ///< trial number, which with the hunt's seed reproduces the quarry
   std::size_t frame = 0;
   Quarry quarry;
 };
@@ -39,20 +39,21 @@ struct HuntState {
   std::vector<Quest> quests;
 };
 [[nodiscard]] std::string to_text(const HuntState& state);
-/// False where the text is not of these quests.
+/// False for a text of other quests.
 [[nodiscard]] bool from_text(const std::string& text, HuntState& state);
 
 /// The renderer with the quarry's options.
 [[nodiscard]] NamedOptions renderer_of(const Quest& quest, const Quarry& quarry);
 
-/// NAME.csv, NAME.toml and, where its points are no generator's, NAME.ply: `palpate replay NAME.toml --path
-/// NAME.csv` feels it alone, and counts what is hunted of a hand.
+/// Writes NAME.csv, NAME.toml and, for points of no generator, NAME.ply. `palpate compare NAME.toml
+/// --renderers auto
+/// --path NAME.csv` renders the case and counts a hand's artefacts.
 [[nodiscard]] Status write_case(const OutputFolder& folder, const std::string& name, const Quarry& quarry,
                                 const NamedOptions& renderer);
-/// What shows a case alone.
+/// Command that replays a case.
 [[nodiscard]] std::string command_of(const OutputFolder& folder, const std::string& name);
 
-/// Writes all cases, and the document that names them.
+/// Writes all cases and the document that names them.
 [[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const HuntState& state,
                                               std::uint64_t seed);
 

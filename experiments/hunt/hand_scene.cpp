@@ -5,24 +5,23 @@
 #include <algorithm>
 #include <limits>
 
+#include <palpate/generate.h>
+#include <palpate/result.h>
+#include <palpate/scene.h>
 #include "experiments/run/stage.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/try.h"
-#include "toolkit/scene/scene.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// Nearer to a border than this a renderer's surface may end: random points leave gaps of some three
-/// spacings.
+/// Distance from a border within which a surface may end: random points leave gaps of some three spacings.
 constexpr double kBorderSpacings = 4.0;
-/// A part is so many depths of the press wide: of a round one the depth is half the radius, and no other side
-/// of it comes near.
+/// Least width of a part in depths of the press. A round part's depth is half its radius, and its other sides
+/// stay away.
 constexpr double kFewestDepths = 4.0;
-/// A tenth of a second is a touch at least.
+/// A touch lasts at least a tenth of a second.
 constexpr std::size_t kFewestHandFrames = 100;
 
-/// How far a place of the surface is from its border, at least; infinite where there is none.
+/// Lower bound on the distance to the surface's border; infinite without one.
 double to_border_mm(const Quarry& quarry, const geometry::Aabb& box, const Vec3& p) {
   if (!quarry.open()) return std::numeric_limits<double>::infinity();
   return std::min(

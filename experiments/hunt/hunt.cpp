@@ -5,23 +5,23 @@
 #include <filesystem>
 #include <utility>
 
+#include <palpate/clock.h>
+#include <palpate/result.h>
+#include "experiments/driver/suite.h"
 #include "experiments/hunt/found.h"
-#include "experiments/session/run_key.h"
-#include "toolkit/core/clock.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr const char* kStatePart = "hunt";
-/// What is found is kept so often; a stop loses no more.
+/// Interval of saving; a stop loses at most this.
 constexpr double kKeepEveryS = 5.0;
-/// Trials that start from nothing.
+/// Share of trials from scratch.
 constexpr double kAfresh = 0.25;
 constexpr double kSecondsAMinute = 60.0, kMsPerSecond = 1e3;
 
-/// Ours, where none is named.
+/// The named renderers; ours if none is named.
 Result<std::vector<RendererRequest>> requested(const std::string& text, const render::Registry& registry) {
   if (!text.empty()) return parse_renderers(text, registry);
   std::vector<RendererRequest> all;
@@ -30,7 +30,7 @@ Result<std::vector<RendererRequest>> requested(const std::string& text, const re
   return all;
 }
 
-/// Options that a hunt may turn: those that are not given.
+/// Options that the hunt may vary: all not given.
 std::vector<OptionSpec> free_options(const render::RendererInfo& info, const RendererRequest& request) {
   std::vector<OptionSpec> specs;
   for (const OptionSpec& spec : info.options)
@@ -40,9 +40,9 @@ std::vector<OptionSpec> free_options(const render::RendererInfo& info, const Ren
 
 class Hunt {
  public:
-  Hunt(const HuntArguments& arguments, const render::Registry& registry, const OutputFolder& folder,
+  Hunt(const HuntArguments& arguments, const render::Registry& registry, const Suite& suite,
        std::vector<RendererRequest> renderers)
-      : arguments_(arguments), registry_(registry), folder_(folder) {
+      : arguments_(arguments), registry_(registry), suite_(suite) {
     for (RendererRequest& request : renderers) {
       options_.push_back(arguments.as_given ? std::vector<OptionSpec>()
                                             : free_options(*registry.find(request.name), request));
@@ -50,9 +50,8 @@ class Hunt {
     }
   }
 
-  Status run(Context& context) {
-    (void)folder_.take_over(kStatePart, kStatePart,
-                            [&](const std::string& text) { return from_text(text, state_); });
+  Status run() {
+    (void)suite_.take(kStatePart, kStatePart, state_);
     const double before_s = state_.spent_s;
     const Stopwatch watch;
     double kept_s = 0.0;
@@ -63,10 +62,10 @@ class Hunt {
                                                        static_cast<double>(arguments_.trials)
                                                  : state_.spent_s / (arguments_.minutes * kSecondsAMinute);
       if (share >= 1.0) return Done{};
-      context.progress.report("hunting", share);
+      suite_.progress().report("hunting", share);
       if (now_s - kept_s > kKeepEveryS) {
         kept_s = now_s;
-        PALPATE_TRY(folder_.keep(kStatePart, kStatePart, to_text(state_)));
+        PALPATE_TRY(suite_.keep(kStatePart, kStatePart, state_));
       }
       one(state_.next_trial++);
     }
@@ -74,7 +73,7 @@ class Hunt {
   [[nodiscard]] const HuntState& state() const { return state_; }
 
  private:
-  /// Trial `number`, which takes the renderers in turn.
+  /// Runs trial `number`; renderers take turns.
   void one(std::uint64_t number) {
     const auto q = static_cast<std::size_t>(number % state_.quests.size());
     Quest& quest = state_.quests[q];
@@ -110,16 +109,17 @@ class Hunt {
 
   const HuntArguments& arguments_;
   const render::Registry& registry_;
-  const OutputFolder& folder_;
-  std::vector<std::vector<OptionSpec>> options_;  ///< of each quest
+  const Suite& suite_;
+  std::vector<std::vector<OptionSpec>> options_;  ///< per quest
   HuntState state_;
 };
 
-void print(const HuntState& state, const OutputFolder& folder) {
+/// A line a renderer and its faults; `whole`: the worst of every goal too.
+void print(const HuntState& state, const OutputFolder& folder, bool whole) {
   for (const Quest& quest : state.quests) {
     fmt::print("{}: {} trials ({} without a model or refused), {} frames at the bound, {} broke a promise\n",
                quest.renderer.label, quest.trials, quest.refused, quest.bound_hits, quest.faulty);
-    for (std::size_t g = 0; g < kGoals; ++g) {
+    for (std::size_t g = 0; whole && g < kGoals; ++g) {
       const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
       const auto& found = quest.worst[g];
       if (found && found->score > 0.0)
@@ -135,29 +135,24 @@ void print(const HuntState& state, const OutputFolder& folder) {
 
 }  // namespace
 
-int hunt(const HuntArguments& arguments, Context& context) {
+Result<int> hunt(const HuntArguments& arguments, Context& context) {
+  Suite suite(context);
   const render::Registry registry = all_renderers();
-  Result<std::vector<RendererRequest>> renderers = requested(arguments.renderers, registry);
-  if (!renderers) return fail(renderers.error(), kExitBadInput, &context.progress);
-  const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
-  if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
+  PALPATE_ASSIGN(std::vector<RendererRequest> renderers, requested(arguments.renderers, registry));
+  PALPATE_TRY(suite.open(arguments.out));
   RunKey key;
   key.add("hunt").add(arguments.seed).add(std::uint64_t{arguments.as_given});
-  for (const RendererRequest& request : *renderers) key.add(request.label).add(key_of(request));
-  if (const Status begun = begin_run(*folder, key.word(), context); !begun)
-    return fail(begun.error(), kExitFellShort, &context.progress);
-  Hunt hunt(arguments, registry, *folder, *std::move(renderers));
-  const Status ran = hunt.run(context);
-  if (!ran) return fail(ran.error(), kExitFellShort, &context.progress);
-  const Result<std::string> json = write_found(*folder, hunt.state(), arguments.seed);
-  if (!json) return fail(json.error(), kExitFellShort, &context.progress);
-  if (const Status done = folder->complete(); !done)
-    return fail(done.error(), kExitFellShort, &context.progress);
-  context.progress.clear();
+  for (const RendererRequest& request : renderers) key.add(request.label).add(key_of(request));
+  PALPATE_TRY(suite.begin(key));
+  Hunt hunt(arguments, registry, suite, std::move(renderers));
+  PALPATE_TRY(hunt.run());
+  PALPATE_ASSIGN(const std::string json, write_found(suite.folder(), hunt.state(), arguments.seed));
+  PALPATE_TRY(suite.folder().complete());
+  suite.progress().clear();
   if (arguments.json)
-    fmt::print("{}", *json);
+    fmt::print("{}", json);
   else
-    print(hunt.state(), *folder);
+    print(hunt.state(), suite.folder(), context.verbose);
   for (const Quest& quest : hunt.state().quests)
     if (quest.faulty > 0) return kExitFellShort;
   return kExitOk;

@@ -1,4 +1,4 @@
-// The adversary: random search over small models, edits, options and ways for what a renderer does worst.
+// Adversarial random search over models, edits, options and paths for a renderer's worst behaviour.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,12 @@ struct HuntArguments {
   std::uint64_t trials = 0;  ///< 0: as many as the minutes allow
   std::uint64_t seed = 1;
   std::string out;
-  bool as_given = false;  ///< options are not turned
+  bool as_given = false;  ///< keeps options as given
   bool json = false;
 };
 
-/// Hunts, goes on from an interrupted hunt in the same folder, writes hunt.json and the worst cases. The exit
-/// status: kExitFellShort where a promise was broken.
-int hunt(const HuntArguments& arguments, Context& context);
+/// Hunts, resuming an interrupted hunt in the folder; writes hunt.json and the worst cases. Exit status
+/// kExitFellShort: a broken promise.
+[[nodiscard]] Result<int> hunt(const HuntArguments& arguments, Context& context);
 
 }  // namespace palpate::experiments

@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "toolkit/cloud/generate.h"
-#include "toolkit/metrics/accuracy.h"
+#include <palpate/accuracy.h>
+#include <palpate/generate.h>
 
 namespace palpate::experiments {
 namespace {
@@ -18,13 +18,13 @@ namespace {
 constexpr std::array kShapes = {"sinusoid", "plane", "saddle",    "relief",      "wedge", "sphere", "pebble",
                                 "torus",    "slab",  "ellipsoid", "rounded-box", "bowl",  "shells"};
 constexpr std::array kSamplings = {"grid", "random", "blue", "grid"};
-// Few points: what breaks with thousands breaks with hundreds, and a trial is over in milliseconds.
+// Few points: failures with thousands also occur with hundreds, and a trial takes milliseconds.
 constexpr double kFewestPoints = 16.0, kMostPoints = 4000.0;
 constexpr double kLeastScale = 1e-3, kMostScale = 1e6;
 constexpr int kMostEdits = 12, kMostWaypoints = 14, kSlowestLeg = 200;
 
-/// What a shape's own options are drawn from. `finest_mm`: of the part that the option decides, for each unit
-/// of it, at scale 1; 0: none. A crest is half a wave wide, a torus's tube 0.5 to 1 times its number. A ridge
+/// Ranges of a shape's own options. `finest_mm`: size of the part controlled by the option, per unit of it,
+/// at scale 1; 0: none. A crest is half a wave wide, a torus's tube 0.5 to 1 times its number. A ridge
 /// sharper than a right angle is left by its other side while the truth still holds on the first.
 struct FormRange {
   std::string_view shape;
@@ -59,7 +59,7 @@ bool chance(Random& random, double share) {
 double log_uniform(Random& random, double low, double high) {
   return low * std::exp(random.uniform() * std::log(high / low));
 }
-/// A direction and a length of any order up to `most`.
+/// A vector of any order of magnitude up to `most`.
 Vec3 any_vector(Random& random, double most) {
   constexpr double kSmallest = 1e-9;
   const Vec3 v{random.normal(), random.normal(), random.normal()};
@@ -83,7 +83,7 @@ Waypoint random_waypoint(Random& random) {
   constexpr std::uint64_t kKinds = 3;
   to.kind = static_cast<Waypoint::Kind>(random.below(kKinds));
   to.which = random.uniform();
-  // Often near: the next point of the store is near in space.
+  // Half of these are neighbours: adjacent points in the store are near in space.
   constexpr double kNeighbour = 0.01;
   to.other = chance(random, 0.5) ? std::fmod(to.which + kNeighbour, 1.0) : random.uniform();
   if (to.kind == Waypoint::Kind::kFree) {
@@ -98,7 +98,7 @@ Waypoint random_waypoint(Random& random) {
   return to;
 }
 
-/// A value that the specification allows; numbers around the default, over some orders.
+/// A value that the specification allows; numbers spread over some orders around the default.
 std::string random_value(const OptionSpec& spec, Random& random) {
   switch (spec.kind) {
     case OptionKind::kChoice:
@@ -125,11 +125,10 @@ void turn_option(Quarry& quarry, Random& random, std::span<const OptionSpec> opt
   const OptionSpec& spec = options[random.below(options.size())];
   Options given = quarry.options;
   given.set(spec.key, random_value(spec, random));
-  // What would do nothing or is refused is not worth a trial.
+  // Drops options that have no effect or are refused.
   if (validate(given, options, "hunt")) quarry.options = std::move(given);
 }
 
-/// One of the shape's own options, where it has any.
 void turn_form(Quarry& quarry, Random& random) {
   std::vector<const FormRange*> own;
   for (const FormRange& form : kForms)
@@ -212,10 +211,10 @@ void turn_edits(Quarry& quarry, Random& random) {
 }
 
 void turn_hand(HandWay& hand, Random& random) {
-  // The usual hand presses with 0.6 N and strokes at 60 mm/s at most; harder ones go deeper than what Caught
-  // allows, where an edge that is a spacing off decides which side of it is felt.
+  // The default hand presses with at most 0.6 N and strokes at 60 mm/s. Harder hands go deeper than Caught
+  // tolerates, where an edge a spacing off decides which side is felt.
   constexpr double kSoftestN = 0.1, kHardestN = 0.6, kSlowMmS = 10.0, kFastMmS = 120.0;
-  // Two of the coarsest spacings are the millimetre that Caught allows of any points.
+  // Two of the coarsest spacings are the millimetre that Caught tolerates for any points.
   constexpr double kDensestMm = 0.1, kCoarsestMm = metrics::kCaughtMm / metrics::kCaughtSpacings;
   constexpr std::uint64_t kSeeds = 1'000'000;
   switch (random.below(5)) {
@@ -234,7 +233,7 @@ void turn_hand(HandWay& hand, Random& random) {
   }
 }
 
-/// What is left of it under a hand: what there is a truth of, at the spacing that the hand wants.
+/// Restricts the quarry to what has a truth, at the hand's spacing.
 void suit_hand(Quarry& quarry) {
   constexpr double kMostNoise = 0.3;
   quarry.edits.clear();
@@ -247,7 +246,7 @@ void suit_hand(Quarry& quarry) {
   if (made) quarry.scale = quarry.hand->spacing_mm / made->nominal_spacing_mm;
 }
 
-/// What is left of it on height fields: nothing sideways.
+/// Restricts the quarry to height fields: nothing sideways.
 void flatten(Quarry& quarry) {
   constexpr std::size_t kHeightShapes = 5;  // the first ones
   if (std::find(kShapes.begin(), kShapes.begin() + kHeightShapes, quarry.shape) ==
@@ -313,9 +312,9 @@ std::string HandWay::path_text() const {
 std::string Quarry::model_text() const {
   std::string text = fmt::format("{}:points={}:scale={:.17g}", shape, points, scale);
   for (const auto& [key, value] : form.all()) text += fmt::format(":{}={}", key, value);
-  // A hand sees by the faces where a surface ends.
+  // A hand needs the faces to see where a surface ends.
   if (!hand) text += ":mesh=false";
-  // A seed that decides nothing is refused.
+  // A seed without effect is refused.
   if (shape == "relief" || shape == "pebble" || sampling != "grid" || noise > 0.0 || outliers > 0.0)
     text += fmt::format(":seed={}", model_seed);
   if (sampling != "grid") text += ":sampling=" + sampling;
@@ -350,7 +349,7 @@ Quarry random_quarry(Random& random, const Ground& ground) {
 }
 
 Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground) {
-  constexpr double kWay = 0.6, kEdits = 0.2, kModel = 0.13;  // the rest turns an option
+  constexpr double kWay = 0.6, kEdits = 0.2, kModel = 0.13;  // the rest varies an option
   Quarry next = quarry;
   for (std::uint64_t k = 1 + random.below(3); k > 0; --k) {
     const double what = random.uniform();

@@ -5,25 +5,25 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/generate.h>
+#include <palpate/renderer.h>
+#include <palpate/replay.h>
+#include <palpate/result.h>
 #include "experiments/hunt/hand_scene.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/try.h"
-#include "toolkit/metrics/wrong_moments.h"
-#include "toolkit/render/renderer.h"
-#include "toolkit/trace/replay.h"
+#include "toolkit/metrics/contact_artefacts.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kPeriodS = 1e-3;
-/// Below this share of the spacing a move says nothing of a jump.
+/// Least move, as a share of the spacing, for judging a jump.
 constexpr double kLeastMove = 1e-4;
-/// Clear of a surface: so many spacings, and with noise so many of its lengths. Facets and fits are within
-/// the sagitta of an edge and the boxes of vertices within a resolution; a stroke is not worth arguing about.
+/// Clearance from a surface in spacings and in noise lengths. Facets and fits are within an edge's sagitta,
+/// vertex boxes within a resolution, plus a margin for strokes.
 constexpr double kClearSpacings = 4.0, kClearNoise = 6.0;
-/// Sideways in an open surface, so far that no border is near.
+/// Share of an open surface's width far from its border.
 constexpr double kWithin = 0.75;
-/// What a count stands for, instructions: a move looks at a facet and those beside it, a test at one.
+/// Estimated instructions per count: a move examines a facet and its neighbours, a test one facet.
 constexpr double kPerStep = 150.0, kPerTest = 60.0, kPerCell = 60.0;
 
 std::size_t index_of(double share, std::size_t size) {
@@ -87,7 +87,7 @@ void keep_worst(Worst& worst, double score, std::size_t frame) {
   if (score > worst.score) worst = {score, frame};
 }
 
-/// What every frame promises; empty where it keeps it.
+/// The promise a frame breaks; empty if none.
 std::string broken(const render::Frame& frame) {
   if (!is_finite(frame.force_n)) return "the force is not finite";
   if (!is_finite(frame.god_object_mm)) return "the god object is not finite";
@@ -96,7 +96,7 @@ std::string broken(const render::Frame& frame) {
   return {};
 }
 
-/// The path has kept to the middle of an open surface from `k` on back.
+/// True if the place is within the middle of an open surface.
 bool within(const HuntScene& scene, const Vec3& h) {
   const geometry::Aabb box = scene.input.models[0].cloud->box_mm();
   const Vec3 off = (h - box.centre_mm()).cwiseAbs(), half = 0.5 * kWithin * box.extent_mm();
@@ -106,14 +106,14 @@ bool within(const HuntScene& scene, const Vec3& h) {
 /// `doubtful`: preparation warned of the answers.
 void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Frame>& frames, Trial& trial) {
   const auto& h = scene.path.hip_mm;
-  // The first frame's HIP is free where it stands.
+  // The first frame's HIP is free at its place.
   Vec3 god_before = h[0];
   double made = 0.0, stored = 0.0;
   std::size_t made_most_at = 0, stuck = 0, stuck_at = 0;
-  double made_most = 0.0, way = 0.0;  // the HIP's way since it was free
+  double made_most = 0.0, way = 0.0;  // the HIP's path length since it was free
   const double friction = scene.input.models[0].surface.friction.static_coefficient;
   const bool frictionless = friction == 0.0;
-  const double cone = std::sqrt(1.0 + friction * friction);  // the pull, and what friction adds to it
+  const double cone = std::sqrt(1.0 + friction * friction);  // the pull, enlarged by friction
   bool known = scene.surface != nullptr && !doubtful;
   for (std::size_t k = 0; k < frames.size(); ++k) {
     const render::Frame& f = frames[k];
@@ -123,12 +123,11 @@ void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Fram
     }
     trial.bound_hits += f.status == render::FrameStatus::kBoundHit;
     known = known && (!scene.open || within(scene, h[k]));
-    // A god object only descends: whatever it ends farther from the HIP than it would be had it stayed is
-    // energy that nobody put in.
+    // A god object only descends: ending farther from the HIP than if it had stayed creates energy.
     const double now = 0.5 * kHuntedStiffness * (h[k] - f.god_object_mm).squaredNorm();
     const double gained = now - 0.5 * kHuntedStiffness * (h[k] - god_before).squaredNorm();
     stored = std::max(stored, now);
-    // With friction it is held to an anchor, and the sum of squares is no potential.
+    // With friction an anchor holds the god object, and the sum of squares is no potential.
     if (frictionless && f.contact && gained > 0.0) {
       made += gained;
       if (gained > made_most) {
@@ -164,14 +163,14 @@ void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Fram
 }
 
 void judge_hand(const HuntScene& scene, const std::vector<render::Frame>& frames, Trial& trial) {
-  const metrics::WrongMoments wrong = metrics::wrong_moments(scene.path, frames, scene.truth->frames);
+  const metrics::ContactArtefacts wrong = metrics::find_artefacts(scene.path, frames, scene.truth->frames);
   const auto keep = [&](HuntGoal goal, double score, std::size_t frame) {
     keep_worst(trial.worst[static_cast<std::size_t>(goal)], score, frame);
   };
   keep(HuntGoal::kCaught, static_cast<double>(wrong.caught.frames), wrong.caught.longest_at);
-  // Within a spacing a chord over an edge or a gap, or noise, may lie below the truth whoever renders.
+  // Within a spacing, noise or a chord over an edge or gap may lie below the truth for any renderer.
   const double told_mm = std::max(metrics::kLostMm, scene.spacing_mm);
-  if (metrics::wrong_moments(scene.path, frames, scene.truth->frames, told_mm).lost.frames > 0)
+  if (metrics::find_artefacts(scene.path, frames, scene.truth->frames, told_mm).lost.frames > 0)
     keep(HuntGoal::kLost, static_cast<double>(wrong.lost.frames), wrong.lost.longest_at);
   keep(HuntGoal::kKick, wrong.kick_max_n, wrong.kick_max_at);
 }
@@ -205,7 +204,7 @@ Result<HuntScene> make_scene(const Quarry& quarry) {
   for (const PointEdit& change : quarry.edits) edit(points, change, scene.spacing_mm);
   for (Vec3& p : points) p += scene.offset_mm;
   PALPATE_ASSIGN(cloud::Cloud built, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
-  // Once more from what it stores, which is what a file of it holds.
+  // Rebuilds from the stored points, which a file would hold.
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = built.point_mm(i);
   PALPATE_ASSIGN(built, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
   if (quarry.keeps_raster()) built.raster = made.cloud.raster;
@@ -229,8 +228,7 @@ Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer
   PALPATE_ASSIGN(const render::PrepareReport prepared, renderer.prepare(scene.input, {1, nullptr}));
   Trial trial;
   PALPATE_ASSIGN(const trace::ForceTrace first, trace::replay(renderer, scene.path));
-  // Once more frame by frame, as replay() does it: a restart forgets everything, and what a frame counts is
-  // its work.
+  // Replays frame by frame like replay(): a restart resets everything, and a frame's counts are its own work.
   trace::ForceTrace again;
   renderer.restart(scene.path.hip_mm[0], scene.path.t_s[0] - kPeriodS);
   render::FrameCounters before = renderer.counters();

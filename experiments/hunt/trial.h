@@ -1,4 +1,4 @@
-// One quarry, rendered: what it did worst.
+// Renders one quarry and scores its worst behaviour.
 #pragma once
 
 #include <array>
@@ -7,26 +7,27 @@
 #include <optional>
 #include <string>
 
+#include <palpate/analytic_surface.h>
+#include <palpate/cloud.h>
+#include <palpate/registry.h>
+#include <palpate/result.h>
+#include <palpate/trace.h>
 #include "experiments/hunt/quarry.h"
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/analytic_surface.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/trace/trace.h"
 
 namespace palpate::experiments {
 
-/// What is hunted: the larger the worse. All but the first and the last are without unit, so that scale does
-/// not count; the last is felt in newtons at any scale. The last three are metrics::wrong_moments().
+/// Hunted properties: the larger the worse. Dimensionless and so independent of scale, except the counted
+/// work and the last, in newtons. The last three are metrics::find_artefacts().
 enum class HuntGoal : std::uint8_t {
-  kWork,    ///< counted steps of one frame, weighed as instructions
-  kForce,   ///< force over stiffness times the HIP's way since it was free; 1 is what a spring may reach
+  kWork,    ///< counted steps of a frame, weighted as instructions
+  kForce,   ///< force over stiffness times the HIP's path length since it was free; a spring reaches at most
+            ///< 1
   kStick,   ///< frames in contact where the formula has the HIP clear outside
   kJump,    ///< change of force over stiffness times move, within contact
-  kEnergy,  ///< energy made by the god object over the largest stored
-  kCaught,  ///< frames of a hand that is caught
+  kEnergy,  ///< energy created by the god object over the largest stored
+  kCaught,  ///< frames of a caught hand
   kLost,    ///< frames of a hand that loses the surface
-  kKick,    ///< largest step of force above those of the truth within a moment, N, under a hand
+  kKick,    ///< largest force step above the truth's within a moment, N, under a hand
 };
 inline constexpr std::size_t kGoals = 8;
 struct GoalInfo {
@@ -35,18 +36,18 @@ struct GoalInfo {
 };
 [[nodiscard]] const GoalInfo& info_of(HuntGoal goal);
 
-/// A quarry made flesh: what a renderer takes, in a model frame that is the world's.
+/// A built quarry: a renderer's input, with model and world frame equal.
 struct HuntScene {
   render::SceneInput input;
   trace::ProbePath path;
   double spacing_mm = 0.0;
-  Vec3 offset_mm = Vec3::Zero();                             ///< of the formula
-  std::shared_ptr<const geometry::AnalyticSurface> surface;  ///< null where points were put elsewhere
-  bool open = false;                                         ///< the surface has a border, at the box's sides
-  double clear_mm = 0.0;  ///< farther out than this the HIP is clear of whatever stands for the surface
+  Vec3 offset_mm = Vec3::Zero();                             ///< the formula's
+  std::shared_ptr<const geometry::AnalyticSurface> surface;  ///< null if points were displaced
+  bool open = false;                                         ///< the surface has a border at the box's sides
+  double clear_mm = 0.0;  ///< distance at which the HIP is clear of any form of the surface
   std::optional<trace::ReferenceTrace> truth;  ///< along a hand's path
 };
-/// An Error where there is no such model: a trial that does not count.
+/// Error: an impossible model; the trial does not count.
 [[nodiscard]] Result<HuntScene> make_scene(const Quarry& quarry);
 
 struct Worst {
@@ -55,10 +56,10 @@ struct Worst {
 };
 struct Trial {
   std::array<Worst, kGoals> worst;
-  std::string fault;  ///< a promise that was broken, in words; else empty
+  std::string fault;  ///< a broken promise in words; else empty
   std::uint64_t bound_hits = 0;
 };
-/// Prepares the renderer and replays the path twice. An Error: the renderer refuses the scene.
+/// Prepares the renderer and replays the path twice. Error: the renderer refuses the scene.
 [[nodiscard]] Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer);
 
 }  // namespace palpate::experiments

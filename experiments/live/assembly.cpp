@@ -9,12 +9,12 @@
 #include <thread>
 #include <utility>
 
-#include "device/safety/watchdog.h"
-#include "device/servo/servo_thread.h"
+#include <palpate/device/servo_thread.h>
+#include <palpate/device/watchdog.h>
+#include <palpate/result.h>
 #include "experiments/live/keys.h"
 #include "experiments/live/resident.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -27,17 +27,16 @@ DeviceFactTexts facts_of(const SessionDevice& device) {
 }
 
 constexpr double kSessionNsPerS = 1e9;
-// How often the main thread looks at keys and messages, and the worker at what is due: a person sees no
-// delay.
+// Polling period of keys and messages (main thread) and due work (worker), below what a person notices.
 constexpr std::chrono::milliseconds kLookEvery{20};
-// A fault of a simulated device ends by itself: so long a person needs to let go and arm it again.
+// Delay before rearming: a simulated device's fault ends by itself, like a person letting go and rearming.
 constexpr double kRearmAfterS = 1.0;
-// A device that is gone is asked for again: soon enough for who plugs it in, seldom enough for the bus.
+// Retry period for a lost device: prompt for the person who plugs it in, rare enough for the bus.
 constexpr double kTryEveryS = 0.5;
-// By then the memory of a session in real time is locked and every renderer has been stepped.
+// Time after which real-time memory is locked and every renderer has been stepped.
 constexpr double kSettledAfterS = 1.0;
 
-/// A thread that looks again and again until this ends; then it is waited for.
+/// A thread that polls until this object is destroyed, which joins it.
 class LookingThread {
  public:
   template <class Look>
@@ -63,7 +62,7 @@ class LookingThread {
 }  // namespace
 
 std::string force_in_words(const Vec3& force_n, double full_n) {
-  constexpr int kCells = 12;  // a dozen steps are told apart at a glance
+  constexpr int kCells = 12;  // enough steps for a glance
   const double share = full_n > 0.0 && is_finite(force_n) ? force_n.norm() / full_n : 0.0;
   const int filled = std::clamp(static_cast<int>(std::ceil(share * kCells)), 0, kCells);
   return fmt::format("{:5.2f} N [{}{}] x {:+.2f} y {:+.2f} z {:+.2f}", force_n.norm(),
@@ -123,7 +122,7 @@ void Assembly::mark(const std::string& text) {
     const std::lock_guard lock(said_mutex_);
     marks_.push_back({t_s, text});
   }
-  // What the disk does with it is in the recording's own counts.
+  // The recording counts write errors itself.
   if (recorder_ != nullptr) (void)recorder_->note("mark: " + text);
 }
 
@@ -147,14 +146,14 @@ const char* Assembly::armed_by() const noexcept {
   return settings_.auto_rearm ? ", in a second" : " (key r)";
 }
 
-/// A device that is gone is opened again outside the servo's thread.
+/// Reopens a lost device outside the servo's thread.
 void Assembly::replug(double now_s) {
   if (!device_.device().lost() || now_s < next_try_s_) return;
   if (not_open_.empty()) say(device_.device().name() + " is gone; plug it in again");
   next_try_s_ = now_s + kTryEveryS;
   const Status opened = device_.device().reopen();
   if (!opened) {
-    // Once for each reason: that it is not there first, and then perhaps what else is wrong with it.
+    // Reports each reason once: first that the device is missing, then any other error.
     if (std::exchange(not_open_, opened.error().message()) != opened.error().message()) say(not_open_);
     return;
   }
@@ -168,7 +167,7 @@ void Assembly::work(SessionTasks& tasks, double now_s) {
   tasks.work(now_s);
 }
 
-/// What a person at the device has to do.
+/// Tells the person at the device what to do.
 void Assembly::prompt() {
   const device::Fault fault = watch_.fault();
   if (fault != fault_said_ && fault != device::Fault::kNone)
@@ -202,7 +201,7 @@ Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
       (void)recorder_->note(fmt::format("device at the opening: {}: {}", key, value));
   Result<SessionEnd> end = clock_.accelerated() ? run_fast(tasks, progress) : run_real(tasks, progress);
   show_said(progress);
-  // What the device counted is told of the whole session; one that is closed may say nothing any more.
+  // Counters include the whole session; a closed device may report nothing more.
   DeviceFactTexts facts = facts_of(device_);
   facts.insert(at_opening.begin(), at_opening.end());
   for (const auto& [key, value] : facts) {
@@ -222,7 +221,7 @@ Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress
   note_scheduling(scheduling);
   begun_ns_ = clock.now_ns();
   const std::int64_t until_ns = begun_ns_ + std::llround(settings_.seconds * kSessionNsPerS);
-  const auto report_every = static_cast<std::uint64_t>(settings_.rate_hz);  // a second of the session
+  const auto report_every = static_cast<std::uint64_t>(settings_.rate_hz);  // one second of the session
   std::uint64_t asked = 0;
   device::run_accelerated(*loop, clock, until_ns, [&] {
     work(tasks, now_s());
@@ -245,10 +244,10 @@ void Assembly::note_settled() {
   if (settled_bytes_ == 0 && now_s() >= kSettledAfterS) settled_bytes_ = resident_bytes();
 }
 
-/// How far it is; where nobody feels the force, it stands there as well.
+/// Shows progress, and the force where no motor renders it.
 void Assembly::show_going_on(ProgressBar& progress) {
   if (device_.has_motors()) return progress.report(settings_.label, now_s() / settings_.seconds);
-  // A bar whose words change has no length of its own: the seconds stand behind it.
+  // A bar with a changing label has no fixed length, so the seconds follow it.
   progress.report(fmt::format("{}  {}", settings_.label, force_in_words(watch_.sent_n(), force_full_n_)),
                   -1.0);
 }
@@ -286,13 +285,13 @@ Result<SessionEnd> Assembly::run_real(SessionTasks& tasks, ProgressBar& progress
   begun_ns_ = clock_.clock().now_ns();
   force_full_n_ = device_.device().limits().force_max_n;
   PALPATE_TRY(thread->start());
-  begun_ns_ = clock_.clock().now_ns();  // what opening took is not of the session
+  begun_ns_ = clock_.clock().now_ns();  // opening time does not count
   note_scheduling(thread->mode().text());
   {
     const LookingThread worker([&] { work(tasks, now_s()); });
     look_at_keys(tasks, settings_.seconds, *thread, progress);
     tasks.ending();
-    // No force while the worker is waited for, which may be within a preparation.
+    // Stops the force before waiting for the worker, which may be preparing a renderer.
     thread->stop();
     watchdog.stop();
   }

@@ -1,5 +1,5 @@
-// One session put together: device, servo, governor, watchdog, recorder and clock around whatever renderer is
-// felt; run in real time or on a virtual clock. `palpate live` and `palpate record` both are this.
+// One session: device, servo, governor, watchdog, recorder and clock around any renderer, in real time or on
+// a virtual clock. Used by `palpate live` and `palpate live record`.
 #pragma once
 
 #include <array>
@@ -12,36 +12,36 @@
 #include <string>
 #include <vector>
 
+#include <palpate/device/servo.h>
+#include <palpate/device/servo_loop.h>
+#include <palpate/device/servo_thread.h>
 #include "device/record/recorder.h"
-#include "device/servo/servo_loop.h"
-#include "device/servo/servo_thread.h"
-#include "device/servo/tick_observer.h"
 #include "experiments/live/homing_teller.h"
 #include "experiments/live/session_device.h"
 #include "experiments/session/progress_bar.h"
 
 namespace palpate::experiments {
 
-/// A force as a line that changes, for devices without motors: "1.10 N [====        ] x +0.00 y +0.00 z
-/// +1.10". `full_n` fills the bar.
+/// A force as a changing line for devices without motors: "1.10 N [====        ] x +0.00 y +0.00 z +1.10".
+/// `full_n` fills the bar.
 [[nodiscard]] std::string force_in_words(const Vec3& force_n, double full_n);
 
-/// What every session watches of its own ticks, and how it is armed again: an observer.
+/// Observes a session's ticks and rearms the loop after a fault.
 class SessionWatch final : public device::TickObserver {
  public:
-  /// `auto_rearm`: a second after a fault, for simulated devices, whose faults end by themselves.
-  SessionWatch(const device::ReplugDevice& device, bool auto_rearm) noexcept
+  /// `auto_rearm`: rearms a second after a fault, for simulated devices, whose faults end by themselves.
+  SessionWatch(const device::ReconnectingDevice& device, bool auto_rearm) noexcept
       : device_(device), auto_rearm_(auto_rearm) {}
   void took(const device::Tick& tick) noexcept override;
-  /// Before the first tick: what arms the loop again.
+  /// Sets what rearms the loop; call before the first tick.
   void rearms_by(device::ServoLoop& loop) noexcept { loop_ = &loop; }
   void rearms_by(device::ServoThread& thread) noexcept { thread_ = &thread; }
 
-  /// Any thread: armed again with the next tick, if then a fault is latched and the device is there.
+  /// Any thread: rearms at the next tick if a fault is latched and the device is present.
   void ask_rearm() noexcept { asked_.store(true, std::memory_order_release); }
-  /// Of the newest tick. Any thread.
+  /// Fault of the newest tick. Any thread.
   [[nodiscard]] device::Fault fault() const noexcept { return fault_.load(std::memory_order_acquire); }
-  /// The newest force that was commanded, device frame, for people: its axes may be of two ticks.
+  /// Newest commanded force, device frame, for display: its axes may come from two ticks.
   [[nodiscard]] Vec3 sent_n() const noexcept {
     return Vec3{sent_n_[0].load(std::memory_order_relaxed), sent_n_[1].load(std::memory_order_relaxed),
                 sent_n_[2].load(std::memory_order_relaxed)};
@@ -51,61 +51,62 @@ class SessionWatch final : public device::TickObserver {
   [[nodiscard]] std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
 
  private:
-  const device::ReplugDevice& device_;
+  const device::ReconnectingDevice& device_;
   bool auto_rearm_;
   device::ServoLoop* loop_ = nullptr;
   device::ServoThread* thread_ = nullptr;
-  double since_s_ = 0.0;  // of the fault, or of the device's coming back
+  double since_s_ = 0.0;  // since the fault or the device's return
   std::atomic<bool> asked_{false};
   std::atomic<device::Fault> fault_{device::Fault::kNone};
   std::array<std::atomic<float>, 3> sent_n_{};
   std::atomic<std::uint64_t> contact_{0}, faults_{0}, missed_{0};
 };
 
-/// What a session does besides its ticks.
+/// A session's work besides its ticks.
 class SessionTasks {
  public:
   virtual ~SessionTasks() = default;
-  /// At `now_s` of the session, again and again; may take long. In real time in a worker's thread, so that
-  /// neither the servo nor a key waits for it; else between two ticks.
+  /// Called repeatedly at `now_s` of the session; may take long. Runs in a worker thread in real time, so
+  /// neither the servo nor the keys wait for it; on a virtual clock between two ticks.
   virtual void work(double now_s) = 0;
-  /// A key of the terminal that the session does not know itself. The main thread's.
+  /// Handles a terminal key that the session itself does not use. Main thread.
   virtual void key(char pressed) = 0;
-  /// The session is over: work() that still goes on is to give up. Any thread.
+  /// The session has ended: a running work() must give up. Any thread.
   virtual void ending() noexcept {}
 };
 
-/// A remark that somebody made while it ran.
+/// A remark made during the session.
 struct SessionMark {
   double t_s = 0.0;
   std::string text;
 };
 
 struct SessionSettings {
-  double rate_hz = 1000.0;  ///< whole
+  double rate_hz = 1000.0;  ///< a whole number
   double seconds = 10.0;
-  Vec3 free_mm = Vec3::Zero();  ///< world: a place known to be free
-  double user_limit_n = 0.0;    ///< of the governor
+  Vec3 free_mm = Vec3::Zero();  ///< world frame, known to be free
+  double user_limit_n = 0.0;    ///< the governor's
   bool auto_rearm = false;
-  std::string label = "live";  ///< of the progress bar
+  std::string label = "live";  ///< label of the progress bar
 };
 
-/// How it went.
+/// The result of a session.
 struct SessionEnd {
   device::LoopStatistics loop;
   std::vector<device::DurationBin> lateness;
-  std::string scheduling;  ///< what the machine granted
+  std::string scheduling;  ///< granted by the system
   std::vector<std::string> notes;
   double steal_percent = 0.0;
   std::uint64_t watchdog_trips = 0;
-  std::uint64_t replugged = 0;      ///< how often the device came back
-  std::uint64_t settled_bytes = 0;  ///< in memory a second after it began: locked, and all touched
+  std::uint64_t replugged = 0;      ///< times the device came back
+  std::uint64_t settled_bytes = 0;  ///< resident memory a second after the start: locked, and all of it
+                                    ///< touched
   std::vector<SessionMark> marks;
   bool faulted = false;  ///< a fault was latched at the end
 };
 
-/// Refers to the device, clock and renderer. Make it, record and observe as wanted, run it once. Of its
-/// functions those that say so are for any thread while it runs.
+/// Refers to device, clock and renderer. Add the recorder and observers, then run once. Functions marked "any
+/// thread" may be called while it runs.
 class Assembly {
  public:
   Assembly(const SessionSettings& settings, SessionClock& clock, SessionDevice& device,
@@ -113,26 +114,27 @@ class Assembly {
   Assembly(const Assembly&) = delete;
   Assembly& operator=(const Assembly&) = delete;
 
-  /// What the governor of such a session is made of.
+  /// The governor's options for such a session.
   [[nodiscard]] static device::GovernorOptions governor_options(const SessionSettings& settings);
 
   [[nodiscard]] device::Servo& servo() noexcept { return servo_; }
   [[nodiscard]] const SessionWatch& watch() const noexcept { return watch_; }
-  /// Ticks go to these in the order given, after the recorder.
+  /// Adds an observer; observers get ticks in this order, after the recorder.
   void observe(device::TickObserver& observer) { observers_.push_back(&observer); }
-  /// Every tick is recorded; whose file it is, finishes it.
+  /// Records every tick; the file's owner finishes it.
   void record(device::Recorder& recorder) noexcept { recorder_ = &recorder; }
 
-  /// Runs it to its end. Errors: the device does not open, no thread can be had; nothing was felt then.
+  /// Runs the session to its end. Errors: the device does not open or no thread is available; no force was
+  /// rendered then.
   [[nodiscard]] Result<SessionEnd> run(SessionTasks& tasks, ProgressBar& progress);
 
-  /// Any thread: after a fault; false where there is none, or the device is not there.
+  /// Any thread: rearms after a fault; false without a fault or device.
   bool request_rearm() noexcept;
   /// Any thread.
   void request_stop() noexcept { stopping_.store(true, std::memory_order_release); }
-  /// Any thread but the servo's; into the recording too, so it may wait for the disk.
+  /// Any thread but the servo's. Also writes to the recording, so it may wait for the disk.
   void mark(const std::string& text);
-  /// Any thread but the servo's: shown as soon as somebody looks.
+  /// Any thread but the servo's: shown at the next poll.
   void say(std::string sentence);
 
  private:
@@ -140,7 +142,7 @@ class Assembly {
   [[nodiscard]] Result<SessionEnd> run_real(SessionTasks& tasks, ProgressBar& progress);
   void look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread, ProgressBar& progress);
   void work(SessionTasks& tasks, double now_s);
-  /// Measures once what the session has in memory when it has run for a while.
+  /// Measures the session's memory once, after it has settled.
   void note_settled();
   void replug(double now_s);
   void prompt();
@@ -160,14 +162,14 @@ class Assembly {
   device::Recorder* recorder_ = nullptr;
   std::atomic<std::int64_t> begun_ns_{0};
   std::atomic<bool> stopping_{false};
-  // The worker's.
+  // Used by the worker only.
   double next_try_s_ = 0.0;
-  std::string not_open_;  // why it could not be opened again; empty: it was there
-  // The main thread's.
+  std::string not_open_;  // why reopening failed; empty: present
+  // Used by the main thread only.
   device::Fault fault_said_ = device::Fault::kNone;
   std::uint64_t settled_bytes_ = 0;
   HomingTeller homing_;
-  double force_full_n_ = 0.0;  // what the shown force is a share of
+  double force_full_n_ = 0.0;  // full scale of the shown force
   std::mutex said_mutex_;
   std::vector<std::string> said_;
   std::vector<SessionMark> marks_;

@@ -4,10 +4,10 @@
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/run/cleaning.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/physical_ranges.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::experiments {
 namespace {
@@ -16,7 +16,6 @@ constexpr const char* kStiffnessKey = "stiffness";
 constexpr const char* kForceLimitKey = "force_limit";
 constexpr const char* kChangeForm = "write SECONDS:LABEL:key=value[:key=value..], separated by commas";
 
-/// The scene as this renderer is to see it.
 Result<render::SceneInput> scene_for(const Workshop& workshop, const LiveSetting& setting,
                                      Progress& progress) {
   render::SceneInput scene = workshop.other != nullptr ? *workshop.other : workshop.stage.scene.input;
@@ -36,9 +35,8 @@ Error wrong_change(const std::string& part, std::string what) {
   return Error{fmt::format("--changes has {}: {}", shown(part), std::move(what)), kChangeForm, {}, 0};
 }
 
-/// One "key=value" into the setting.
 Status set_key(const std::string& part, const std::string& word, LiveSetting& setting) {
-  constexpr NumberRange kLimit{0.0, kForcesN.high};  // 0: none
+  constexpr NumberRange kLimit{0.0, kForcesN.high};  // 0: no limit
   const std::size_t equals = word.find('=');
   if (equals == std::string::npos) return wrong_change(part, shown(word) + " is no key=value");
   const std::string key = word.substr(0, equals), value = word.substr(equals + 1);

@@ -1,29 +1,30 @@
-// Renderers of a live session: made at its beginning, and made anew while it runs where a parameter changes.
+// Creates the renderers of a live session at its start and after each parameter change.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
+#include <palpate/control.h>
+#include <palpate/model_store.h>
+#include <palpate/registry.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
-#include "toolkit/control/controlled_renderer.h"
-#include "toolkit/render/model_store.h"
-#include "toolkit/render/registry.h"
 
 namespace palpate::experiments {
 
-/// Everything that a renderer is made of, but its own options. Lives as long as the session.
+/// Everything renderers are made from except their own options. Lives as long as the session.
 struct Workshop {
   const Stage& stage;
   const render::Registry& registry;
   int threads = 0;
-  render::ModelStore store{};                 ///< geometry is built once for all renderers, early and late
-  const render::SceneInput* other = nullptr;  ///< what is rendered in place of the stage's scene; null: that
+  render::ModelStore store{};                 ///< shares built geometry between all renderers
+  const render::SceneInput* other = nullptr;  ///< rendered instead of the stage's scene; null: the stage's
+                                              ///< scene
 
-  /// Whether passivity goes around all renderers together: a replay of one alone then answers otherwise.
+  /// True if passivity control encloses all renderers together; a single renderer's replay then differs.
   [[nodiscard]] bool passivity_apart() const { return stage.scene.control.passivity.has_value(); }
-  /// What goes around each renderer: coupling and filter. Passivity goes around the mixer.
+  /// Control around each renderer: coupling and filter. Passivity control encloses the mixer.
   [[nodiscard]] control::ControlOptions around_each() const {
     control::ControlOptions options = stage.scene.control;
     options.passivity.reset();
@@ -31,7 +32,7 @@ struct Workshop {
   }
 };
 
-/// What a renderer is to be: a request, and what of the scene it changes for itself.
+/// A renderer's request and its own changes of the scene.
 struct LiveSetting {
   RendererRequest request;
   double stiffness_n_per_mm = 0.0;  ///< 0: the scene's
@@ -46,15 +47,15 @@ struct MadeRenderer {
 [[nodiscard]] Result<MadeRenderer> make_live(Workshop& workshop, const LiveSetting& setting,
                                              Progress& progress);
 
-/// At `at_s` of the session the renderer of a lane becomes another one.
+/// Replaces a lane's renderer at `at_s` of the session.
 struct LiveChange {
   double at_s = 0.0;
   std::size_t lane = 0;
   LiveSetting setting;
 };
-/// "2:cloud:stiffness=0.8,4:cloud:shading=none:force_limit=2": at a time in s a label's options, each change
-/// on top of those before; stiffness in N/mm and force_limit in N are the scene's for this renderer alone. In
-/// the order of time. Errors name the part that is wrong.
+/// Parses "2:cloud:stiffness=0.8,4:cloud:refine=1:force_limit=2": at each time in s, options for a label, on
+/// top of earlier changes. stiffness in N/mm and force_limit in N replace the scene's for this renderer
+/// alone. Sorted by time. Errors name the invalid part.
 [[nodiscard]] Result<std::vector<LiveChange>> parse_changes(const std::string& text,
                                                             const std::vector<LiveSetting>& at_start,
                                                             const render::Registry& registry);

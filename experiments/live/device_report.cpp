@@ -13,12 +13,12 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "device/safety/watchdog.h"
-#include "device/servo/servo_loop.h"
+#include <palpate/device/servo_loop.h>
+#include <palpate/device/watchdog.h>
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
 #include "experiments/live/homing_teller.h"
-#include "toolkit/core/at_stop.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -117,7 +117,7 @@ FactsJson facts_connected() {
   return seen;
 }
 
-/// Frames to the beat, in a thread with what priority the system gives it.
+/// Runs frames at a fixed rate in a thread with the priority that the system grants.
 void look_for(DeviceLooker& looker, const MonotonicClock& clock, const ReportOptions& options,
               device::Heartbeat& heart, device::SchedulingMode& mode) {
   device::enter_real_time({}, mode);
@@ -134,11 +134,11 @@ void look_for(DeviceLooker& looker, const MonotonicClock& clock, const ReportOpt
   heart.rest();
 }
 
-/// Looks in a thread of its own, and tells the person at the device what homing needs. What was told.
+/// Watches in a thread of its own and tells the person what homing needs. Returns what was told.
 std::vector<std::string> look_and_tell(DeviceLooker& looker, SessionDevice& device,
                                        const MonotonicClock& clock, const ReportOptions& options,
                                        device::SchedulingMode& mode) {
-  constexpr std::chrono::milliseconds kTellEvery{20};  // a person sees no delay
+  constexpr std::chrono::milliseconds kTellEvery{20};  // below what a person notices
   std::vector<std::string> told;
   HomingTeller teller(device, "");
   const auto tell = [&] {
@@ -161,15 +161,15 @@ std::vector<std::string> look_and_tell(DeviceLooker& looker, SessionDevice& devi
   return told;
 }
 
-/// Device, watchdog, loop, in the order in which they have to come; the guard is there.
+/// Starts device, watchdog and loop in their required order; the guard already runs.
 Status look_at(SessionDevice& session, const MonotonicClock& clock, const ReportOptions& options,
                FactsJson& document) {
-  device::ReplugDevice& device = session.device();
+  device::ReconnectingDevice& device = session.device();
   PALPATE_TRY(device.open());
   device::GovernorOptions governed;
   governed.period_s = 1.0 / options.rate_hz;
   PALPATE_ASSIGN(device::ForceGovernor governor, device::ForceGovernor::create(device.limits(), governed));
-  const AtStop at_stop([&device]() -> std::string {
+  const StopCallback stop_callback([&device]() -> std::string {
     static_cast<void>(device.cut_force());
     return {};
   });
@@ -243,7 +243,7 @@ void DeviceLooker::took(const device::DeviceState& state, std::int64_t now_ns) n
     watch_.interval_bins.count(now_ns - fresh_ns_);
   }
   fresh_ns_ = now_ns;
-  // A device that tells no time of its packets has none that is old.
+  // A device without packet times has no packet age.
   if (state.packet_ns > 0) {
     watch_.age.count(now_ns - state.packet_ns);
     watch_.age_bins.count(now_ns - state.packet_ns);

@@ -11,30 +11,31 @@
 #include <span>
 #include <system_error>
 #include <thread>
+#include <utility>
 
-#include "device/drivers/known_usb.h"
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
+#include <palpate/options.h>
+#include "device/drivers/usb_ids.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
 namespace fs = std::filesystem;
 
-// A sleep that ends half of the fastest servo's period late at the median takes that servo away.
+// Median lateness of sleeps that prevents a servo: half the fastest servo's period.
 constexpr std::int64_t kLateMedianNs = 60'000;
-// Without high-resolution timers sleeps end with the kernel's tick, 1 ms or longer: no servo at 1 kHz.
+// Sleeps without high-resolution timers end with the kernel's tick, 1 ms or longer: no 1 kHz servo.
 constexpr std::int64_t kCoarseClockNs = 1'000'000;
-// Of a hundred seconds one is gone: ticks are missed every second.
+// At 1 % stolen time a servo misses ticks every second.
 constexpr double kStealPercent = 1.0;
-// The kernel's own default, which leaves the rest of the machine a twentieth.
+// The kernel's default, which leaves a twentieth for other threads.
 constexpr std::int64_t kUsualShareUs = 950'000;
 constexpr std::int64_t kTriedForNs = 100'000'000, kTriedPeriodNs = 1'000'000;
 
-/// The first line of a file of the system; empty where it is not there.
+/// First line of a system file; empty if missing.
 std::string line_of(const std::string& path) {
   Result<InputFile> file = InputFile::open(path);
   if (!file) return {};
@@ -45,7 +46,7 @@ std::string line_of(const std::string& path) {
   return std::string(all.substr(0, all.find('\n')));
 }
 
-/// The entries of a folder of the system, sorted.
+/// Entries of a system folder, sorted.
 std::vector<fs::path> entries_of(const fs::path& folder) {
   std::vector<fs::path> found;
   std::error_code none;
@@ -63,7 +64,8 @@ std::vector<std::string> governors() {
   return found;
 }
 
-/// The node of a device's own kind below its folder in sysfs: "hidraw3", "ttyACM0". Empty: there is none.
+/// Name of the device's node of this kind below its sysfs folder: "hidraw3", "ttyACM0". Empty if there is
+/// none.
 std::string node_below(const fs::path& at, const std::string& kind) {
   std::error_code none;
   for (fs::recursive_directory_iterator it(at, none), end; !none && it != end; it.increment(none)) {
@@ -86,13 +88,13 @@ bool in_a_virtual_machine() {
   if (fs::exists("/sys/hypervisor/type", none)) return true;
   Result<InputFile> file = InputFile::open("/proc/cpuinfo");
   if (!file) return false;
-  // The flags of the first processor stand in the first 8 KB.
+  // The first processor's flags are in the first 8 KB.
   std::array<char, 8192> text{};
   const Result<std::size_t> read = file->read(std::as_writable_bytes(std::span(text)));
   return read && std::string_view(text.data(), *read).find(" hypervisor") != std::string_view::npos;
 }
 
-/// Asks for everything that the watchdog asks for, and sleeps to a beat with what it got.
+/// Requests the watchdog's scheduling and measures periodic sleeps with what was granted.
 void try_it(SystemFacts& facts) {
   device::DurationHistogram lateness;
   device::SchedulingOptions options;
@@ -112,7 +114,7 @@ void try_it(SystemFacts& facts) {
   facts.lateness = lateness.statistics();
 }
 
-/// The type of `resource` is the C library's own.
+/// `resource` has a type private to the C library.
 template <class Resource>
 std::uint64_t limit_of(Resource resource) {
   rlimit limit{};
@@ -133,12 +135,13 @@ std::vector<std::string> udev_remedy(const std::string& rule) {
           "and then: sudo udevadm control --reload && sudo udevadm trigger"};
 }
 
+Check fine(std::string name, std::string found) {
+  return {std::move(name), CheckVerdict::kFine, std::move(found), {}};
+}
+
 Check priority(const SystemFacts& facts) {
   if (facts.tried.fifo)
-    return {"real-time priority",
-            CheckVerdict::kFine,
-            fmt::format("SCHED_FIFO {} is granted", facts.tried.priority),
-            {}};
+    return fine("real-time priority", fmt::format("SCHED_FIFO {} is granted", facts.tried.priority));
   return {"real-time priority", CheckVerdict::kWarning,
           fmt::format(
               "SCHED_FIFO {} is refused (the limit rtprio is {}): whatever else runs makes the servo late",
@@ -149,8 +152,8 @@ Check priority(const SystemFacts& facts) {
 Check memory(const SystemFacts& facts) {
   const std::string limit = facts.memlock_limit_bytes == SystemFacts::kUnlimited
                                 ? "unlimited"
-                                : bytes_text(static_cast<double>(facts.memlock_limit_bytes));
-  if (facts.tried.memory_locked) return {"locked memory", CheckVerdict::kFine, "memory can be locked", {}};
+                                : format_bytes(static_cast<double>(facts.memlock_limit_bytes));
+  if (facts.tried.memory_locked) return fine("locked memory", "memory can be locked");
   return {"locked memory", CheckVerdict::kWarning,
           fmt::format(
               "memory cannot be locked (the limit memlock is {}): a page that was swapped out stops a frame",
@@ -161,7 +164,7 @@ Check memory(const SystemFacts& facts) {
 Check kernel(const SystemFacts& facts) {
   const std::string found =
       fmt::format("{} ({})", facts.tried.kernel_release, device::kernel_kind_name(facts.tried.kernel));
-  if (facts.tried.kernel == device::KernelKind::kRealTime) return {"kernel", CheckVerdict::kFine, found, {}};
+  if (facts.tried.kernel == device::KernelKind::kRealTime) return fine("kernel", found);
   return {"kernel",
           CheckVerdict::kWarning,
           found + ": now and then it makes a tick late by a millisecond and more",
@@ -170,7 +173,7 @@ Check kernel(const SystemFacts& facts) {
 
 Check cpus(const SystemFacts& facts) {
   const std::string found = fmt::format("{} may be used", facts.tried.cpus);
-  if (facts.tried.cpus > 1) return {"CPUs", CheckVerdict::kFine, found, {}};
+  if (facts.tried.cpus > 1) return fine("CPUs", found);
   return {"CPUs",
           CheckVerdict::kWarning,
           found + ": the servo shares it with everything else",
@@ -179,13 +182,9 @@ Check cpus(const SystemFacts& facts) {
 
 Check governor(const SystemFacts& facts) {
   if (facts.cpu_governors.empty())
-    return {"CPU governor",
-            CheckVerdict::kFine,
-            "the machine does not tell of one: its clock is not scaled here",
-            {}};
+    return fine("CPU governor", "the machine does not tell of one: its clock is not scaled here");
   const std::string found = joined(facts.cpu_governors);
-  if (facts.cpu_governors == std::vector<std::string>{"performance"})
-    return {"CPU governor", CheckVerdict::kFine, found, {}};
+  if (facts.cpu_governors == std::vector<std::string>{"performance"}) return fine("CPU governor", found);
   return {"CPU governor",
           CheckVerdict::kWarning,
           found + ": a CPU that sleeps between ticks is slow in each",
@@ -194,12 +193,8 @@ Check governor(const SystemFacts& facts) {
 
 Check sleep_states(const SystemFacts& facts) {
   if (!facts.has_latency_file)
-    return {"CPU sleep states",
-            CheckVerdict::kFine,
-            "/dev/cpu_dma_latency is not there: nothing to hold awake",
-            {}};
-  if (facts.tried.latency_held)
-    return {"CPU sleep states", CheckVerdict::kFine, "/dev/cpu_dma_latency can be held at 0", {}};
+    return fine("CPU sleep states", "/dev/cpu_dma_latency is not there: nothing to hold awake");
+  if (facts.tried.latency_held) return fine("CPU sleep states", "/dev/cpu_dma_latency can be held at 0");
   return {"CPU sleep states", CheckVerdict::kWarning,
           "/dev/cpu_dma_latency may not be written: CPUs that sleep deeply wake up late",
           udev_remedy("KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"")};
@@ -207,10 +202,10 @@ Check sleep_states(const SystemFacts& facts) {
 
 Check timer(const SystemFacts& facts) {
   const std::string source = facts.clock_source.empty() ? "clock source not told" : facts.clock_source;
-  const std::string found =
-      fmt::format("{}, steps of {} ns; sleeps of 1 ms end late by {} at the median, {} at 99 %", source,
-                  facts.clock_resolution_ns, duration_text(1e-6 * static_cast<double>(facts.lateness.p50_ns)),
-                  duration_text(1e-6 * static_cast<double>(facts.lateness.p99_ns)));
+  const std::string found = fmt::format(
+      "{}, steps of {} ns; sleeps of 1 ms end late by {} at the median, {} at 99 %", source,
+      facts.clock_resolution_ns, format_duration(1e-6 * static_cast<double>(facts.lateness.p50_ns)),
+      format_duration(1e-6 * static_cast<double>(facts.lateness.p99_ns)));
   if (facts.clock_resolution_ns >= kCoarseClockNs)
     return {"timer",
             CheckVerdict::kProblem,
@@ -224,15 +219,15 @@ Check timer(const SystemFacts& facts) {
   if (facts.lateness.p50_ns > kLateMedianNs)
     return {
         "timer", CheckVerdict::kWarning, found, {"stop what else runs, or get real-time priority (above)"}};
-  return {"timer", CheckVerdict::kFine, found, {}};
+  return fine("timer", found);
 }
 
 Check real_time_share(const SystemFacts& facts) {
   if (!facts.real_time_share_us)
-    return {"real-time share", CheckVerdict::kFine, "the kernel does not limit it by a file of its own", {}};
+    return fine("real-time share", "the kernel does not limit it by a file of its own");
   const std::int64_t share = *facts.real_time_share_us;
   const std::string found = share < 0 ? std::string("not limited") : fmt::format("{} of 1,000,000 us", share);
-  if (share == kUsualShareUs) return {"real-time share", CheckVerdict::kFine, found, {}};
+  if (share == kUsualShareUs) return fine("real-time share", found);
   return {"real-time share",
           CheckVerdict::kWarning,
           found + (share < 0 ? ": a renderer that hangs would take a CPU for ever"
@@ -244,8 +239,7 @@ Check host(const SystemFacts& facts) {
   const std::string found =
       fmt::format("{}; {:.2f} % of the CPUs' time was stolen since it started",
                   facts.virtual_machine ? "a virtual machine" : "no virtual machine", facts.steal_percent);
-  if (!facts.virtual_machine && facts.steal_percent < kStealPercent)
-    return {"host and steal", CheckVerdict::kFine, found, {}};
+  if (!facts.virtual_machine && facts.steal_percent < kStealPercent) return fine("host and steal", found);
   return {"host and steal",
           CheckVerdict::kWarning,
           found + ": its host may stop it at any time, and nothing is claimed beyond the 99.9th percentile",
@@ -257,8 +251,7 @@ Check usb(const SystemFacts& facts) {
     return {
         "USB permission", CheckVerdict::kFine, "this machine has no USB; simulated devices need none", {}};
   if (facts.usb.empty())
-    return {
-        "USB permission", CheckVerdict::kFine, "no haptic device that is known by its ids is connected", {}};
+    return fine("USB permission", "no haptic device that is known by its ids is connected");
   std::vector<std::string> names, remedy, rules;
   bool refused = false;
   for (const UsbDevice& device : facts.usb) {
@@ -288,7 +281,7 @@ std::vector<UsbDevice> connected_usb_devices() {
   for (const fs::path& at : entries_of("/sys/bus/usb/devices")) {
     const std::string vendor = line_of((at / "idVendor").string()),
                       product = line_of((at / "idProduct").string());
-    for (const device::KnownUsb& known : device::known_usb()) {
+    for (const device::UsbId& known : device::known_usb_ids()) {
       if (vendor != known.vendor || (known.product[0] != '\0' && product != known.product)) continue;
       UsbDevice device{known.name, vendor, product, node_of(at, known.node), false, {}};
       device.may_open = ::access(device.node.c_str(), R_OK | W_OK) == 0;

@@ -1,26 +1,24 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/live/live.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
-using LiveJson = nlohmann::ordered_json;
-
 constexpr double kUsPerNs = 1e-3;
 
-LiveJson durations_json(const device::DurationStatistics& d) {
+DocumentJson durations_json(const device::DurationStatistics& d) {
   const auto us = [](std::int64_t ns) { return static_cast<double>(ns) * kUsPerNs; };
   return {{"count", d.count},    {"mean", d.mean_ns * kUsPerNs}, {"p50", us(d.p50_ns)},
           {"p99", us(d.p99_ns)}, {"p999", us(d.p999_ns)},        {"max", us(d.max_ns)}};
 }
 
-LiveJson decision_json(const LiveDecision& d) {
+DocumentJson decision_json(const LiveDecision& d) {
   return {{"t_s", d.t_s},
           {"source", device::source_text(d.source)},
           {"decision", device::decision_text(d.decision)},
@@ -31,9 +29,9 @@ LiveJson decision_json(const LiveDecision& d) {
           {"difference_n", d.difference_n}};
 }
 
-LiveJson steps_json(const metrics::ForceSteps& steps) {
+DocumentJson steps_json(const metrics::ForceSteps& steps) {
   const auto largest = [](const metrics::ForceSteps::Largest& one) {
-    return LiveJson{
+    return DocumentJson{
         {"n", one.n}, {"t_s", one.t_s}, {"hip_mm", {one.hip_mm.x(), one.hip_mm.y(), one.hip_mm.z()}}};
   };
   return {{"largest", largest(steps.step())},
@@ -42,8 +40,8 @@ LiveJson steps_json(const metrics::ForceSteps& steps) {
           {"over_0_2_n", steps.over_noisy()}};
 }
 
-LiveJson renderer_json(const LiveRenderer& r) {
-  LiveJson options = LiveJson::object();
+DocumentJson renderer_json(const LiveRenderer& r) {
+  DocumentJson options = DocumentJson::object();
   for (const auto& [key, value] : r.options) options[key] = value;
   return {{"label", r.label},
           {"name", r.name},
@@ -61,7 +59,7 @@ LiveJson renderer_json(const LiveRenderer& r) {
           {"disqualified", r.disqualified}};
 }
 
-LiveJson remote_json(const LiveRemote& remote) {
+DocumentJson remote_json(const LiveRemote& remote) {
   if (remote.where.empty()) return nullptr;
   return {{"listened", remote.where},
           {"packets", remote.counts.packets},
@@ -71,7 +69,7 @@ LiveJson remote_json(const LiveRemote& remote) {
 }
 
 std::string us_text(double us) {
-  return short_number(us);
+  return format_number(us);
 }
 
 Table session_table(const LiveDocument& document) {
@@ -81,12 +79,12 @@ Table session_table(const LiveDocument& document) {
   const auto row = [&](const char* what, std::string value) {
     table.rows.push_back({{what}, {std::move(value)}});
   };
-  row("ticks", count_text(document.ticks));
-  row("periods missed", count_text(document.loop.missed));
+  row("ticks", format_count(document.ticks));
+  row("periods missed", format_count(document.loop.missed));
   row("switches; fades begun", fmt::format("{}, {}", document.switches, document.fades));
   row("refused, waited", fmt::format("{}, {}", document.refused, document.waited));
-  row("faults", count_text(document.faults));
-  if (document.replugged > 0) row("the device was gone and came back", count_text(document.replugged));
+  row("faults", format_count(document.faults));
+  if (document.replugged > 0) row("the device was gone and came back", format_count(document.replugged));
   if (!document.remote.where.empty())
     row("over the network: commands, refused, no command",
         fmt::format("{}, {}, {}", document.remote.counts.commands, document.remote.counts.refused,
@@ -94,8 +92,8 @@ Table session_table(const LiveDocument& document) {
   if (!document.recording.file.empty())
     row("recorded: ticks, of them lost", fmt::format("{}, {} ({})", document.recording.ticks,
                                                      document.recording.lost, document.recording.file));
-  row("largest step of the force, N", short_number(document.largest_step_n));
-  row("of it more than renderers and fade explain, N", short_number(document.largest_excess_n));
+  row("largest step of the force, N", format_number(document.largest_step_n));
+  row("of it more than renderers and fade explain, N", format_number(document.largest_excess_n));
   row("late, µs: p50, p99, p99.9, most",
       fmt::format("{}, {}, {}, {}", us_text(static_cast<double>(document.loop.lateness.p50_ns) * kUsPerNs),
                   us_text(static_cast<double>(document.loop.lateness.p99_ns) * kUsPerNs),
@@ -103,8 +101,8 @@ Table session_table(const LiveDocument& document) {
                   us_text(static_cast<double>(document.loop.lateness.max_ns) * kUsPerNs)));
   row("felt stiffness, N/mm",
       fmt::format("{} ({} N/mm, {} mm of the scene for a mm of the device)",
-                  short_number(document.felt_stiffness_n_per_mm), short_number(document.stiffness_n_per_mm),
-                  short_number(document.world_per_device)));
+                  format_number(document.felt_stiffness_n_per_mm), format_number(document.stiffness_n_per_mm),
+                  format_number(document.world_per_device)));
   table.notes.push_back(document.scheduling + ".");
   return table;
 }
@@ -117,14 +115,14 @@ Table renderers_table(const LiveDocument& document) {
   for (const LiveRenderer& r : document.renderers) {
     const double all = document.ticks > 0 ? static_cast<double>(document.ticks) : 1.0;
     table.rows.push_back({{r.label},
-                          {short_number(100.0 * static_cast<double>(r.felt_frames) / all)},
-                          {count_text(r.contact_frames)},
+                          {format_number(100.0 * static_cast<double>(r.felt_frames) / all)},
+                          {format_count(r.contact_frames)},
                           {us_text(static_cast<double>(r.step.p50_ns) * kUsPerNs)},
                           {us_text(static_cast<double>(r.step.p999_ns) * kUsPerNs)},
-                          {short_number(r.largest_step_n)},
-                          {count_text(r.made)},
-                          {bytes_text(static_cast<double>(r.bytes))},
-                          {bytes_text(static_cast<double>(r.shared_bytes))}});
+                          {format_number(r.largest_step_n)},
+                          {format_count(r.made)},
+                          {format_bytes(static_cast<double>(r.bytes))},
+                          {format_bytes(static_cast<double>(r.shared_bytes))}});
     if (!r.disqualified.empty())
       table.notes.push_back(fmt::format("{} was disqualified: {}.", r.label, r.disqualified));
   }
@@ -135,7 +133,6 @@ Table renderers_table(const LiveDocument& document) {
   return table;
 }
 
-/// Of each renderer while it is felt.
 Table steps_table(const LiveDocument& document) {
   Table table;
   table.title = "Steps of the force that is felt";
@@ -151,13 +148,13 @@ Table steps_table(const LiveDocument& document) {
     const metrics::ForceSteps::Largest &step = r.felt_steps.step(), &excess = r.felt_steps.excess();
     const Vec3& at = excess.hip_mm;
     table.rows.push_back({{r.label},
-                          {short_number(step.n)},
+                          {format_number(step.n)},
                           {fmt::format("{:.3f}", step.t_s)},
-                          {short_number(excess.n)},
+                          {format_number(excess.n)},
                           {fmt::format("{:.3f}", excess.t_s)},
                           {fmt::format("{:.2f} {:.2f} {:.2f}", at.x(), at.y(), at.z())},
-                          {count_text(r.felt_steps.over_clean())},
-                          {count_text(r.felt_steps.over_noisy())}});
+                          {format_count(r.felt_steps.over_clean())},
+                          {format_count(r.felt_steps.over_noisy())}});
   }
   table.notes.emplace_back(
       "The excess of a step is what it is above stiffness times the HIP's move in that tick: no hand made "
@@ -165,7 +162,7 @@ Table steps_table(const LiveDocument& document) {
   return table;
 }
 
-/// Means over stretches, the switches as marks below.
+/// Means over stretches, with marks for switches.
 Chart force_chart(const LiveDocument& document) {
   Chart chart;
   chart.name = "force";
@@ -202,7 +199,7 @@ Chart force_chart(const LiveDocument& document) {
   return chart;
 }
 
-/// How late ticks began: stretches of a quarter of an octave.
+/// Histogram of ticks' lateness in quarter octaves.
 Chart lateness_chart(const LiveDocument& document) {
   Chart chart;
   chart.name = "lateness";
@@ -210,13 +207,13 @@ Chart lateness_chart(const LiveDocument& document) {
   chart.caption = fmt::format(
       "Ticks of each lateness, in stretches of a quarter of an octave; both axes logarithmic. {} periods of "
       "{} were missed whole.",
-      count_text(document.loop.missed), count_text(document.ticks + document.loop.missed));
+      format_count(document.loop.missed), format_count(document.ticks + document.loop.missed));
   chart.x_label = "µs";
   chart.y_label = "ticks";
   chart.log_x = chart.log_y = true;
   chart.style = Chart::Style::kSteps;
   Series line{"ticks", "#0072B2", {}, {}, {}};
-  // Nothing has no place on a logarithmic axis: half a tick stands for none.
+  // A logarithmic axis has no zero: half a tick stands for none.
   constexpr double kNoTick = 0.5, kLeastUs = 1e-3;
   for (const device::DurationBin& bin : document.lateness) {
     line.x.push_back(std::max(kLeastUs, static_cast<double>(bin.from_ns) * kUsPerNs));
@@ -245,7 +242,7 @@ Page live_page(const LiveDocument& document, const OutputFolder& folder) {
   if (const Result<OutputFolder> figures = folder.inside("figures")) {
     const Chart chart = force_chart(document);
     if (has_points(chart)) section.figures.push_back(draw(chart, *figures));
-    // On a virtual clock every tick is at its time.
+    // Ticks on a virtual clock are never late.
     if (!document.accelerated) section.figures.push_back(draw(lateness_chart(document), *figures));
   }
   section.tables = live_tables(document);
@@ -257,8 +254,7 @@ Page live_page(const LiveDocument& document, const OutputFolder& folder) {
 }  // namespace
 
 std::string to_json(const LiveDocument& document) {
-  LiveJson json = {{"schema", kLiveSchema}};
-  json.update(LiveJson::parse(metrics::head_json(document.head)));
+  DocumentJson json = begin_json(kLiveSchema, document.head);
   json["scene"] = document.scene;
   json["path"] = document.path;
   json["device"] = document.device;
@@ -288,7 +284,7 @@ std::string to_json(const LiveDocument& document) {
   json["rearmed"] = document.rearmed;
   json["half_rate_ticks"] = document.half_rate_ticks;
   json["jitter_us"] = durations_json(document.loop.lateness);
-  json["lateness_histogram"] = LiveJson::array();
+  json["lateness_histogram"] = DocumentJson::array();
   for (const device::DurationBin& bin : document.lateness)
     json["lateness_histogram"].push_back({{"from_us", static_cast<double>(bin.from_ns) * kUsPerNs},
                                           {"to_us", static_cast<double>(bin.to_ns) * kUsPerNs},
@@ -296,29 +292,29 @@ std::string to_json(const LiveDocument& document) {
   json["exchange_us"] = durations_json(document.loop.exchange);
   json["resident_bytes"] = {{"before", document.resident_before_bytes},
                             {"after", document.resident_after_bytes}};
-  json["renderers"] = LiveJson::array();
+  json["renderers"] = DocumentJson::array();
   for (const LiveRenderer& r : document.renderers) json["renderers"].push_back(renderer_json(r));
-  json["decisions"] = LiveJson::array();
+  json["decisions"] = DocumentJson::array();
   for (const LiveDecision& d : document.decisions) json["decisions"].push_back(decision_json(d));
   json["decisions_lost"] = document.decisions_lost;
   json["watchdog_trips"] = document.watchdog_trips;
   json["replugged"] = document.replugged;
   json["guarded"] = document.guarded;
   json["unproven"] = document.unproven;
-  json["marks"] = LiveJson::array();
+  json["marks"] = DocumentJson::array();
   for (const SessionMark& mark : document.marks)
     json["marks"].push_back({{"t_s", mark.t_s}, {"text", mark.text}});
   json["remote"] = remote_json(document.remote);
   const LiveRecorded& recording = document.recording;
-  json["recording"] = recording.file.empty() ? LiveJson(nullptr)
-                                             : LiveJson{{"file", recording.file},
-                                                        {"ticks", recording.ticks},
-                                                        {"written", recording.written},
-                                                        {"lost", recording.lost},
-                                                        {"bytes", recording.bytes}};
+  json["recording"] = recording.file.empty() ? DocumentJson(nullptr)
+                                             : DocumentJson{{"file", recording.file},
+                                                            {"ticks", recording.ticks},
+                                                            {"written", recording.written},
+                                                            {"lost", recording.lost},
+                                                            {"bytes", recording.bytes}};
   json["warnings"] = document.warnings;
   json["notes"] = document.notes;
-  return json.dump(1, ' ', false, LiveJson::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
 std::vector<Table> live_tables(const LiveDocument& document) {

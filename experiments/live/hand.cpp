@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/core/try.h"
-#include "toolkit/trace/replay.h"
+#include <palpate/replay.h>
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 namespace {
 
-// Waypoints of a script: a hand at 50 mm/s goes a quarter of a millimetre in between.
+// Spacing of a script's waypoints: a quarter of a millimetre for a hand at 50 mm/s.
 constexpr double kGoalStepS = 5e-3;
 
 Result<device::HandScript> following(const trace::ProbePath& path, const device::DeviceMap& map,
@@ -24,7 +24,7 @@ Result<device::HandScript> following(const trace::ProbePath& path, const device:
       path.size() > 1 ? (path.t_s.back() - from_s) / static_cast<double>(path.size() - 1) : kGoalStepS;
   const double stride = kGoalStepS / step_s;
   double at = 0.0;
-  // Back along the way it came: the path starts in free space, its end may lie in the model.
+  // Returns along the path: it starts in free space, but its end may be inside the model.
   int direction = 1;
   const double last = static_cast<double>(path.size() - 1);
   for (std::size_t i = 0; i < points; ++i) {
@@ -90,16 +90,16 @@ Result<device::HandScript> live_hand(const std::string& hand, const trace::Probe
                                     device::HandScript::Between::kStraight);
 }
 
-Result<std::unique_ptr<ExploringHand>> ExploringHand::create(const trace::PathTarget& target,
-                                                             const trace::HandOptions& options,
+Result<std::unique_ptr<ExploringHand>> ExploringHand::create(const paths::PathTarget& target,
+                                                             const paths::HandOptions& options,
                                                              const device::DeviceMap& map,
                                                              double grip_n_per_mm, double period_s) {
-  PALPATE_ASSIGN(trace::Hand hand, trace::Hand::create(target, options));
+  PALPATE_ASSIGN(paths::Hand hand, paths::Hand::create(target, options));
   return std::unique_ptr<ExploringHand>(
       new ExploringHand(std::move(hand), target, map, grip_n_per_mm, period_s));
 }
 
-ExploringHand::ExploringHand(trace::Hand hand, const trace::PathTarget& target, const device::DeviceMap& map,
+ExploringHand::ExploringHand(paths::Hand hand, const paths::PathTarget& target, const device::DeviceMap& map,
                              double grip_n_per_mm, double period_s)
     : hand_(std::move(hand)),
       world_from_model_(target.world_from_model),
@@ -107,19 +107,19 @@ ExploringHand::ExploringHand(trace::Hand hand, const trace::PathTarget& target, 
       map_(map),
       grip_n_per_mm_(grip_n_per_mm),
       period_s_(period_s),
-      begin_mm_(world_from_model_ * Vec3(hand_.begin_mm() + origin_mm_)),
+      begin_mm_(world_from_model_ * Vec3(hand_.start_mm() + origin_mm_)),
       goal_mm_(begin_mm_),
-      // It is told where to go in every tick.
+      // The goal is set in every tick.
       guide_(std::make_shared<device::HandGuide>(map.device_mm(begin_mm_), period_s)) {}
 
 void ExploringHand::took(const device::Tick& tick) noexcept {
-  // Without a force it waits where it is.
+  // The hand waits where it is while no force is sent.
   if (tick.fault != device::Fault::kNone) return;
   const auto in_model = [this](const Vec3& world) { return world_from_model_.rotation.inverse() * world; };
   const Vec3 stretch_mm = map_.device_mm(tick.hip_mm) - map_.device_mm(goal_mm_);
-  const trace::Felt felt{world_from_model_.inverse() * tick.hip_mm - origin_mm_,
-                         in_model(map_.world_n(tick.sent_n)),
-                         in_model(map_.world_n(grip_n_per_mm_ * stretch_mm))};
+  const paths::HandInput felt{world_from_model_.inverse() * tick.hip_mm - origin_mm_,
+                              in_model(map_.world_n(tick.sent_n)),
+                              in_model(map_.world_n(grip_n_per_mm_ * stretch_mm))};
   goal_mm_ += period_s_ * (world_from_model_.rotation * hand_.step(felt, t_s_, period_s_));
   t_s_ += period_s_;
   guide_->aim(map_.device_mm(goal_mm_));

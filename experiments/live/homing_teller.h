@@ -1,5 +1,5 @@
-// Tells the person at a device what to do until it knows its zero, and that it does: in sessions, in the far
-// end of a bridge and in `palpate devices --report` alike.
+// Tells the person at a device how to home it and when it is homed. Used by sessions, the bridge's far end
+// and `palpate list devices --report`.
 #pragma once
 
 #include <optional>
@@ -9,17 +9,17 @@
 
 namespace palpate::experiments {
 
-/// One thread's, any but the servo's. Refers to the device.
+/// One thread, not the servo's. Refers to the device.
 class HomingTeller {
  public:
-  /// `then`: what follows once it is homed, after "the device knows its zero".
+  /// `then`: text after "the device knows its zero".
   HomingTeller(const SessionDevice& device, std::string then) : device_(device), then_(std::move(then)) {}
-  /// A sentence that has not been told yet; nothing: there is no news.
+  /// A sentence not told yet; empty if nothing changed.
   [[nodiscard]] std::optional<std::string> news();
 
  private:
   const SessionDevice& device_;
-  std::string then_, told_;  // what is to be done now
+  std::string then_, told_;  // the present instruction
 };
 
 }  // namespace palpate::experiments

@@ -15,7 +15,7 @@ Keys::Keys() {
   if (isatty(STDIN_FILENO) == 0 || tcgetattr(STDIN_FILENO, &terminal_before) != 0) return;
   termios raw = terminal_before;
   raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
-  at_stop_ = AtStop([this] {
+  stop_callback_ = StopCallback([this] {
     give_back();
     return std::string();
   });
@@ -23,7 +23,7 @@ Keys::Keys() {
 }
 
 Keys::~Keys() {
-  at_stop_.drop();
+  stop_callback_.drop();
   give_back();
 }
 

@@ -1,28 +1,28 @@
-// Keys of the terminal while a session runs.
+// Terminal keys during a session.
 #pragma once
 
 #include <optional>
 
-#include "toolkit/core/at_stop.h"
+#include <palpate/stop_callback.h>
 
 namespace palpate::experiments {
 
-/// While it lives the terminal hands over single keys, unseen. Where standard input is no terminal there are
-/// none. However the program ends, the terminal is as before.
+/// Switches the terminal to single keys without echo while it lives. Gives no keys if standard input is no
+/// terminal. Restores the terminal however the program ends.
 class Keys {
  public:
   Keys();
   ~Keys();
   Keys(const Keys&) = delete;
   Keys& operator=(const Keys&) = delete;
-  /// The next one that was pressed, without waiting.
+  /// The next key pressed, without waiting.
   [[nodiscard]] std::optional<char> next();
   [[nodiscard]] bool there() const noexcept { return raw_; }
 
  private:
   void give_back() noexcept;
   bool raw_ = false;
-  AtStop at_stop_;
+  StopCallback stop_callback_;
 };
 
 }  // namespace palpate::experiments

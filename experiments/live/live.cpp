@@ -1,40 +1,27 @@
 #include "experiments/live/live.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 
+#include <palpate/result.h>
 #include "experiments/live/hand.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/live/session.h"
 #include "experiments/live/window_hooks.h"
 #include "experiments/report/tables.h"
 #include "experiments/run/choices.h"
-#include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
-// A path is walked back and forth: so much of it is different, the rest would only take memory.
+// Longest stretch of a path kept: it is walked back and forth, and more would only take memory.
 constexpr double kLongestPathS = 60.0;
-constexpr double kPathHz = 1000.0;  // of path generators
-
-std::string key_of_live(const LiveArguments& a, const StageRequest& stage) {
-  RunKey key;
-  for (const std::string& text : {a.run.scene, a.run.renderers, a.run.path, a.device.device, a.device.file,
-                                  a.hand, a.device.grip, a.mapping, a.rule, a.changes})
-    key.add(text);
-  for (const std::string& option : a.device.options) key.add(option);
-  key.add(a.seconds).add(a.switch_every_s).add(a.rate_hz).add(a.fade_ms).add(a.stand_in);
-  for (const std::string& file : files_read(stage)) key.add_file(file);
-  return key.word();
-}
+constexpr double kPathHz = 1000.0;  // rate of path generators
 
 void begin_live(const LiveArguments& arguments, const LivePlan& plan, const Stage& stage, Context& context,
                 LiveDocument& document) {
@@ -55,20 +42,19 @@ void begin_live(const LiveArguments& arguments, const LivePlan& plan, const Stag
   document.notes.insert(document.notes.end(), stage.notes.begin(), stage.notes.end());
 }
 
-/// Writes and prints it. The exit status.
-int finish_live(const LiveDocument& document, const OutputFolder& folder, bool json, Context& context) {
+/// Returns the exit status.
+Result<int> finish_live(const LiveDocument& document, const OutputFolder& folder, bool json,
+                        Context& context) {
   context.progress.report("drawing the report", -1.0);
-  Status written = write_live(document, folder);
-  if (written) written = folder.complete();
+  PALPATE_TRY(write_live(document, folder));
+  PALPATE_TRY(folder.complete());
   context.progress.clear();
-  if (!written) return fail(written.error(), kExitFellShort);
   const int status = document.faults > document.rearmed ? kExitFellShort : kExitOk;
   if (json) {
     fmt::print("{}", to_json(document));
     return status;
   }
-  for (const Table& table : live_tables(document))
-    fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
+  print_tables(live_tables(document), context.verbose);
   std::fflush(stdout);
   for (const std::string& warning : document.warnings) tell("palpate: warning: {}\n", warning);
   for (const std::string& fault : document.fault_names) tell("palpate: fault: {}\n", fault);
@@ -77,21 +63,18 @@ int finish_live(const LiveDocument& document, const OutputFolder& folder, bool j
 }
 
 Status check_window(const LiveArguments& arguments) {
-  const char* const other = arguments.headless      ? "--headless"
-                            : arguments.accelerated ? "--accelerated"
-                                                    : nullptr;
-  if (other == nullptr) return Done{};
-  return Error{fmt::format("--window and {} exclude each other", other), "leave one of them out", {}, 0};
+  if (!arguments.accelerated) return Done{};
+  return Error{"--window and --accelerated exclude each other", "leave one of them out", {}, 0};
 }
 
-/// To the window, where there is one: it is seen before anything is prepared.
+/// Shows the stage in the window, if any, before anything is prepared.
 void show_stage(const LiveArguments& arguments, const Stage& stage) {
   if (arguments.link == nullptr) return;
   arguments.link->show(std::make_shared<const ShownScene>(
       ShownScene{stage.scene_name, stage.scene.input.models, stage.scene.view_up}));
 }
 
-/// Whole Hz, and where a recording is to be.
+/// Checks for a rate in whole Hz and a writable recording.
 Status check_live(const LiveArguments& arguments) {
   if (arguments.rate_hz != std::round(arguments.rate_hz))
     return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz", {}, 0};
@@ -99,7 +82,7 @@ Status check_live(const LiveArguments& arguments) {
                                   : check_recording_file(arguments.record, arguments.replace);
 }
 
-/// The renderers where none was named: what compare would take.
+/// Chooses the renderers of `compare` if none was named.
 Result<LivePlan> choose_and_plan(const LiveArguments& arguments, CheckedRun& checked, const Stage& stage,
                                  const render::Registry& registry, const device::Drivers& drivers,
                                  LiveDocument& document) {
@@ -113,7 +96,7 @@ Result<LivePlan> choose_and_plan(const LiveArguments& arguments, CheckedRun& che
   return plan_live(arguments, checked.renderers, registry, drivers);
 }
 
-/// What is wrong with the arguments is said before a large model is loaded, or a device is touched.
+/// Reports argument errors before a large model is loaded or a device touched.
 Result<DeviceChoice> check_early(const LiveArguments& arguments, const CheckedRun& checked,
                                  const render::Registry& registry, const device::Drivers& drivers) {
   if (!checked.renderers.empty()) {
@@ -123,7 +106,7 @@ Result<DeviceChoice> check_early(const LiveArguments& arguments, const CheckedRu
   return choose_device(arguments.device, drivers);
 }
 
-/// Made, guarded, not open; what hardware has not confirmed is said before there is any force.
+/// Makes and guards the device without opening it; reports properties unproven on hardware before any force.
 Result<SessionDevice> make_device(const DeviceChoice& choice, const LiveArguments& arguments,
                                   const SessionClock& clock, LiveDocument& document) {
   PALPATE_ASSIGN(SessionDevice device, SessionDevice::make(choice, clock.clock(), 1.0 / arguments.rate_hz));
@@ -133,11 +116,10 @@ Result<SessionDevice> make_device(const DeviceChoice& choice, const LiveArgument
   return device;
 }
 
-/// What ends before it began. Who closes the window while something is prepared has made no mistake: what was
-/// asked for is done, and nothing is left behind.
-int ended_early(const Error& error, const LiveArguments& arguments, Context& context) {
-  if (arguments.link == nullptr || !arguments.link->stop_asked())
-    return fail(error, kExitBadInput, &context.progress);
+/// Handles a session that ended before it began. Closing the window during preparation is no error: the
+/// request is honoured and nothing is left behind.
+Result<int> ended_early(const Error& error, const LiveArguments& arguments, Context& context) {
+  if (arguments.link == nullptr || !arguments.link->stop_asked()) return error;
   context.progress.clear();
   tell("palpate: ended before it could be touched; nothing was written\n");
   return kExitOk;
@@ -148,6 +130,40 @@ Result<OutputFolder> open_folder(const RunArguments& run, const StageRequest& st
                  OutputFolder::open(run.out.empty() ? usual_folder("live", run.scene) : run.out));
   PALPATE_TRY(folder.check_not_read(files_read(stage)));
   return folder;
+}
+
+Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers, Context& context) {
+  const render::Registry registry = all_renderers();
+  PALPATE_TRY(check_live(arguments));
+  RunArguments run = arguments.run;
+  run.reference = "none";  // no scoring
+  PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry, context.progress));
+  PALPATE_ASSIGN(const DeviceChoice choice, check_early(arguments, checked, registry, drivers));
+  checked.stage.usual_frames =
+      static_cast<int>(std::lround(std::min(arguments.seconds, kLongestPathS) * kPathHz));
+  PALPATE_ASSIGN(const OutputFolder folder, open_folder(run, checked.stage));
+  LiveDocument document;
+  SessionClock clock(arguments.accelerated);
+  // The guard is forked, so it comes before threads and a large scene.
+  PALPATE_ASSIGN(SessionDevice device, make_device(choice, arguments, clock, document));
+  if (arguments.link != nullptr) arguments.link->device_made();
+  LinkedProgress seen(context.progress, arguments.link);
+  const Result<Stage> stage = set_up(checked.stage, all_readers(), seen);
+  if (!stage) return ended_early(stage.error(), arguments, context);
+  show_stage(arguments, *stage);
+  PALPATE_ASSIGN(LivePlan plan, choose_and_plan(arguments, checked, *stage, registry, drivers, document));
+  if (!arguments.record.empty())
+    plan.header = recording_header(run.scene, checked.stage.scene, stage->scene, run.surface);
+  context.working = true;
+  PALPATE_TRY(begin_run(folder, "live", context));
+  context.working = false;
+  begin_live(arguments, plan, *stage, context, document);
+  Workshop workshop{*stage, registry, run.load.threads};
+  if (const Status ran = run_session(arguments, plan, workshop, clock, device, context.progress, document);
+      !ran)
+    return ended_early(ran.error(), arguments, context);
+  context.working = true;
+  return finish_live(document, folder, run.json, context);
 }
 
 }  // namespace
@@ -170,41 +186,7 @@ int run_live(const LiveArguments& arguments, Context& context) {
 }
 
 int run_live_with(const LiveArguments& given, const device::Drivers& drivers, Context& context) {
-  const LiveArguments arguments = with_defaults(given);
-  const render::Registry registry = all_renderers();
-  if (const Status right = check_live(arguments); !right) return fail(right.error(), kExitBadInput);
-  RunArguments run = arguments.run;
-  run.reference = "none";  // nothing is scored
-  Result<CheckedRun> checked = check_run(run, registry, context.progress);
-  if (!checked) return fail(checked.error(), kExitBadInput);
-  const Result<DeviceChoice> choice = check_early(arguments, *checked, registry, drivers);
-  if (!choice) return fail(choice.error(), kExitBadInput);
-  checked->stage.usual_frames =
-      static_cast<int>(std::lround(std::min(arguments.seconds, kLongestPathS) * kPathHz));
-  const Result<OutputFolder> folder = open_folder(run, checked->stage);
-  if (!folder) return fail(folder.error(), kExitBadInput);
-  LiveDocument document;
-  SessionClock clock(arguments.accelerated);
-  // Before threads and a large scene: its guard is forked.
-  Result<SessionDevice> device = make_device(*choice, arguments, clock, document);
-  if (!device) return fail(device.error(), kExitBadInput);
-  if (arguments.link != nullptr) arguments.link->device_made();
-  LinkedProgress seen(context.progress, arguments.link);
-  const Result<Stage> stage = set_up(checked->stage, all_readers(), seen);
-  if (!stage) return ended_early(stage.error(), arguments, context);
-  show_stage(arguments, *stage);
-  Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, drivers, document);
-  if (plan && !arguments.record.empty())
-    plan->header = recording_header(run.scene, checked->stage.scene, stage->scene, run.surface);
-  if (!plan) return fail(plan.error(), kExitBadInput, &context.progress);
-  if (const Status begun = begin_run(*folder, key_of_live(arguments, checked->stage), context); !begun)
-    return fail(begun.error(), kExitFellShort, &context.progress);
-  begin_live(arguments, *plan, *stage, context, document);
-  Workshop workshop{*stage, registry, run.load.threads};
-  if (const Status ran = run_session(arguments, *plan, workshop, clock, *device, context.progress, document);
-      !ran)
-    return ended_early(ran.error(), arguments, context);
-  return finish_live(document, *folder, run.json, context);
+  return exit_status(live(with_defaults(given), drivers, context), context);
 }
 
 }  // namespace palpate::experiments

@@ -1,5 +1,5 @@
-// The whole of `palpate live`: several renderers under one hand, of which one is felt, switched while they
-// are felt. On a simulated device, in real time or as fast as it goes, or on any that a driver makes.
+// `palpate live`: several renderers under one hand, one felt, switched during contact. Runs on a simulated
+// device, in real time or faster, or on any driver's device.
 #pragma once
 
 #include <optional>
@@ -18,39 +18,40 @@ namespace palpate::experiments {
 class SessionLink;  // experiments/window/link.h
 
 inline constexpr const char* kLiveFile = "live.json";
-/// Goes up when a key changes its meaning or goes away.
+/// Increases when a key is redefined or removed.
 inline constexpr const char* kLiveSchema = "palpate-live/1";
 
 struct LiveArguments {
-  RunArguments run;  ///< of it: scene, renderers, path, folder, model, surface, json
+  RunArguments run;  ///< scene, renderers, path, folder, model, surface, json
   DeviceArguments device;
-  std::string hand;  ///< empty: explore; follow where another path is named; in a window the mouse
+  std::string hand;  ///< empty: "mouse" in a window; "follow" if a path other than "hand" is named; else
+                     ///< "explore"
   std::string mapping = "1:1", rule = "wait", changes, record;
-  std::string listen;    ///< PORT or ADDRESS:PORT; empty: nobody is heard
-  double seconds = 0.0;  ///< 0: ten, in a window as long as it is open
+  std::string listen;    ///< PORT or ADDRESS:PORT; empty: do not listen
+  double seconds = 0.0;  ///< 0: ten, or until the window closes
   double switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
-  double stand_in = 60'000.0;  ///< points of what is felt while a large scene is prepared; 0: nothing is
-  std::string up;              ///< what is up in a window; empty: what the scene says, else z
-  bool window = false, headless = false, accelerated = false, rearm = false;
-  bool replace = false;         ///< a recording that is there
-  SessionLink* link = nullptr;  ///< of the window over it, which outlives it; null: none
+  double stand_in = 60'000.0;  ///< points rendered while a large scene is prepared; 0: none
+  std::string up;              ///< the window's up axis; empty: the scene's, else z
+  bool window = false, accelerated = false, rearm = false;
+  bool replace = false;         ///< overwrites an existing recording
+  SessionLink* link = nullptr;  ///< link of the window, which outlives the session; null: no window
 };
 
-/// What was left open, filled in.
+/// Fills in defaults.
 [[nodiscard]] LiveArguments with_defaults(LiveArguments arguments);
 
-/// A decision of the mixer that a person would ask about.
+/// A decision of the mixer worth reporting.
 struct LiveDecision {
   double t_s = 0.0;
   device::SwitchSource source = device::SwitchSource::kProgram;
   device::MixDecision decision = device::MixDecision::kNone;
   device::SwitchReason reason = device::SwitchReason::kNone;
-  std::uint8_t from = 0, to = 0;  ///< lanes; the same where there is no other
-  double before_n = 0.0;          ///< force that went out
+  std::uint8_t from = 0, to = 0;  ///< lanes; equal if no other is involved
+  double before_n = 0.0;          ///< force sent
   double difference_n = 0.0;      ///< between the two
 };
 
-/// One renderer over the session.
+/// Facts of one renderer over the session.
 struct LiveRenderer {
   std::string label, name;
   std::vector<std::pair<std::string, std::string>> options;  ///< as resolved at the end
@@ -58,26 +59,26 @@ struct LiveRenderer {
   std::uint64_t bytes = 0, shared_bytes = 0;
   std::uint64_t frames = 0, contact_frames = 0, felt_frames = 0;
   device::DurationStatistics step;
-  double largest_step_n = 0.0;     ///< of its own force, from frame to frame, felt or not
-  metrics::ForceSteps felt_steps;  ///< of its own force while it is felt
-  std::uint32_t made = 1;          ///< 1, and one more for each change of parameters that it took
+  double largest_step_n = 0.0;     ///< of its own force between frames, felt or not
+  metrics::ForceSteps felt_steps;  ///< of its own force while felt
+  std::uint32_t made = 1;          ///< 1 plus the parameter changes taken over
   std::string disqualified;
 };
 
-/// A stretch of the session, for the picture: means over it.
+/// Means over a stretch of the session, for the chart.
 struct LiveSample {
   double t_s = 0.0;
   double out_n = 0.0;
   std::vector<double> each_n;
 };
 
-/// Of the session's recording; no file: it was not asked for.
+/// Facts of the recording; no file: not recorded.
 struct LiveRecorded {
   std::string file;
   std::uint64_t ticks = 0, written = 0, lost = 0, bytes = 0;
 };
 
-/// What came over the network; no address: nobody was heard.
+/// Facts of network commands; no address: did not listen.
 struct LiveRemote {
   std::string where;
   RemoteCounts counts;
@@ -89,21 +90,21 @@ struct LiveDocument {
   bool accelerated = false;
   double rate_hz = 1000.0, seconds = 0.0, fade_ms = 0.0;
   double world_per_device = 1.0, stiffness_n_per_mm = 0.0, felt_stiffness_n_per_mm = 0.0;
-  double force_limit_n = 0.0;  ///< of the governor
+  double force_limit_n = 0.0;  ///< the governor's
   device::LoopStatistics loop;
   std::vector<device::DurationBin> lateness;
   std::uint64_t ticks = 0, faults = 0, rearmed = 0, half_rate_ticks = 0;
   std::uint64_t switches = 0, fades = 0, refused = 0, waited = 0;
-  double largest_step_n = 0.0;    ///< of the force that goes out
-  double largest_excess_n = 0.0;  ///< of a step at a switch above what it may be
+  double largest_step_n = 0.0;    ///< of the force sent
+  double largest_excess_n = 0.0;  ///< largest excess of a switch's force step above its bound
   double steal_percent = 0.0;
   std::uint64_t resident_before_bytes = 0, resident_after_bytes = 0;
   std::uint64_t decisions_lost = 0;
   LiveRecorded recording;
-  std::uint64_t watchdog_trips = 0;   ///< real time alone
-  std::uint64_t replugged = 0;        ///< how often the device was gone and came back
-  bool guarded = false;               ///< by a process of its own
-  std::vector<std::string> unproven;  ///< of the device, without hardware
+  std::uint64_t watchdog_trips = 0;   ///< real time only
+  std::uint64_t replugged = 0;        ///< times the device was lost and came back
+  bool guarded = false;               ///< by a separate process
+  std::vector<std::string> unproven;  ///< device properties unproven on hardware
   LiveRemote remote;
   std::vector<SessionMark> marks;
   std::vector<std::string> fault_names;
@@ -115,10 +116,10 @@ struct LiveDocument {
 
 [[nodiscard]] std::string to_json(const LiveDocument& document);
 [[nodiscard]] std::vector<Table> live_tables(const LiveDocument& document);
-/// live.json, report.html with its figures.
+/// Writes live.json and report.html with its figures.
 [[nodiscard]] Status write_live(const LiveDocument& document, const OutputFolder& folder);
 
-/// The exit status: 1 where the session ended with a fault latched.
+/// Returns the exit status: 1 if the session ended with a latched fault.
 int run_live(const LiveArguments& arguments, Context& context);
 /// The same with these drivers.
 int run_live_with(const LiveArguments& arguments, const device::Drivers& drivers, Context& context);

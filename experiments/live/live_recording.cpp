@@ -5,18 +5,18 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 namespace {
 
-/// The renderers of a recorded mixer are all taps.
+/// Every renderer of a recorded mixer is a RendererTap.
 device::RendererTap& tap_of(const device::TrackedFrame& frame) noexcept {
   return static_cast<device::RendererTap&>(*frame.renderer);
 }
 
-/// What a session changes of the scene for one renderer stands beside its options, under names that no
-/// option has: a replay without it is not the same renderer.
+/// Stores a session's scene changes for one renderer beside its options, under names that no option has; a
+/// replay needs them.
 device::RecordedRenderer entry_of(const render::HapticRenderer& renderer, const LiveSetting& setting,
                                   bool passivity_apart) {
   device::RecordedRenderer entry{setting.request.label, setting.request.name, {}};
@@ -79,14 +79,14 @@ void LiveRecording::discard(const std::string& path) {
 }
 
 void LiveRecording::fill(const device::Tick& tick, device::RecordedTick& out) noexcept {
-  static_assert(device::kMostTracked <= device::RecordedTick::kMostTracks);
+  static_assert(device::kMaxTracked <= device::RecordedTick::kMaxTracks);
   const device::MixedFrame& mixed = mixer_->last();
   out.hip_mm = tick.hip_mm;
   out.track_count = 0;
   out.active = out.to = device::RecordedTick::kNoTrack;
   out.weight = 0.0;
   out.request = 0;
-  // A tick without a step of the mixer (a fault) has none of its decisions.
+  // A tick without a mixer step (a fault) has no decision.
   const bool stepped = mixed.t_s == tick.t_s;
   out.decision = stepped ? static_cast<std::uint8_t>(mixed.decision) : 0;
   for (std::size_t i = 0; i < mixed.tracked.size(); ++i) {

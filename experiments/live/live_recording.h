@@ -1,4 +1,4 @@
-// The recording of a live session: every renderer on the hand, and what the mixer did with them.
+// Records a live session: every renderer's frames and the mixer's decisions.
 #pragma once
 
 #include <memory>
@@ -12,20 +12,21 @@
 
 namespace palpate::experiments {
 
-/// Nothing of it is used in a session that is not recorded. tracked() belongs to one thread at a time: before
-/// the session to who prepares it, then to the worker. fill() and recorded() are the servo thread's.
+/// Unused in sessions without a recording. tracked() is for one thread at a time: first the preparing thread,
+/// then the worker. fill() and recorded() are for the servo thread.
 class LiveRecording final : public device::TickSource {
  public:
-  /// A renderer as the mixer is to have it: its calls are noted. In the recording's table under its label, a
-  /// later one of the same label as "label (2)". Errors of the file, once it is open.
+  /// Wraps a renderer for the mixer and records its calls. Its table entry has its label; later ones of the
+  /// same label become "label (2)". Errors: the file's, once open.
   [[nodiscard]] Result<std::unique_ptr<render::HapticRenderer>> tracked(
       std::unique_ptr<render::HapticRenderer> renderer, const LiveSetting& setting, bool passivity_apart,
       const Clock& clock);
 
-  /// The file, with what was tracked until now. Every renderer of the mixer must have come from tracked().
+  /// Creates the file with the renderers tracked so far. Every renderer of the mixer must come from
+  /// tracked().
   [[nodiscard]] Status open(const std::string& path, bool replace, device::RecordingHeader header,
                             const device::Mixer& mixer);
-  /// Nothing was felt: the file goes away.
+  /// Removes the file of a session without any tick.
   void discard(const std::string& path);
   /// Null before open().
   [[nodiscard]] device::Recorder* recorder() noexcept { return recorder_.get(); }
@@ -39,7 +40,7 @@ class LiveRecording final : public device::TickSource {
   std::unique_ptr<device::Recorder> recorder_;
 };
 
-/// What RecordedTick::decision means in a live session.
+/// Meanings of RecordedTick::decision in a live session.
 [[nodiscard]] std::vector<std::string> live_decisions();
 
 }  // namespace palpate::experiments

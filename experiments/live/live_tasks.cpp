@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/window/link.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 
@@ -14,12 +14,12 @@ using RequestKind = device::SwitchRequest::Kind;
 
 namespace {
 
-/// How much nicer than the servo a preparation beside it is.
+/// Niceness added to a preparation beside the servo.
 constexpr int kPreparingNiceness = 10;
 
 }  // namespace
 
-/// Shown in the window, where there is one; over with the session.
+/// Progress shown in the window, if any; cancelled when the session ends.
 struct LiveTasks::Ending final : Progress {
   explicit Ending(const LiveTasks& of) : tasks(of) {}
   void report(std::string_view what, double fraction) override {
@@ -40,7 +40,7 @@ void LiveTasks::replace_stand_ins(int threads, Made made) {
   for (std::size_t lane = 0; lane < settings_.size(); ++lane) asked_.push_back({0.0, lane, settings_[lane]});
 }
 
-/// The worker's first act where it prepares beside the servo: threads that it makes are as nice.
+/// Lowers the worker's priority for preparing beside the servo; threads it creates inherit this.
 void LiveTasks::be_nice() noexcept {
   if (std::exchange(nice_, false)) (void)::setpriority(PRIO_PROCESS, 0, kPreparingNiceness);
 }
@@ -49,7 +49,7 @@ void SwitchTimer::took(const device::Tick& tick) noexcept {
   if (!begun_) next_s_ = tick.t_s + every_s_;
   begun_ = true;
   if (!(every_s_ > 0.0) || tick.t_s < next_s_) return;
-  // Not from the last time on: what was late would add up.
+  // Counts from the schedule, not the last switch, so lateness does not add up.
   while (next_s_ <= tick.t_s) next_s_ += every_s_;
   mixer_.request({RequestKind::kNext, device::SwitchSource::kTimer, 0});
 }
@@ -67,7 +67,7 @@ void LiveTasks::work(double now_s) {
   const LiveChange& change = *taken;
   Result<std::unique_ptr<render::HapticRenderer>> made = make(change);
   if (link_ != nullptr) link_->progress("", -1.0);
-  // Who ends the session while something is prepared has made no mistake.
+  // Ending the session during a preparation is no error.
   if (!made && Ending(*this).cancelled()) return;
   if (link_ != nullptr && !made) link_->answer(made.error().message());
   if (!made) {
@@ -81,7 +81,7 @@ void LiveTasks::work(double now_s) {
   (void)mixer_.offer(pending_, lane_);
 }
 
-/// What a person typed, on top of all that was changed before.
+/// Applies changes typed by a person on top of earlier ones.
 void LiveTasks::take_asked() {
   for (const std::string& text : link_->take_changes()) {
     const auto parsed = parse_changes("0:" + text, settings_, workshop_.registry);

@@ -1,5 +1,4 @@
-// What a live session does besides its ticks: renderers made anew while it runs, keys, requests over the
-// network, switches by a timer.
+// A live session's work besides ticks: rebuilt renderers, keys, network requests, timed switches.
 #pragma once
 
 #include <atomic>
@@ -10,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include <palpate/device/servo.h>
 #include "device/live/mixer.h"
 #include "device/live/remote_command.h"
-#include "device/servo/tick_observer.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/changes.h"
 #include "experiments/live/live_recording.h"
@@ -21,7 +20,7 @@ namespace palpate::experiments {
 
 class SessionLink;  // experiments/window/link.h
 
-/// Asks for the next renderer at fixed times of the session.
+/// Requests the next renderer at fixed times of the session.
 class SwitchTimer final : public device::TickObserver {
  public:
   /// `every_s` 0: never.
@@ -35,16 +34,16 @@ class SwitchTimer final : public device::TickObserver {
   bool begun_ = false;
 };
 
-/// Where a new renderer begins, and who notes what it does.
+/// Where new renderers start, and their recording.
 struct TaskPlaces {
-  Vec3 free_mm = Vec3::Zero();         ///< world: free for every renderer
-  LiveRecording* recording = nullptr;  ///< null: none is made
+  Vec3 free_mm = Vec3::Zero();         ///< world frame, free for every renderer
+  LiveRecording* recording = nullptr;  ///< null: not recorded
 };
 
-/// work() is the worker's, key() the main thread's, act() any thread's. Refers to everything.
+/// work() runs on the worker, key() on the main thread, act() on any thread. Refers to its arguments.
 class LiveTasks final : public SessionTasks {
  public:
-  /// `labels`: of the lanes, in their order.
+  /// `labels`: by lane.
   LiveTasks(Workshop& workshop, const std::vector<LiveChange>& changes, std::vector<std::string> labels,
             device::Mixer& mixer, const Clock& clock, const TaskPlaces& places)
       : workshop_(workshop),
@@ -54,22 +53,22 @@ class LiveTasks final : public SessionTasks {
         clock_(clock),
         places_(places) {}
 
-  /// Changes that are typed into a window are taken from there; null: there is none. Before the session runs.
+  /// Takes changes typed into this window; null: none. Call before the session runs.
   void asked_by(SessionLink* link, std::vector<LiveSetting> settings) {
     link_ = link;
     settings_ = std::move(settings);
   }
-  /// In every lane something else stands for the renderer that was asked for: all are made, on `threads`
-  /// threads beside the servo's, and made(lane, renderer, seconds) is told of each. Before the session runs.
+  /// Replaces every lane's stand-in by the requested renderer, built on `threads` threads beside the servo's;
+  /// calls made(lane, renderer, seconds) for each. Call before the session runs.
   using Made = std::function<void(std::size_t lane, const MadeRenderer& made, double at_s)>;
   void replace_stand_ins(int threads, Made made);
-  /// Makes what is due, hands it over, and destroys what comes back.
+  /// Builds what is due, hands it over and destroys returned renderers.
   void work(double now_s) override;
   void key(char pressed) override;
   void ending() noexcept override { ending_.store(true, std::memory_order_release); }
-  /// False: it names nothing that is there, or there is nothing to arm.
+  /// False if the command names nothing present or there is nothing to arm.
   bool act(const device::RemoteCommand& command, Assembly& session);
-  /// Changes that were not made. Once nothing runs.
+  /// Changes that failed. Read after the session.
   [[nodiscard]] const std::vector<std::string>& failures() const { return failures_; }
 
  private:
@@ -88,9 +87,9 @@ class LiveTasks final : public SessionTasks {
   TaskPlaces places_;
   std::size_t next_ = 0;
   SessionLink* link_ = nullptr;
-  std::vector<LiveSetting> settings_;  // as they are now, by lane
+  std::vector<LiveSetting> settings_;  // current, by lane
   std::deque<LiveChange> asked_;
-  std::vector<bool> stood_in_;  // by lane: by something else until now
+  std::vector<bool> stood_in_;  // by lane: still a stand-in
   Made made_;
   double now_s_ = 0.0;
   bool nice_ = false;

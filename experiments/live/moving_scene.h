@@ -1,4 +1,4 @@
-// A renderer whose scene moves: whoever steps it needs not know.
+// A renderer wrapper that moves the scene's models.
 #pragma once
 
 #include <memory>
@@ -8,8 +8,8 @@
 
 namespace palpate::experiments {
 
-/// Moves the scene's models to the time of each step before it. Owns the renderer, refers to the simulation,
-/// which nobody else may advance.
+/// Moves the models to the time of each step before it. Owns the renderer; refers to the simulation, which
+/// nothing else may advance.
 class MovingScene final : public render::WrappedRenderer {
  public:
   MovingScene(std::unique_ptr<render::HapticRenderer> inner, render::Simulation& simulation)

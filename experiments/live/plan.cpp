@@ -1,12 +1,12 @@
-// What the arguments of a session ask for, checked before anything is loaded.
+// Checks a session's arguments before anything is loaded.
 #include <fmt/format.h>
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/live/hand.h"
 #include "experiments/live/session.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
@@ -38,7 +38,7 @@ Result<device::WorkspaceOptions> workspace_of(const std::string& mapping) {
   return options;
 }
 
-/// Whether what is asked for goes with the time that passes, and with a hand that is a person's.
+/// Checks that the arguments suit real time and a person's hand.
 Status keeps_time(const LiveArguments& arguments, const DeviceChoice& device) {
   if (arguments.accelerated && !arguments.listen.empty())
     return Error{"--listen hears in real time, and --accelerated has none", "leave one of them out", {}, 0};
@@ -84,9 +84,9 @@ Result<LivePlan> plan_live(const LiveArguments& arguments, const std::vector<Ren
               : rule == rules.begin() + 1 ? device::SwitchRule::kContactElseRefuse
                                           : device::SwitchRule::kFreeSpace;
   PALPATE_TRY(check_hand(arguments));
-  if (renderers.size() > device::kMostLanes)
+  if (renderers.size() > device::kMaxLanes)
     return Error{fmt::format("--renderers names {} renderers", renderers.size()),
-                 fmt::format("one hand takes at most {}", device::kMostLanes),
+                 fmt::format("one hand takes at most {}", device::kMaxLanes),
                  {},
                  0};
   for (const RendererRequest& request : renderers) plan.settings.push_back({request});

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include <palpate/result.h>
 #include "experiments/live/recording_export.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -37,7 +37,7 @@ void add_vector(std::vector<BidsChannel>& all, const std::string& name, const ch
     all.push_back({name + "_" + axis, axis, type, point, units, frame, description});
 }
 
-/// In the order of the columns.
+/// Channels in the order of the columns.
 std::vector<BidsChannel> bids_channels() {
   std::vector<BidsChannel> all;
   all.push_back({"latency", "n/a", "LATENCY", "n/a", "s", "n/a", "time since the first sample"});
@@ -139,10 +139,11 @@ std::string channels_json(const device::RecordingHeader& header) {
 }
 
 std::string dataset_json() {
-  return nlohmann::ordered_json{{"Name", "A recording of a haptic session"},
-                                {"BIDSVersion", kBidsVersion},
-                                {"DatasetType", "raw"},
-                                {"GeneratedBy", {{{"Name", "palpate export"}, {"Version", version_text()}}}}}
+  return nlohmann::ordered_json{
+             {"Name", "A recording of a haptic session"},
+             {"BIDSVersion", kBidsVersion},
+             {"DatasetType", "raw"},
+             {"GeneratedBy", {{{"Name", "palpate report export"}, {"Version", version_text()}}}}}
              .dump(2) +
          "\n";
 }
@@ -156,7 +157,7 @@ Status make_folder(const fs::path& folder) {
   return Done{};
 }
 
-/// Everything, into a folder that takes the name of the dataset when it is whole.
+/// Writes everything into a folder that takes the dataset's name once complete.
 Result<std::uint64_t> write_dataset(device::Recording& recording, const fs::path& folder,
                                     const std::string& subject, const std::string& task) {
   const fs::path motion = folder / ("sub-" + subject) / "motion";
@@ -181,7 +182,7 @@ Result<std::uint64_t> write_dataset(device::Recording& recording, const fs::path
   const device::RecordingHeader& header = recording.header();
   const auto file = [&](const char* ending) { return (motion / (stem + ending)).string(); };
   PALPATE_TRY(write_file(file("_motion.json"), motion_json(header, channels, task, counts)));
-  // Without the tracking system's channels elsewhere the name is that of the motion file.
+  // File names equal the motion file's, with another suffix.
   PALPATE_TRY(write_file(file("_channels.tsv"), channels_text(channels, header.rate_hz)));
   PALPATE_TRY(write_file(file("_channels.json"), channels_json(header)));
   PALPATE_TRY(write_file((folder / "dataset_description.json").string(), dataset_json()));
@@ -202,14 +203,14 @@ Result<std::uint64_t> export_motion_bids(device::Recording& recording, const std
   const fs::path part = whole.string() + ".part";
   std::error_code code;
   fs::remove_all(part, code);
-  const auto removed_at_stop = AtStop([part] {
+  const auto removed_at_stop = StopCallback([part] {
     std::error_code ignored;
     fs::remove_all(part, ignored);
     return std::string();
   });
   Result<std::uint64_t> rows = write_dataset(recording, part, subject, task);
   if (rows) {
-    fs::remove(whole, code);  // an empty folder
+    fs::remove(whole, code);  // removes an empty folder
     fs::rename(part, whole, code);
     if (code) rows = Error{"cannot name the folder: " + code.message(), "name another one", folder, 0};
   }

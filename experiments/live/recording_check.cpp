@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/data/scene_scans.h"
 #include "experiments/live/recording_segments.h"
 #include "experiments/live/recording_session.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -20,7 +20,7 @@ bool is_same(const device::RecordedRenderer& a, const device::RecordedRenderer& 
   return a.name == b.name && sorted(a.options) == sorted(b.options);
 }
 
-/// What the arguments name, replayed; nothing where the recording holds no such renderer.
+/// Replays the named renderer; empty if the recording has none such.
 Result<std::string> replay_named(const RunArguments& arguments, const std::string& folder, Context& context,
                                  int& status) {
   const render::Registry registry = all_renderers();
@@ -68,12 +68,12 @@ Result<std::vector<device::RecordedRenderer>> renderers_of_recording(const std::
 
 Result<std::string> renderer_of_recording(const std::string& file) {
   PALPATE_ASSIGN(const std::vector<device::RecordedRenderer> all, renderers_of_recording(file));
-  if (all.empty()) return Error{"the recording names no renderer", "name one with --renderer", file, 0};
+  if (all.empty()) return Error{"the recording names no renderer", "name one with --renderers", file, 0};
   std::string text = all.front().name;
   for (const auto& [key, value] : all.front().options) {
     if (value.find_first_of(",:") != std::string::npos)
       return Error{fmt::format("the recorded value of '{}' cannot be written on a command line", key),
-                   "name the renderer with --renderer", file, 0};
+                   "name the renderer with --renderers", file, 0};
     text += ":" + key + "=" + value;
   }
   return text + ":label=" + all.front().label;

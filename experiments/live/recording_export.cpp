@@ -6,12 +6,12 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
+#include <palpate/trace.h>
 #include "experiments/live/recording_segments.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
-#include "toolkit/trace/trace_io.h"
 
 namespace palpate::experiments {
 namespace {
@@ -112,22 +112,20 @@ Result<std::uint64_t> export_csv(device::Recording& recording, const std::string
   return std::uint64_t{path.size()};
 }
 
-int run_export(const ExportArguments& arguments, Context& context) {
-  if (const Status good = check_export(arguments); !good) return fail(good.error(), kExitBadInput);
+Result<int> run_export(const ExportArguments& arguments, Context& context) {
+  PALPATE_TRY(check_export(arguments));
   device::ReadRecordingOptions options;
   options.skip_damaged = arguments.skip_damaged;
-  Result<device::Recording> recording = device::Recording::open(arguments.recording, options);
-  if (!recording) return fail(recording.error(), kExitBadInput);
+  PALPATE_ASSIGN(device::Recording recording, device::Recording::open(arguments.recording, options));
   context.progress.report("exporting", -1.0);
-  Result<std::uint64_t> rows =
-      arguments.format == "csv" ? export_csv(*recording, arguments.renderer, arguments.out)
-      : arguments.format == "hdf5"
-          ? export_hdf5(*recording, arguments.out, context.progress)
-          : export_motion_bids(*recording, arguments.out, arguments.subject, arguments.task);
-  if (!rows) return fail(rows.error(), kExitBadInput, &context.progress);
+  PALPATE_ASSIGN(const std::uint64_t rows,
+                 arguments.format == "csv" ? export_csv(recording, arguments.renderer, arguments.out)
+                 : arguments.format == "hdf5"
+                     ? export_hdf5(recording, arguments.out, context.progress)
+                     : export_motion_bids(recording, arguments.out, arguments.subject, arguments.task));
   context.progress.clear();
-  for (const std::string& warning : recording->end().warnings()) tell("palpate: warning: {}\n", warning);
-  say(arguments, *recording, *rows);
+  for (const std::string& warning : recording.end().warnings()) tell("palpate: warning: {}\n", warning);
+  say(arguments, recording, rows);
   return kExitOk;
 }
 

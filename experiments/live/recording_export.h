@@ -1,4 +1,4 @@
-// The whole of `palpate export`: recordings in formats that others read.
+// `palpate report export`: writes recordings in other programs' formats.
 #pragma once
 
 #include <string>
@@ -11,26 +11,26 @@ namespace palpate::experiments {
 struct ExportArguments {
   std::string recording;
   std::string format = "csv";                  ///< csv, hdf5, motion-bids
-  std::string out;                             ///< a file; of motion-bids a folder
-  std::string renderer;                        ///< of csv: the label of one; empty: the first
-  std::string subject = "01", task = "touch";  ///< of motion-bids
+  std::string out;                             ///< a file; a folder for motion-bids
+  std::string renderer;                        ///< csv: a label; empty: the first
+  std::string subject = "01", task = "touch";  ///< for motion-bids
   bool skip_damaged = false, force = false, json = false;
 };
-int run_export(const ExportArguments& arguments, Context& context);
+[[nodiscard]] Result<int> run_export(const ExportArguments& arguments, Context& context);
 
-/// One renderer's frames as Palpate writes traces: read_trace_csv() reads them. Ticks in which it was not
-/// stepped, or whose HIP is not finite, are no rows. The rows that were written.
+/// Writes one renderer's frames as a Palpate trace for read_trace_csv(). Skips ticks without a step or with a
+/// non-finite HIP. Returns the rows written.
 [[nodiscard]] Result<std::uint64_t> export_csv(device::Recording& recording, const std::string& label,
                                                const std::string& file);
 
-/// Everything, in datasets of one row a tick; a group for each renderer.
+/// Writes everything as datasets of one row a tick, one group per renderer.
 [[nodiscard]] Result<std::uint64_t> export_hdf5(device::Recording& recording, const std::string& file,
                                                 Progress& progress);
-/// Whether this program was built with HDF5.
+/// True if this program was built with HDF5.
 [[nodiscard]] bool has_hdf5();
 
-/// A dataset of one subject as Motion-BIDS (version 1.9 of the Brain Imaging Data Structure and later) lays
-/// it out, in a folder that is empty or not there: TSV, its JSON, channels, the description of the dataset.
+/// Writes a one-subject dataset in the layout of Motion-BIDS (Brain Imaging Data Structure 1.9 and later)
+/// into an empty or new folder: TSV, its JSON, channels, dataset description.
 [[nodiscard]] Result<std::uint64_t> export_motion_bids(device::Recording& recording,
                                                        const std::string& folder, const std::string& subject,
                                                        const std::string& task);

@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -17,7 +17,6 @@ using FactsJson = nlohmann::ordered_json;
 
 constexpr double kSecondsPerNs = 1e-9, kMsPerNs = 1e-6, kUsPerNs = 1e-3;
 
-/// Counts what the ticks say.
 class TickCounter {
  public:
   explicit TickCounter(RecordingFacts& facts) : facts_(facts), decided_(facts.header.decisions.size()) {}
@@ -25,7 +24,7 @@ class TickCounter {
   void count(const device::RecordedTick& tick) {
     if (!begun_) first_ns_ = tick.t_ns;
     if (!begun_ || tick.rearmed) ++facts_.segments;
-    // The first tick after arming begins anew: the same fault there is another one.
+    // The first tick after arming starts a new count: the same fault then is another one.
     const device::Fault before = begun_ && !tick.rearmed ? fault_ : device::Fault::kNone;
     if (tick.fault != device::Fault::kNone && tick.fault != before) count_fault(tick);
     fault_ = tick.fault;
@@ -96,7 +95,7 @@ FactsJson renderers_json(const RecordingFacts& facts) {
   return list;
 }
 
-/// A text of the file as one line of a terminal: control characters would move its cursor.
+/// A text from the file as one terminal line; removes control characters, which would move the cursor.
 std::string plain(std::string text) {
   constexpr unsigned char kFirstPrintable = 0x20, kDelete = 0x7F;
   std::erase_if(text, [](char c) {
@@ -107,7 +106,7 @@ std::string plain(std::string text) {
 }
 
 std::string times_text(std::uint64_t times) {
-  return times == 1 ? std::string("once") : fmt::format("{} times", count_text(times));
+  return times == 1 ? std::string("once") : fmt::format("{} times", format_count(times));
 }
 
 std::string faults_text(const std::vector<RecordedFault>& faults) {
@@ -197,8 +196,8 @@ std::string facts_text(const RecordingFacts& facts) {
   const auto row = [&](const std::string& key, const std::string& value) {
     text += fmt::format("  {:<18} {}\n", key, value);
   };
-  row("format",
-      fmt::format("palrec {}, {}", device::kRecordingVersion, bytes_text(static_cast<double>(facts.bytes))));
+  row("format", fmt::format("palrec {}, {}", device::kRecordingVersion,
+                            format_bytes(static_cast<double>(facts.bytes))));
   row("recorded", fmt::format("{}, by {}", plain(header.started_utc), plain(header.program)));
   row("machine", plain(header.machine));
   row("scene",
@@ -207,19 +206,19 @@ std::string facts_text(const RecordingFacts& facts) {
   row("device", device_text(header));
   row("mapping", plain(header.mapping));
   row("loop", fmt::format("{:.4g} Hz, {}", header.rate_hz, plain(header.scheduling)));
-  row("length", fmt::format("{:.3f} s, {} ticks, {} lost", facts.length_s, count_text(facts.end.ticks),
-                            facts.end.lost == 0 ? std::string("none") : count_text(facts.end.lost)));
-  row("latest tick", fmt::format("{} after it was due", duration_text(facts.late_max_ms)));
-  row("segments", fmt::format("{}, from one arming to the next", count_text(facts.segments)));
+  row("length", fmt::format("{:.3f} s, {} ticks, {} lost", facts.length_s, format_count(facts.end.ticks),
+                            facts.end.lost == 0 ? std::string("none") : format_count(facts.end.lost)));
+  row("latest tick", fmt::format("{} after it was due", format_duration(facts.late_max_ms)));
+  row("segments", fmt::format("{}, from one arming to the next", format_count(facts.segments)));
   row("faults", faults_text(facts.faults));
   row("largest force", fmt::format("{:.3g} N sent", facts.force_max_n));
   for (const auto& [decision, ticks] : facts.decisions)
     row("mixer", fmt::format("{}, {}", plain(decision), times_text(ticks)));
   for (const RecordedRendererFacts& one : facts.renderers) {
     row("renderer", fmt::format("{} ({}): stepped in {} ticks, {} in contact; felt in {}; longest {}",
-                                plain(one.renderer.label), plain(one.renderer.name), count_text(one.ticks),
-                                count_text(one.contact_ticks), count_text(one.felt_ticks),
-                                duration_text(1e-3 * one.step_max_us)));
+                                plain(one.renderer.label), plain(one.renderer.name), format_count(one.ticks),
+                                format_count(one.contact_ticks), format_count(one.felt_ticks),
+                                format_duration(1e-3 * one.step_max_us)));
     std::vector<std::string> options;
     for (const auto& [key, value] : one.renderer.options) options.push_back(plain(key + "=" + value));
     if (!options.empty()) row("  with", joined(options));

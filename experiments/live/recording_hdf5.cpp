@@ -23,16 +23,16 @@ Result<std::uint64_t> export_hdf5(device::Recording& /*recording*/, const std::s
 #include <cstdio>
 #include <memory>
 
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
 
 namespace palpate::experiments {
 namespace {
 
-// Rows that are written at once, and stand together in the file: some 100 kB of a vector.
+// Rows per write and per chunk of the file: some 100 kB of a vector.
 constexpr hsize_t kBlockRows = 4096;
 
-/// Closes what it holds; below 0 there is nothing.
+/// Closes its handle; negative handles are none.
 class Handle {
  public:
   Handle(hid_t id, herr_t (*close)(hid_t)) noexcept : id_(id), close_(close) {}
@@ -55,7 +55,7 @@ Error hdf5_error(const char* doing, const std::string& file) {
   return {std::string("cannot ") + doing + " the HDF5 file", "check the disk and its permissions", file, 0};
 }
 
-/// One dataset that grows by rows of `columns` numbers.
+/// A dataset that grows by rows of `columns` numbers.
 template <class T>
 class Table {
  public:
@@ -67,7 +67,7 @@ class Table {
   void add(const Vec3& v) {
     for (int axis = 0; axis < 3; ++axis) rows_.push_back(static_cast<T>(v[axis]));
   }
-  /// What was added goes into the file once it is a block, or `all` of it. False where it cannot.
+  /// Writes full blocks, or everything if `all`. False on failure.
   [[nodiscard]] bool write(bool all) {
     const hsize_t rows = rows_.size() / columns_;
     if (rows == 0 || (!all && rows < kBlockRows)) return data_.good();
@@ -91,7 +91,7 @@ class Table {
                   block[2] = {kBlockRows, columns};
     const Handle space(H5Screate_simple(rank, none, most), H5Sclose);
     const Handle how(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    constexpr unsigned kQuick = 1;  // of zlib: most of what can be had, in a third of the time
+    constexpr unsigned kQuick = 1;  // zlib level: most of the compression in a third of the time
     H5Pset_chunk(how.id(), rank, block);
     if (H5Zfilter_avail(H5Z_FILTER_DEFLATE) > 0) {
       H5Pset_shuffle(how.id());
@@ -118,7 +118,7 @@ Wholes wholes(hid_t parent, const char* name) {
 
 bool put_text(hid_t object, const std::string& name, const std::string& text) {
   const Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
-  // An empty text is one zero: HDF5 has no strings of no length.
+  // HDF5 has no zero-length strings: an empty text is one zero.
   H5Tset_size(type.id(), text.size() + 1);
   H5Tset_cset(type.id(), H5T_CSET_UTF8);
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
@@ -149,13 +149,13 @@ bool put_header(hid_t file, const device::RecordingHeader& h) {
               put_reals(file, "rate_hz", std::span(&h.rate_hz, 1)) &&
               put_reals(file, "scale", std::span(&h.scale, 1)) &&
               put_reals(file, "world_from_device_wxyz_xyz_mm", pose);
-  // Attributes hold 64 kB: a longer scene stays in the recording.
+  // Attributes hold 64 kB; a longer scene is left out.
   constexpr std::size_t kMostAttribute = 60'000;
   if (h.scene_text.size() < kMostAttribute) good = good && put_text(file, "scene_text", h.scene_text);
   return good;
 }
 
-/// The frames of one renderer, a row a tick in which it was stepped; `tick` says which.
+/// One renderer's frames: a row per tick with a step; `tick` is its index.
 struct RendererGroup {
   RendererGroup(hid_t file, const device::RecordedRenderer& renderer, std::size_t index)
       : group(H5Gcreate2(file, ("renderer_" + std::to_string(index)).c_str(), H5P_DEFAULT, H5P_DEFAULT,
@@ -186,7 +186,7 @@ struct RendererGroup {
          status = wholes(group.id(), "status"), step = wholes(group.id(), "step_ns");
 };
 
-/// One row a tick.
+/// Data of every tick.
 struct TickTables {
   explicit TickTables(hid_t file) : at(file) {}
   void add(const device::RecordedTick& t) {
@@ -262,10 +262,10 @@ bool has_hdf5() {
 }
 
 Result<std::uint64_t> export_hdf5(device::Recording& recording, const std::string& file, Progress& progress) {
-  // The library prints its own errors otherwise.
+  // Stops the library from printing its own errors.
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   const std::string part = file + ".part";
-  const AtStop at_stop([part] {
+  const StopCallback stop_callback([part] {
     std::remove(part.c_str());
     return std::string();
   });

@@ -5,17 +5,17 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/core/number_format.h"
 #include "toolkit/trace/frame_hash.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kSegmentSPerNs = 1e-9;
-// Between reports of progress.
+// Interval of progress reports.
 constexpr std::uint64_t kTicksAReport = 10'000;
-// Before the first step of a renderer that was made ready before the recording began.
+// Time step of a renderer prepared before the recording began.
 constexpr double kNominalDtS = 1e-3;
 
 std::string one_hash(const render::Frame& frame) {
@@ -24,7 +24,7 @@ std::string one_hash(const render::Frame& frame) {
   return hash.hex();
 }
 
-/// Asks the renderer what it was asked in a tick: the last step's answer.
+/// Repeats a tick's recorded calls on the renderer and returns the last step's answer.
 class Asking {
  public:
   explicit Asking(render::HapticRenderer& renderer) : renderer_(renderer) {}
@@ -36,7 +36,7 @@ class Asking {
         renderer_.restart(call.hip_mm, (call.kind == Kind::kStep ? call.t_s : 0.0) - kNominalDtS);
       begun_ = true;
       if (call.kind == Kind::kRestart) renderer_.restart(call.hip_mm, call.t_s);
-      if (call.kind == Kind::kLetGo) renderer_.let_go(call.hip_mm);
+      if (call.kind == Kind::kReleaseContact) renderer_.release_contact(call.hip_mm);
       if (call.kind == Kind::kStep) frame = renderer_.step(call.hip_mm, call.t_s);
     }
     return frame;
@@ -47,20 +47,20 @@ class Asking {
   bool begun_ = false;
 };
 
-/// The segment that is gone through.
 class OpenSegment {
  public:
   void begin(const device::RecordedTick& tick) {
     close();
-    current_.emplace();
-    current_->start_ns = tick.t_ns;
+    current_ = {};
+    open_ = true;
+    current_.start_ns = tick.t_ns;
     recorded_ = replayed_ = trace::FrameHash();
     arrived_ = false;
   }
-  [[nodiscard]] bool is_open() const { return current_.has_value(); }
+  [[nodiscard]] bool is_open() const { return open_; }
   void add(const device::RecordedTick& tick, const device::RecordedTrack& track,
            const render::Frame& answer) {
-    SegmentReplay& s = *current_;
+    SegmentReplay& s = current_;
     s.end_ns = tick.t_ns;
     s.faulted = tick.fault != device::Fault::kNone;
     s.whole = s.whole && !track.calls_lost;
@@ -68,7 +68,7 @@ class OpenSegment {
       for (const device::RendererCall& call : track.calls)
         s.brought_up = s.brought_up || call.kind != device::RendererCall::Kind::kStep;
     if (!track.stepped) return;
-    // On the way of a bring-up the renderer is not where the hand is yet.
+    // During a bring-up the renderer is not at the hand yet.
     if (!arrived_ && (track.calls.empty() || track.calls.back().hip_mm == tick.hip_mm)) {
       arrived_ = true;
       s.starts_in_contact = track.frame.contact;
@@ -80,20 +80,21 @@ class OpenSegment {
     if (s.differs_ns < 0 && one_hash(track.frame) != one_hash(answer)) s.differs_ns = tick.t_ns;
   }
   void miss() {
-    if (current_) current_->whole = false;
+    if (open_) current_.whole = false;
   }
   void close() {
-    if (!current_) return;
-    current_->recorded_hash = recorded_.hex();
-    current_->replayed_hash = replayed_.hex();
-    if (current_->frames > 0) done.push_back(*std::move(current_));
-    current_.reset();
+    if (!open_) return;
+    current_.recorded_hash = recorded_.hex();
+    current_.replayed_hash = replayed_.hex();
+    if (current_.frames > 0) done.push_back(std::move(current_));
+    open_ = false;
   }
   std::vector<SegmentReplay> done;
 
  private:
-  std::optional<SegmentReplay> current_;
-  bool arrived_ = false;  // the renderer is where the hand is
+  SegmentReplay current_;
+  bool open_ = false;
+  bool arrived_ = false;  // the renderer has reached the hand
   trace::FrameHash recorded_, replayed_;
 };
 
@@ -117,13 +118,13 @@ Result<std::vector<SegmentReplay>> replay_segments(device::Recording& recording,
     PALPATE_ASSIGN(const bool more, recording.next(tick));
     if (!more) break;
     if (ticks % kTicksAReport == 0) progress.report("replaying the recording", -1.0);
-    // Of several with one label the last one counts: it took the place of the others.
+    // The last of several renderers with one label counts: it replaced the others.
     const int index = find_recorded(recording, label);
     const bool gap = tick.lost_before > 0 || recording.end().damaged.size() > damaged;
     damaged = recording.end().damaged.size();
     if (gap) segment.miss();
     if (tick.rearmed || !segment.is_open()) segment.begin(tick);
-    // Ticks that were lost may have held the beginning.
+    // Lost ticks may have held the segment's beginning.
     if (gap && !tick.rearmed) segment.miss();
     for (const device::RecordedTrack& track : tick.tracked()) {
       if (static_cast<int>(track.renderer) != index) continue;
@@ -136,7 +137,7 @@ Result<std::vector<SegmentReplay>> replay_segments(device::Recording& recording,
   if (!any)
     return Error{label.empty() ? "the recording has no renderer"
                                : fmt::format("the recording has no renderer '{}'", label),
-                 "name one of those that it has: `palpate export` lists them",
+                 "name one of those that it has: `palpate report export` lists them",
                  {},
                  0};
   return std::move(segment.done);

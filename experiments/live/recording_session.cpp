@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include <palpate/control.h>
+#include <palpate/result.h>
 #include "device/live/workspace.h"
 #include "device/record/recorder.h"
 #include "experiments/data/scene_scans.h"
@@ -14,17 +16,15 @@
 #include "experiments/live/moving_scene.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/version.h"
-#include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// Everything that a session is made of before its device is opened.
+/// A session's parts before its device opens.
 struct Session {
   Stage stage;
   RendererRequest request;
@@ -33,19 +33,17 @@ struct Session {
   device::RecordedRenderer recorded;
 };
 
-/// Nothing besides the ticks.
 class NoTasks final : public SessionTasks {
  public:
   void work(double /*now_s*/) override {}
   void key(char /*pressed*/) override {}
 };
 
-/// What a session did.
 struct SessionReport {
   device::RecorderCounts counts;
   std::uint64_t contact = 0, faults = 0, missed = 0, replugged = 0;
   std::string scheduling;
-  std::optional<Error> lost;  ///< the recording is not whole
+  std::optional<Error> lost;  ///< error that left the recording incomplete
 };
 
 std::string text_of_scene(const scene::SceneFile& scene) {
@@ -79,7 +77,7 @@ device::RecorderOptions recorder_options(const RecordArguments& a) {
   return options;
 }
 
-/// The path's middle in the device's middle, one to one; a simulated hand goes along the path.
+/// Maps the path's centre to the device's centre at scale 1; a simulated hand follows the path.
 Result<device::DeviceMap> seat_of(const Stage& stage, const device::DeviceLimits& limits,
                                   SessionDevice& device) {
   geometry::Aabb box;
@@ -103,7 +101,7 @@ void fill_header(const RecordArguments& a, const device::DeviceLimits& limits, c
   header.clock_start_ns = a.accelerated ? 0 : clock.machine_clock().start_ns();
 }
 
-/// What it did. The file goes away where nothing was felt.
+/// Runs and records. Removes the file if no tick ran.
 Result<SessionReport> run_recorded(const RecordArguments& a, Session& s, SessionClock& clock,
                                    SessionDevice& device, Context& context) {
   PALPATE_ASSIGN(const device::DeviceLimits limits, device.limits());
@@ -113,7 +111,7 @@ Result<SessionReport> run_recorded(const RecordArguments& a, Session& s, Session
   settings.seconds = a.seconds;
   settings.free_mm = s.stage.path.hip_mm.front();
   settings.label = "recording";
-  // A simulated hand bears what its device can; a person begins with less.
+  // A simulated hand bears the device's full force; a person starts with less.
   if (!device.choice().is_real()) {
     settings.user_limit_n = limits.force_max_n;
     settings.auto_rearm = true;
@@ -167,6 +165,38 @@ void print_report(const RecordArguments& a, const Session& s, const SessionRepor
       "{}: {} ticks of {} on {} ({}), {} in contact, {} faults, {} missed periods, {} lost; {} bytes\n",
       a.out, report.counts.written, s.request.label, s.header.device, report.scheduling, report.contact,
       report.faults, report.missed, report.counts.lost, report.counts.bytes);
+}
+
+Result<int> record(const RecordArguments& arguments, const device::Drivers& drivers, Context& context) {
+  const render::Registry registry = all_renderers();
+  if (arguments.renderer.find(',') != std::string::npos)
+    return Error{"record runs one renderer", "`palpate live --record` runs several", {}, 0};
+  RunArguments run;
+  run.scene = arguments.scene;
+  run.renderers = arguments.renderer;
+  run.path = arguments.path;
+  run.load = arguments.load;
+  run.surface = arguments.surface;
+  run.reference = "none";
+  PALPATE_TRY(check_recording_file(arguments.out, arguments.force));
+  PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry, context.progress));
+  PALPATE_ASSIGN(const DeviceChoice choice, choose_device(arguments.device, drivers));
+  if (choice.is_real() && arguments.accelerated)
+    return Error{"a device runs in real time, not --accelerated", "leave --accelerated out", {}, 0};
+  SessionClock clock(arguments.accelerated);
+  // The guard is forked, so it comes before threads and a large scene.
+  PALPATE_ASSIGN(SessionDevice device, SessionDevice::make(choice, clock.clock(), 1.0 / arguments.rate_hz));
+  device.say_unproven();
+  // Generated paths have 1000 samples a second, enough to move until the end.
+  constexpr double kSamplesPerS = 1000.0;
+  checked.stage.usual_frames = static_cast<int>(std::ceil(arguments.seconds * kSamplesPerS)) + 1;
+  PALPATE_ASSIGN(Session session, set_up_session(arguments, checked, registry, context));
+  context.working = true;
+  PALPATE_ASSIGN(const SessionReport report, run_recorded(arguments, session, clock, device, context));
+  context.progress.clear();
+  print_report(arguments, session, report);
+  if (report.lost) return *report.lost;
+  return kExitOk;
 }
 
 }  // namespace
@@ -248,42 +278,7 @@ int run_record(const RecordArguments& arguments, Context& context) {
 }
 
 int run_record_with(const RecordArguments& arguments, const device::Drivers& drivers, Context& context) {
-  const render::Registry registry = all_renderers();
-  if (arguments.renderer.find(',') != std::string::npos)
-    return fail({"record runs one renderer", "`palpate live --record` runs several", {}, 0}, kExitBadInput);
-  RunArguments run;
-  run.scene = arguments.scene;
-  run.renderers = arguments.renderer;
-  run.path = arguments.path;
-  run.traj_columns = arguments.traj_columns;
-  run.load = arguments.load;
-  run.surface = arguments.surface;
-  run.reference = "none";
-  if (const Status good = check_recording_file(arguments.out, arguments.force); !good)
-    return fail(good.error(), kExitBadInput);
-  Result<CheckedRun> checked = check_run(run, registry, context.progress);
-  if (!checked) return fail(checked.error(), kExitBadInput, &context.progress);
-  const Result<DeviceChoice> choice = choose_device(arguments.device, drivers);
-  if (!choice) return fail(choice.error(), kExitBadInput, &context.progress);
-  if (choice->is_real() && arguments.accelerated)
-    return fail({"a device runs in real time, not --accelerated", "leave --accelerated out", {}, 0},
-                kExitBadInput, &context.progress);
-  SessionClock clock(arguments.accelerated);
-  // Before threads and a large scene: its guard is forked.
-  Result<SessionDevice> device = SessionDevice::make(*choice, clock.clock(), 1.0 / arguments.rate_hz);
-  if (!device) return fail(device.error(), kExitBadInput, &context.progress);
-  device->say_unproven();
-  // Generated paths have 1000 samples a second; the hand keeps moving to the end.
-  constexpr double kSamplesPerS = 1000.0;
-  checked->stage.usual_frames = static_cast<int>(std::ceil(arguments.seconds * kSamplesPerS)) + 1;
-  Result<Session> session = set_up_session(arguments, *checked, registry, context);
-  if (!session) return fail(session.error(), kExitBadInput, &context.progress);
-  const Result<SessionReport> report = run_recorded(arguments, *session, clock, *device, context);
-  context.progress.clear();
-  if (!report) return fail(report.error(), kExitFellShort);
-  print_report(arguments, *session, *report);
-  if (report->lost) return fail(*report->lost, kExitFellShort);
-  return kExitOk;
+  return exit_status(record(arguments, drivers, context), context);
 }
 
 }  // namespace palpate::experiments

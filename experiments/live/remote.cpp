@@ -14,17 +14,16 @@
 #include <thread>
 #include <utility>
 
-#include "experiments/live/remote_json.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include <palpate/options.h>
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
 
-// A datagram that is longer is no command; Ethernet carries less in one piece.
+// Longest datagram accepted as a command; Ethernet carries less in one packet.
 constexpr std::size_t kMostDatagram = 2048;
-// So soon it notices that it is to end.
+// Period for noticing a stop request.
 constexpr int kListenLookMs = 50;
 
 sockaddr_in socket_address(const ListenAddress& address) {
@@ -86,7 +85,7 @@ void RemoteListener::State::take(std::span<const std::uint8_t> bytes) {
     for (const device::OscMessage& message : *messages) act_on(device::command_of(message));
     return;
   }
-  // Bytes as text; each line by itself.
+  // Reads the bytes as lines of text.
   std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   bool any = false;
   while (!text.empty()) {
@@ -105,7 +104,7 @@ void RemoteListener::State::run() {
   pollfd waits{socket, POLLIN, 0};
   while (!ending.load(std::memory_order_acquire)) {
     if (::poll(&waits, 1, kListenLookMs) <= 0) continue;
-    // MSG_TRUNC: its true length, so that a cut one is known.
+    // MSG_TRUNC returns the true length, so a truncated datagram is noticed.
     const ssize_t size = ::recv(socket, buffer.data(), buffer.size(), MSG_TRUNC | MSG_DONTWAIT);
     if (size < 0) continue;
     packets.fetch_add(1, std::memory_order_relaxed);
@@ -131,7 +130,7 @@ Result<std::unique_ptr<RemoteListener>> RemoteListener::start(const ListenAddres
   state->socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   sockaddr_in own = socket_address(address);
   socklen_t size = sizeof own;
-  // The socket API's own way of passing addresses.
+  // The cast follows the socket API.
   if (state->socket < 0 || ::bind(state->socket, reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
       ::getsockname(state->socket, reinterpret_cast<sockaddr*>(&own), &size) != 0)
     return Error{fmt::format("--listen {}:{}: {}", address.host, address.port, std::strerror(errno)),

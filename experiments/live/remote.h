@@ -1,45 +1,46 @@
-// Requests over UDP while a session runs: OSC messages and lines of JSON, from this machine alone unless
-// another address is given.
+// Session requests over UDP: OSC messages and JSON lines, by default from this machine only.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 
+#include <palpate/result.h>
 #include "device/live/remote_command.h"
-#include "toolkit/core/result.h"
 
 namespace palpate::experiments {
 
 struct ListenAddress {
   std::string host = "127.0.0.1";
-  std::uint16_t port = 0;  ///< 0: one that is free
-  [[nodiscard]] bool is_loopback() const { return host.starts_with("127."); }
+  std::uint16_t port = 0;  ///< 0: any free port
 };
-/// "7700", "192.168.1.5:7700" or "0.0.0.0:7700": numbers of IPv4, no names. Errors say what is wrong.
+/// Parses "7700", "192.168.1.5:7700" or "0.0.0.0:7700": numeric IPv4, no host names. Errors describe the
+/// fault.
 [[nodiscard]] Result<ListenAddress> parse_listen(const std::string& text);
 
 struct RemoteCounts {
-  std::uint64_t packets = 0;   ///< datagrams that came
-  std::uint64_t bad = 0;       ///< messages in them that are no command
-  std::uint64_t refused = 0;   ///< commands that name nothing there, or come at a wrong time
-  std::uint64_t commands = 0;  ///< that were passed on
+  std::uint64_t packets = 0;   ///< datagrams received
+  std::uint64_t bad = 0;       ///< messages that are no command
+  std::uint64_t refused = 0;   ///< commands that name nothing present or come at a wrong time
+  std::uint64_t commands = 0;  ///< passed on
 };
 
-/// Listens in a thread of its own until it is destroyed. A flood costs that thread's time alone.
+/// Listens in its own thread until destroyed. A flood costs only that thread's time.
 class RemoteListener {
  public:
-  /// In the listener's thread; false: refused.
+  /// Called in the listener's thread; false: refused.
   using Act = std::function<bool(const device::RemoteCommand&)>;
-  /// Errors: the address is not this machine's, or the port is taken.
+  /// Errors: an address of another machine, a port in use.
   [[nodiscard]] static Result<std::unique_ptr<RemoteListener>> start(const ListenAddress& address, Act act);
   ~RemoteListener();
   RemoteListener(const RemoteListener&) = delete;
   RemoteListener& operator=(const RemoteListener&) = delete;
 
-  /// With the port that was given or found: "127.0.0.1:7700".
+  /// Address with the port in use: "127.0.0.1:7700".
   [[nodiscard]] std::string where() const;
   [[nodiscard]] RemoteCounts counts() const noexcept;
 
@@ -48,5 +49,10 @@ class RemoteListener {
   explicit RemoteListener(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
+
+/// Parses {"do": "switch"}, {"do": "select", "renderer": 2 or "cloud"}, {"do": "cancel"}, {"do": "mark",
+/// "text": "..."} and {"do": "rearm"}, ignoring other keys. Empty if it is not JSON or none of these. Safe
+/// for any bytes.
+[[nodiscard]] std::optional<device::RemoteCommand> command_of_json(std::string_view line);
 
 }  // namespace palpate::experiments

@@ -1,4 +1,4 @@
-#include "experiments/live/remote_json.h"
+#include "experiments/live/remote.h"
 
 #include <nlohmann/json.hpp>
 
@@ -30,7 +30,7 @@ std::optional<device::RemoteCommand> remark_of(const nlohmann::json& object) {
                                device::remote_text(text->get_ref<const std::string&>())};
 }
 
-/// How deep brackets stand, at most: the parser goes down with them.
+/// Greatest nesting of brackets, which is the parser's recursion depth.
 int depth_of(std::string_view line) {
   int depth = 0, deepest = 0;
   for (const char c : line) {

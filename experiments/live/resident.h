@@ -1,12 +1,12 @@
-// What the process has in memory.
+// Resident memory of the process.
 #pragma once
 
 #include <cstdint>
 
 namespace palpate::experiments {
 
-/// Bytes; what was freed is given back first. Not for the servo's thread: it takes the heap's locks and reads
-/// a file.
+/// Bytes, after returning freed memory to the system. Not for the servo's thread: takes the heap's locks and
+/// reads a file.
 [[nodiscard]] std::uint64_t resident_bytes();
 
 }  // namespace palpate::experiments

@@ -7,6 +7,7 @@
 #include <thread>
 #include <utility>
 
+#include <palpate/result.h>
 #include "device/live/triggers.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/hand.h"
@@ -17,15 +18,14 @@
 #include "experiments/live/stand_in.h"
 #include "experiments/live/watch.h"
 #include "experiments/live/window_hooks.h"
-#include "toolkit/core/try.h"
-#include "toolkit/render/model_part.h"
+#include "toolkit/render/model_subset.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kLiveMsPerS = 1e3;
 
-/// The renderers, prepared on one store, as the document has them.
+/// Prepares the renderers on one store and notes them in the document.
 Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& workshop, Progress& progress,
                                               LiveDocument& document) {
   std::vector<MadeRenderer> all;
@@ -37,12 +37,12 @@ Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& wo
     document.renderers.push_back(described(setting, *made));
     all.push_back(*std::move(made));
   }
-  // It was told to end, and nobody gave up in time: it is not begun for one tick.
+  // A cancelled session does not start, even if no preparation gave up in time.
   if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again", {}, 0};
   return all;
 }
 
-/// The same with one renderer on a part of the points in the place of each.
+/// Prepares one renderer on a subset of the points for every lane.
 Result<std::vector<MadeRenderer>> prepare_coarse(const LivePlan& plan, Workshop& coarse,
                                                  const RendererRequest& request, Progress& progress,
                                                  LiveDocument& document) {
@@ -52,19 +52,19 @@ Result<std::vector<MadeRenderer>> prepare_coarse(const LivePlan& plan, Workshop&
     document.renderers.push_back(described(setting, made));
     all.push_back(std::move(made));
   }
-  // It was told to end, and nobody gave up in time: it is not begun for one tick.
+  // A cancelled session does not start, even if no preparation gave up in time.
   if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again", {}, 0};
   return all;
 }
 
-/// Threads of a preparation beside a running servo: a core is the servo's.
+/// Threads for a preparation beside a running servo, which keeps one core.
 int threads_beside(int asked) {
   const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   const int free_cores = std::max(1, cores - 1);
   return asked > 0 ? std::min(asked, free_cores) : free_cores;
 }
 
-/// Who was on all points when, and who never was.
+/// Notes when each renderer moved from the stand-in to all points.
 class CoarseNotes {
  public:
   CoarseNotes(const LivePlan& plan, const StandIn& stand_in) : plan_(plan), text_(stand_in.text()) {
@@ -145,39 +145,38 @@ device::RecordingHeader header_of(const LiveArguments& arguments, const LivePlan
   return header;
 }
 
-/// What was lost is a warning: the session itself was felt.
+/// A data loss is only a warning: the session itself ran.
 void end_recording(const std::string& file, device::Recorder& recorder, LiveDocument& document) {
   if (const Status whole = recorder.finish(); !whole) document.warnings.push_back(whole.error().message());
   const device::RecorderCounts counts = recorder.counts();
   document.recording = {file, counts.ticks, counts.written, counts.lost, counts.bytes};
 }
 
-/// A hand that is led while it goes; null: by nobody.
+/// A hand guided during the session; null members: unguided.
 struct LedHand {
   std::shared_ptr<device::HandGuide> by_mouse;
   std::unique_ptr<ExploringHand> exploring;
 };
 
-/// Of the first model: the others are felt where it leads. Its strokes are those of the path, where that is a
-/// hand's.
+/// A hand over the first model; it may reach others from there. Takes its strokes from a "hand" path.
 Result<std::unique_ptr<ExploringHand>> exploring_hand(const LiveArguments& arguments, const Stage& stage,
                                                       const device::DeviceMap& map,
                                                       const SessionDevice& device) {
   const render::ModelInput& model = stage.scene.input.models.front();
   const auto& sampled = stage.scene.sampled_mesh.front();
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = model.analytic.get();
   target.cloud = model.cloud.get();
   target.mesh = sampled ? sampled.get() : model.original_mesh.get();
   target.world_from_model = model.world_from_model;
   target.stiffness_n_per_mm = model.surface.stiffness_n_per_mm;
   const bool by_path = is_hand_path(stage.path.name);
-  PALPATE_ASSIGN(const trace::HandOptions options, trace::parse_hand(by_path ? stage.path.name : kHandPath));
+  PALPATE_ASSIGN(const paths::HandOptions options, paths::parse_hand(by_path ? stage.path.name : kHandPath));
   return ExploringHand::create(target, options, map, device.choice().rig->hand.stiffness_n_per_mm,
                                1.0 / arguments.rate_hz);
 }
 
-/// Where the hand is before the first tick: free. A simulated hand takes the device.
+/// The hand's free position before the first tick. A simulated hand takes hold of the device.
 Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, render::HapticRenderer& first,
                         const device::DeviceMap& map, SessionDevice& device, LedHand& led) {
   if (!device.is_simulated_hand()) return stage.path.hip_mm.front();
@@ -189,7 +188,7 @@ Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, rend
   if (arguments.hand == kExploreHand) {
     PALPATE_ASSIGN(led.exploring, exploring_hand(arguments, stage, map, device));
     device.hold(led.exploring->script());
-    return led.exploring->begin_mm();
+    return led.exploring->start_mm();
   }
   PALPATE_ASSIGN(device::HandScript script,
                  live_hand(arguments.hand, stage.path, first, map, arguments.seconds));
@@ -198,15 +197,15 @@ Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, rend
   return free_mm;
 }
 
-/// Everything between the renderers and the assembly, in the order in which it must end: last made, first
-/// gone.
+/// Everything between renderers and assembly. Destruction order matters: the renderer ends before the
+/// recording.
 struct Felt {
   LiveRecording recording;
-  std::unique_ptr<render::HapticRenderer> renderer;  // the mixer, and what goes around it
+  std::unique_ptr<render::HapticRenderer> renderer;  // the mixer and its wrappers
   device::Mixer* mixer = nullptr;
 };
 
-/// The renderers on one mixer, passivity and moving models around it.
+/// Puts the renderers on one mixer, inside passivity control and moving models.
 Status mix_all(std::vector<MadeRenderer> made, const LivePlan& plan, const Workshop& workshop,
                const device::SwitchOptions& switching, const SessionClock& clock, bool recorded, Felt& felt) {
   PALPATE_TRY(device::check(switching));
@@ -222,7 +221,7 @@ Status mix_all(std::vector<MadeRenderer> made, const LivePlan& plan, const Works
   control::ControlOptions around_all;
   around_all.passivity = workshop.stage.scene.control.passivity;
   felt.renderer = control::wrap(std::move(mixer), around_all);
-  // Once for all renderers: they see the models at one place.
+  // Wraps the mixer once, so all renderers see the models at the same place.
   if (workshop.stage.scene.input.simulation)
     felt.renderer =
         std::make_unique<MovingScene>(std::move(felt.renderer), *workshop.stage.scene.input.simulation);
@@ -237,7 +236,7 @@ SessionSettings settings_of(const LiveArguments& arguments) {
   return settings;
 }
 
-/// Runs what stands together; the network is heard meanwhile.
+/// Runs the session and listens to the network.
 Result<SessionEnd> run_heard(const LivePlan& plan, Assembly& session, LiveTasks& tasks, ProgressBar& progress,
                              LiveDocument& document) {
   if (!plan.listen) return session.run(tasks, progress);
@@ -264,7 +263,7 @@ void tell_end(const SessionEnd& end, LiveDocument& document) {
   if (end.faulted) document.notes.emplace_back("The session ended with a fault latched.");
 }
 
-/// A mapping, a place for the hand and the limits that go with them.
+/// A mapping, the hand's place and the matching limits.
 struct Seat {
   device::DeviceLimits limits;
   device::DeviceMap map;
@@ -277,7 +276,7 @@ Result<Seat> take_seat(const LiveArguments& arguments, const LivePlan& plan, con
   PALPATE_ASSIGN(seat.limits, device.limits());
   PALPATE_ASSIGN(seat.map, device::map_for(box, seat.limits, plan.workspace));
   say_mapping(box, seat.map, seat.limits, document);
-  // Of the same limits as the servo's own, which is made once the device is open.
+  // Has the same limits as the servo's governor, which is made after the device opens.
   PALPATE_ASSIGN(
       const device::ForceGovernor governor,
       device::ForceGovernor::create(seat.limits, Assembly::governor_options(settings_of(arguments))));
@@ -297,7 +296,7 @@ ShownSession shown_session(const LivePlan& plan, SessionDevice& device, const Se
   return shown;
 }
 
-/// What stands for the renderers is replaced by them while the session runs.
+/// Replaces stand-ins by the requested renderers during the session.
 void replace_coarse(const LivePlan& plan, const Workshop& workshop, const StandIn& stand_in,
                     std::optional<CoarseNotes>& notes, LiveTasks& tasks, LiveDocument& document) {
   notes.emplace(plan, stand_in);

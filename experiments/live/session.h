@@ -1,4 +1,4 @@
-// One live session: device, hand, renderers, mixer, governor and servo, put together and run.
+// One live session: device, hand, renderers, mixer, governor, servo.
 #pragma once
 
 #include <memory>
@@ -14,7 +14,7 @@
 
 namespace palpate::experiments {
 
-/// What a session needs, checked.
+/// A session's checked requirements.
 struct LivePlan {
   DeviceChoice device;
   device::WorkspaceOptions workspace;
@@ -22,15 +22,15 @@ struct LivePlan {
   std::vector<LiveSetting> settings;
   std::vector<LiveChange> changes;
   std::optional<ListenAddress> listen;
-  device::RecordingHeader header;  ///< what a recording says of program and scene, where one is asked for
+  device::RecordingHeader header;  ///< program and scene of a recording, if one is wanted
 };
-/// Everything that can be wrong with the arguments but scene and folder.
+/// Checks all arguments but scene and folder.
 [[nodiscard]] Result<LivePlan> plan_live(const LiveArguments& arguments,
                                          const std::vector<RendererRequest>& renderers,
                                          const render::Registry& registry, const device::Drivers& drivers);
 
-/// Prepares, on a part of the points first where a window waits for a large scene, opens the device, runs,
-/// and fills the document; head, scene and warnings of the stage are the caller's.
+/// Prepares, opens the device, runs and fills the document. Starts on a subset of the points if a window
+/// waits for a large scene. The caller adds head, scene and the stage's warnings.
 [[nodiscard]] Status run_session(const LiveArguments& arguments, const LivePlan& plan, Workshop& workshop,
                                  SessionClock& clock, SessionDevice& device, ProgressBar& progress,
                                  LiveDocument& document);

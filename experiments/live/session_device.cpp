@@ -5,10 +5,10 @@
 #include <filesystem>
 #include <utility>
 
-#include "device/drivers/all_drivers.h"
+#include <palpate/device/drivers.h>
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::experiments {
 namespace {
@@ -16,27 +16,27 @@ namespace {
 constexpr const char* kRigDriver = "sim";
 constexpr double kGuardMsPerS = 1e3;
 
-// Where a simulated hand roams: well inside every arm's workspace, a second from place to place, and for as
-// long as anybody tries a device.
+// A roaming simulated hand's range, within every arm's workspace; time per step; and steps, enough for any
+// trial of a device.
 constexpr double kRoamMm = 15.0, kRoamStepS = 1.0;
 constexpr int kRoamSteps = 3600;
 
 device::HandScript roaming() {
   std::vector<double> t_s;
   std::vector<Vec3> goal_mm;
-  // About the middle, through the corners of a tetrahedron: every axis is seen in both directions.
+  // Visits a tetrahedron's corners about the centre, so every axis moves in both directions.
   const Vec3 corners[] = {Vec3{1, 1, 1}, Vec3{-1, -1, 1}, Vec3{-1, 1, -1}, Vec3{1, -1, -1}};
   for (int i = 0; i <= kRoamSteps; ++i) {
     t_s.push_back(kRoamStepS * i);
     goal_mm.push_back(i == 0 ? Vec3(Vec3::Zero()) : Vec3(kRoamMm * corners[i % 4]));
   }
-  // Times that grow and as many places: nothing that could be refused.
+  // Cannot fail: times rise and match the places in number.
   return device::HandScript::create("roam", std::move(t_s), std::move(goal_mm),
                                     device::HandScript::Between::kMinimumJerk)
       .value();
 }
 
-/// Nothing but a driver reads a description or options.
+/// Only drivers accept a description or options.
 Status only_plain(const DeviceArguments& arguments) {
   const auto none = [&](const char* what) {
     return Error{fmt::format("{} is for devices that a driver makes, and {} is not one", what,
@@ -58,7 +58,8 @@ Result<std::vector<std::pair<std::string, std::string>>> option_pairs(const std:
     const std::size_t equals = one.find('=');
     if (equals == std::string::npos || equals == 0)
       return Error{"--device-option " + shown(one) + " is no KEY=VALUE",
-                   "write it as com=14; `palpate devices` names the drivers, docs/devices.md their options",
+                   "write it as com=14; `palpate list devices` names the drivers, "
+                   "docs/how-to/connect-a-device.md their options",
                    "", 0};
     pairs.emplace_back(one.substr(0, equals), one.substr(equals + 1));
   }
@@ -88,20 +89,20 @@ Result<DeviceChoice> choose_device(const DeviceArguments& arguments, const devic
     const std::string asked = arguments.device.substr(0, arguments.device.find(':'));
     return Error{
         fmt::format("no driver has a device {}", shown(arguments.device)),
-        did_you_mean(asked, known, "choose from " + joined(known) + ", as `palpate devices` lists them"),
+        did_you_mean(asked, known, "choose from " + joined(known) + ", as `palpate list devices` lists them"),
         {},
         0};
   }
   if (driver->name == kRigDriver && !driver->make) {
     PALPATE_ASSIGN(choice.rig, device::simulated_rig_of_driver(arguments.device, arguments.grip));
-    // It has neither description nor options; KEY=VALUE is looked at first, for that may be what is wrong.
+    // The device accepts neither description nor options; KEY=VALUE is checked first for a better error.
     PALPATE_TRY(option_pairs(arguments.options));
     PALPATE_TRY(only_plain(arguments));
     return choice;
   }
   if (!driver->make)
     return Error{fmt::format("{} is no device that a hand can hold", shown(arguments.device)),
-                 "give --device sim, or another that `palpate devices` lists",
+                 "give --device sim, or another that `palpate list devices` lists",
                  {},
                  0};
   std::error_code code;
@@ -129,7 +130,7 @@ Result<SessionDevice> SessionDevice::make(const DeviceChoice& choice, const Cloc
     made.guard_ = std::make_unique<device::Guard>(std::move(guard));
   }
   made.inner_ = std::move(device.device);
-  made.device_ = std::make_unique<device::ReplugDevice>(*made.inner_);
+  made.device_ = std::make_unique<device::ReconnectingDevice>(*made.inner_);
   made.unproven_ = std::move(device.unproven);
   made.facts_ = std::move(device.facts);
   made.homing_prompt_ = std::move(device.homing_prompt);
@@ -172,7 +173,7 @@ void SessionDevice::hold(device::HandScript script) {
   if (!choice_.rig) return;
   script_ = std::make_unique<device::HandScript>(std::move(script));
   inner_ = choice_.rig->make(*script_, *clock_, period_s_);
-  device_ = std::make_unique<device::ReplugDevice>(*inner_);
+  device_ = std::make_unique<device::ReconnectingDevice>(*inner_);
 }
 
 void SessionDevice::roam() {

@@ -1,5 +1,5 @@
-// The device of whatever uses one: a simulated one with a hand on it, or one that a driver makes, with the
-// guard process that lets its motors go when the program dies. The one place where a device is made.
+// Makes the device of every session: simulated with a hand, or a driver's. Includes the guard process, which
+// releases the motors if the program dies.
 #pragma once
 
 #include <cstdint>
@@ -10,47 +10,47 @@
 #include <utility>
 #include <vector>
 
-#include "device/interface/drivers.h"
-#include "device/safety/guard.h"
-#include "device/servo/replug_device.h"
+#include <palpate/clock.h>
+#include <palpate/device/drivers.h>
+#include <palpate/device/guard.h>
+#include "device/servo/reconnecting_device.h"
 #include "device/simulated/arm_models.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::experiments {
 
-/// What --device and the options around it say.
+/// The arguments of --device and related options.
 struct DeviceArguments {
-  std::string device = "sim";        ///< sim, sim:NAME, or a driver's
-  std::string grip = "hand";         ///< of the simulated hand
-  std::string file;                  ///< a device description; empty: none
+  std::string device = "sim";        ///< sim, sim:NAME, or a driver's name
+  std::string grip = "hand";         ///< the simulated hand's
+  std::string file;                  ///< device description; empty: none
   std::vector<std::string> options;  ///< each KEY=VALUE
   double guard_kill_after_ms = 0.0;  ///< 0: never
 };
 
-/// Of each KEY=VALUE. An Error names what is none.
+/// Splits each KEY=VALUE. An Error names the invalid one.
 [[nodiscard]] Result<std::vector<std::pair<std::string, std::string>>> option_pairs(
     const std::vector<std::string>& texts);
 
-/// Every driver that there is.
+/// All drivers.
 [[nodiscard]] const device::Drivers& session_drivers();
 
-/// A device that was asked for, checked as far as that goes without touching it.
+/// A requested device, checked without touching it.
 struct DeviceChoice {
-  std::optional<device::SimulatedRig> rig;  ///< nothing: a driver makes the device
+  std::optional<device::SimulatedRig> rig;  ///< empty: a driver makes the device
   const device::Driver* driver = nullptr;   ///< null for a rig
   device::DeviceRequest request;
   double guard_kill_after_s = 0.0;
 
-  /// As a recording and a report name it before it is made.
+  /// Name for recordings and reports before it is made.
   [[nodiscard]] std::string name() const;
-  /// It has motors and a hand, and time that cannot be made to pass.
+  /// True for a device with motors, a person's hand and real time only.
   [[nodiscard]] bool is_real() const { return driver != nullptr && driver->transport != "simulation"; }
 };
-/// Errors name the argument that is wrong. The drivers are referred to.
+/// Refers to the drivers. Errors name the invalid argument.
 [[nodiscard]] Result<DeviceChoice> choose_device(const DeviceArguments& arguments,
                                                  const device::Drivers& drivers);
 
-/// The clock of a session, whichever it is. Made before its device.
+/// A session's real or virtual clock. Create before its device.
 class SessionClock {
  public:
   explicit SessionClock(bool accelerated) : accelerated_(accelerated) {}
@@ -67,43 +67,42 @@ class SessionClock {
   MonotonicClock machine_;
 };
 
-/// One thread's, that of the session. Movable before it is used; refers to the clock.
+/// For the session's thread only. Movable before use; refers to the clock.
 class SessionDevice {
  public:
-  /// Makes what a driver makes, and starts its guard: before a scene is loaded and threads are there, for the
-  /// guard is forked. Opens nothing. Errors: of the driver; a guard that could not be started.
+  /// Makes a driver's device and forks its guard; call before a scene is loaded and threads start. Opens
+  /// nothing. Errors: the driver's; the guard did not start.
   [[nodiscard]] static Result<SessionDevice> make(const DeviceChoice& choice, const Clock& clock,
                                                   double period_s);
-  /// Closes the device, then lets the guard go.
+  /// Closes the device, then stops the guard.
   ~SessionDevice();
   SessionDevice(SessionDevice&&) noexcept = default;
   SessionDevice& operator=(SessionDevice&&) = delete;
 
   [[nodiscard]] bool is_simulated_hand() const noexcept { return choice_.rig.has_value(); }
   [[nodiscard]] const DeviceChoice& choice() const noexcept { return choice_; }
-  /// What no hardware has confirmed, for people, before there is any force.
+  /// Properties unproven on hardware, to be shown before any force.
   [[nodiscard]] const std::vector<std::string>& unproven() const noexcept { return unproven_; }
-  /// The same on standard error.
+  /// Prints them on standard error.
   void say_unproven() const;
-  /// What the device says of itself, key and value: filters of its own, calibration, serial number. Once it
-  /// is open, and while no servo has it.
+  /// The device's key-value facts: own filters, calibration, serial number. Call when it is open and no servo
+  /// uses it.
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> facts() const;
-  /// What a person has to do until the device knows its zero, a sentence without its full stop; empty: it
-  /// does. Any thread, once device() is there.
+  /// Homing instruction without full stop; empty once homed. Any thread, once device() exists.
   [[nodiscard]] std::string homing_prompt() const;
-  /// False: what would be felt is shown instead.
+  /// False: the force is shown on screen instead.
   [[nodiscard]] bool has_motors() const noexcept { return has_motors_; }
   [[nodiscard]] bool guarded() const noexcept { return guard_ != nullptr; }
 
-  /// Opens what a driver made, for its limits are known only then; a rig's are known.
+  /// Opens a driver's device, whose limits are unknown before; a rig's are known.
   [[nodiscard]] Result<device::DeviceLimits> limits();
-  /// A simulated hand takes the rig and goes along this script. To be called once, before device().
+  /// Puts a simulated hand with this script on the rig. Call once, before device().
   void hold(device::HandScript script);
-  /// Instead of that where there is no scene: a simulated hand roams about the middle.
+  /// Alternative without a scene: a simulated hand roams about the centre.
   void roam();
 
-  [[nodiscard]] device::ReplugDevice& device() noexcept { return *device_; }
-  /// The guard's where there is one.
+  [[nodiscard]] device::ReconnectingDevice& device() noexcept { return *device_; }
+  /// The guard's heartbeat if there is a guard.
   [[nodiscard]] device::Heartbeat& heart() noexcept { return guard_ ? guard_->heartbeat() : *heart_; }
 
  private:
@@ -112,12 +111,12 @@ class SessionDevice {
   DeviceChoice choice_;
   const Clock* clock_ = nullptr;
   double period_s_ = 0.0;
-  // From here on in the order in which they go: the device last made goes first, the guard last of all.
+  // Order matters: members are destroyed in reverse, the device first and the guard last.
   std::unique_ptr<device::Guard> guard_;
   std::unique_ptr<device::Heartbeat> heart_;
   std::unique_ptr<device::HandScript> script_;
   std::unique_ptr<device::Device> inner_;
-  std::unique_ptr<device::ReplugDevice> device_;
+  std::unique_ptr<device::ReconnectingDevice> device_;
   std::vector<std::string> unproven_;
   std::function<std::vector<std::pair<std::string, std::string>>()> facts_;
   std::function<std::string(std::uint8_t)> homing_prompt_;

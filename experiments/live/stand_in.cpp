@@ -6,25 +6,25 @@
 #include <cmath>
 #include <utility>
 
-#include "toolkit/cloud/part.h"
+#include "toolkit/cloud/cloud_subset.h"
 #include "toolkit/core/random.h"
-#include "toolkit/partition/uniform_grid.h"
-#include "toolkit/render/model_part.h"
+#include "toolkit/render/model_subset.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr const char* kStandInName = "cloud";
-/// So many points are looked at for each that is kept: a cell of the right size then holds four on average,
-/// and one in fifty cells of the surface (e^-4) none.
+/// Points examined per point kept: with the right cell size a cell holds four on average, and e^-4, one in
+/// fifty of the surface's cells, holds none.
 constexpr std::size_t kLookedAtForOne = 4;
 constexpr std::uint64_t kLookSeed = 20'161'123;
-/// Sizes of cells that are tried. Cells of a surface grow fewer by the square of their edge, so that the
-/// second is nearly right; rough surfaces take another.
+/// Cell sizes tried. The number of surface cells falls with the square of the edge, so the second is nearly
+/// right; rough surfaces need another.
 constexpr int kCellTries = 3;
 constexpr int kThinThreads = 1;
 
-/// One of each run of numbers: every part of a file is looked at.
+/// One index from each run, so every part of a file is sampled.
 std::vector<std::uint32_t> one_of_each_run(std::size_t n, std::size_t runs) {
   std::vector<std::uint32_t> looked;
   looked.reserve(runs);
@@ -36,12 +36,12 @@ std::vector<std::uint32_t> one_of_each_run(std::size_t n, std::size_t runs) {
   return looked;
 }
 
-/// The first place of every cell.
-std::vector<std::uint32_t> one_of_each_cell(const cloud::Cloud& cloud, const partition::UniformGrid& grid) {
+/// The first point of every cell.
+std::vector<std::uint32_t> one_of_each_cell(const cloud::Cloud& cloud, const search::UniformGrid& grid) {
   std::vector<std::uint32_t> firsts;
-  partition::Cell last{-1, -1, -1};
+  search::Cell last{-1, -1, -1};
   for (const std::uint32_t point : grid.order()) {
-    const partition::Cell cell = grid.cell_of(cloud.local_mm(point));
+    const search::Cell cell = grid.cell_of(cloud.local_mm(point));
     if (cell.x != last.x || cell.y != last.y || cell.z != last.z) firsts.push_back(point);
     last = cell;
   }
@@ -49,15 +49,15 @@ std::vector<std::uint32_t> one_of_each_cell(const cloud::Cloud& cloud, const par
   return firsts;
 }
 
-/// An edge of cells of which about `cells` hold points.
-partition::UniformGrid grid_of_cells(const cloud::Cloud& cloud, std::size_t cells) {
+/// A grid in which about `cells` cells hold points.
+search::UniformGrid grid_of_cells(const cloud::Cloud& cloud, std::size_t cells) {
   const Vec3 extent = cloud.box_mm().extent_mm();
-  // As if the points lay on one face of the box.
+  // Initial guess: all points on one face of the box.
   double cell_mm = extent.norm() / std::sqrt(static_cast<double>(cells));
-  partition::UniformGrid grid = partition::UniformGrid::build(cloud, cell_mm, kThinThreads);
+  search::UniformGrid grid = search::UniformGrid::build(cloud, cell_mm, kThinThreads);
   for (int tried = 1; tried < kCellTries; ++tried) {
     cell_mm *= std::sqrt(static_cast<double>(grid.occupied_cells()) / static_cast<double>(cells));
-    grid = partition::UniformGrid::build(cloud, cell_mm, kThinThreads);
+    grid = search::UniformGrid::build(cloud, cell_mm, kThinThreads);
   }
   return grid;
 }
@@ -69,7 +69,7 @@ std::vector<std::uint32_t> thinned(const cloud::Cloud& cloud, std::size_t points
   std::vector<std::uint32_t> looked =
       one_of_each_run(cloud.size(), std::min(cloud.size(), kLookedAtForOne * most));
   if (cloud.size() <= most) return looked;
-  const cloud::Cloud some = cloud::part_of(cloud, looked);
+  const cloud::Cloud some = cloud::subset_of(cloud, looked);
   std::vector<std::uint32_t> kept;
   for (const std::uint32_t place : one_of_each_cell(some, grid_of_cells(some, most)))
     kept.push_back(looked[place]);
@@ -95,7 +95,7 @@ std::optional<StandIn> stand_in_for(const LiveArguments& arguments, const std::v
   const double share = static_cast<double>(wanted) / static_cast<double>(stand_in.of_points);
   for (render::ModelInput& model : stand_in.input.models) {
     const double points = std::ceil(share * static_cast<double>(model.cloud->size()));
-    model = render::part_of(model, thinned(*model.cloud, static_cast<std::size_t>(points)));
+    model = render::subset_of(model, thinned(*model.cloud, static_cast<std::size_t>(points)));
     stand_in.points += model.cloud->size();
   }
   const render::RendererInfo* first = registry.find(settings.front().request.name);

@@ -9,12 +9,13 @@ namespace {
 using device::MixDecision;
 using device::MixedFrame;
 
-/// Share of `index` in the force of a frame.
+/// Share of `index` in a frame's force.
 double weight_of(const MixedFrame& frame, std::size_t index) {
   return index < frame.tracked.size() ? frame.tracked[index].weight : 0.0;
 }
 
-/// While a renderer of a lane is being replaced there are two: the one that is felt speaks, else the older.
+/// True for a lane's representative. A lane being replaced has two renderers: the felt one represents it,
+/// else the older.
 bool speaks_for_its_lane(const MixedFrame& frame, std::size_t index) {
   if (index == frame.felt) return true;
   const device::TrackedFrame& one = frame.tracked[index];
@@ -88,8 +89,8 @@ void LiveWatch::watch_lanes(const device::Tick& tick, const MixedFrame& now) noe
   }
 }
 
-/// A step of the force that goes out is that of the renderers in it, each by its weight, and that of the
-/// weights themselves: |dw| times the difference of the two.
+/// A step of the sent force consists of the renderers' weighted steps and the weights' change: |dw| times the
+/// two forces' difference.
 void LiveWatch::watch_steps(const MixedFrame& now) noexcept {
   const double step_n = (now.force_n - before_.force_n).norm();
   largest_step_n_ = std::max(largest_step_n_, step_n);
@@ -108,7 +109,7 @@ void LiveWatch::watch_steps(const MixedFrame& now) noexcept {
 }
 
 void LiveWatch::note_decision(const device::Tick& tick, const MixedFrame& now) noexcept {
-  // A decision may come frames after what asked for it.
+  // A decision may follow its request frames later.
   if (now.request.kind != device::SwitchRequest::Kind::kNone) source_ = now.request.source;
   if (now.decision == MixDecision::kNone) return;
   if (now.decision == MixDecision::kSwapped || now.decision == MixDecision::kFadeDone) ++switches_;

@@ -1,28 +1,28 @@
-// What is kept of a live session while it runs: an observer of every tick, of fixed memory.
+// Observes every tick of a live session in fixed memory.
 #pragma once
 
 #include <array>
 #include <vector>
 
+#include <palpate/device/loop_histogram.h>
+#include <palpate/device/servo.h>
 #include "device/live/mixer.h"
-#include "device/servo/loop_histogram.h"
-#include "device/servo/tick_observer.h"
 #include "experiments/live/live.h"
 
 namespace palpate::experiments {
 
-/// Decisions that are kept; later ones are counted.
+/// Decisions kept; later ones are only counted.
 inline constexpr std::size_t kMostDecisions = 20'000;
-/// Stretches of the picture: about as many as it has dots across.
+/// Stretches of the chart: about its width in dots.
 inline constexpr std::size_t kLiveSamples = 1'200;
 
-/// The servo's thread until that has ended, then anybody's. Allocates when it is made alone.
+/// For the servo's thread until that ends, then for any. Allocates in its constructor only.
 class LiveWatch final : public device::TickObserver {
  public:
-  /// `stretch_s`: how long a stretch of the picture lasts. `stiffness_n_per_mm`: the largest of the session.
+  /// `stretch_s`: length of a stretch of the chart. `stiffness_n_per_mm`: the session's largest.
   LiveWatch(const device::Mixer& mixer, std::size_t lanes, double stretch_s, double stiffness_n_per_mm);
   void took(const device::Tick& tick) noexcept override;
-  /// Into a document whose renderers stand in the order of lanes.
+  /// Writes into a document whose renderers are in lane order.
   void tell(LiveDocument& document) const;
 
  private:

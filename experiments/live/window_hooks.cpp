@@ -17,11 +17,11 @@
 namespace palpate::experiments {
 namespace {
 
-// How often the main thread looks whether the session is ready for a window.
+// Period of checks whether the session is ready for a window.
 constexpr std::chrono::milliseconds kWindowLook{5};
 
-/// The thread of all sessions under one window. Made before the window, whose threads are nicer than the
-/// servo may be.
+/// The thread of all sessions under one window. Create it before the window, whose threads have a lower
+/// priority than the servo may have.
 class SessionRunner {
  public:
   SessionRunner(const device::Drivers& drivers, Context& context)
@@ -82,7 +82,7 @@ class SessionRunner {
   std::thread thread_;
 };
 
-/// Says once what a person waited for.
+/// Logs each waiting time once.
 class WaitingTimes {
  public:
   explicit WaitingTimes(Context& context) : context_(context) {}
@@ -104,7 +104,7 @@ class WaitingTimes {
   bool touchable_ = false, felt_ = false;
 };
 
-/// A name that is not taken: live-001.palrec, in the folder where the program was started.
+/// An unused name, live-001.palrec and so on, in the working directory.
 std::string free_recording() {
   std::string name;
   for (int number = 1; name.empty() || std::filesystem::exists(name); ++number)
@@ -112,13 +112,13 @@ std::string free_recording() {
   return name;
 }
 
-/// The session after this one, where the window asks for another; false: it does not.
+/// Sets up the next session if the window asks for one; else returns false.
 bool asks_for_another(Window& window, LiveArguments& arguments) {
   const std::string dropped = window.take_dropped();
   const bool record = window.take_record();
   if (!dropped.empty()) {
     arguments.run.scene = dropped;
-    // What was said of the scene before does not hold for this one.
+    // Settings for the previous scene do not apply.
     arguments.run.path.clear();
     arguments.run.out.clear();
     arguments.record.clear();
@@ -129,7 +129,7 @@ bool asks_for_another(Window& window, LiveArguments& arguments) {
   return record;
 }
 
-/// Until the window is closed, or the session is over by itself. True: closed.
+/// Runs until the window closes (true) or the session ends by itself.
 bool run_one(Window& window, SessionLink& link, SessionRunner& runner, LiveArguments& arguments,
              WaitingTimes& times, const std::function<void(Window&)>& each_picture) {
   for (;;) {
@@ -143,7 +143,7 @@ bool run_one(Window& window, SessionLink& link, SessionRunner& runner, LiveArgum
       link.ask_stop();
       return false;
     }
-    // A scan that could not be opened leaves its reason in the window.
+    // A scan that did not open leaves its error in the window.
     if (!runner.busy() && runner.status() != kExitBadInput) return true;
     if (!runner.busy())
       link.progress("The scene cannot be opened: the terminal says why. Drop another one.", -1.0);
@@ -197,8 +197,7 @@ int run_live_in_window(const LiveArguments& given, const device::Drivers& driver
   {
     SessionRunner runner(drivers, context);
     runner.begin(arguments);
-    // A guard of a device is forked first, before the window makes threads; and what is wrong with the
-    // arguments is said without a window.
+    // Device guards fork before the window makes threads, and argument errors need no window.
     while (runner.busy() && !link.ready_for_window()) std::this_thread::sleep_for(kWindowLook);
     Result<std::unique_ptr<Window>> window =
         runner.busy() ? Window::open(link, options) : Result<std::unique_ptr<Window>>(nullptr);

@@ -1,4 +1,4 @@
-// What a session gives to a window over it, and what it takes from there.
+// Connects a session to the window over it.
 #pragma once
 
 #include <functional>
@@ -14,11 +14,11 @@ namespace palpate::experiments {
 
 class Window;  // experiments/window/window.h
 
-/// Shows a running session in a window for as long as this lives; does nothing without a link. Made before
-/// the session runs, refers to it and to the mixer.
+/// Shows a running session in a window while it lives; does nothing without a link. Create before the session
+/// runs. Refers to session and mixer.
 class WindowHooks {
  public:
-  /// The device is asked what a person has to do until it knows its zero.
+  /// The device supplies homing instructions.
   WindowHooks(const LiveArguments& arguments, Assembly& session, device::Mixer& mixer,
               const SessionDevice& device, const render::SceneInput& scene, ShownSession shown);
   ~WindowHooks();
@@ -30,9 +30,9 @@ class WindowHooks {
   std::shared_ptr<WindowFeed> feed_;
 };
 
-/// The whole of `palpate live --window`: sessions on a thread of their own, one after the other where a scan
-/// is dropped on the window, and the window on this one. The exit status of the last session.
-/// `each_picture` is called after each, on this thread: what drives the window by program.
+/// `palpate live --window`: runs the window on this thread and sessions on another, one for each scan dropped
+/// on the window. Returns the last session's exit status. `each_picture` runs on this thread after each
+/// picture, for automation.
 int run_live_in_window(const LiveArguments& arguments, const device::Drivers& drivers, Context& context,
                        const std::function<void(Window&)>& each_picture = {});
 

@@ -11,7 +11,7 @@ namespace {
 constexpr std::uint64_t kBootstrapPurpose = 100;
 
 std::vector<LevelAnswers> by_level(const std::vector<const Row*>& rows) {
-  // A staircase comes back to a level by other steps, and to rounding: those are one level.
+  // Levels reached by different steps are equal up to rounding.
   constexpr double kSameLevel = 1e-9;
   std::map<double, LevelAnswers> levels;
   for (const Row* row : rows) {

@@ -5,32 +5,30 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/result.h>
 #include "experiments/live/hand.h"
 #include "experiments/psychophysics/felt_renderers.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// In catch trials of a comparison the other thing is A with half of the scene's stiffness: more than three
-// times the largest Weber fraction that is known for it (8 to 23 %), and neither clipped nor unstable.
+// In catch trials of a comparison the other renderer is A at half the scene's stiffness: more than three
+// times the largest known Weber fraction for it (8 to 23 %), without clipping or instability.
 constexpr double kCatchStiffness = 0.5;
-// Frames of the path on which the hand looks for a place, and along which it explores.
+// Frames of the path on which the hand seeks a place and explores.
 constexpr int kPathFrames = 4000;
-// Waypoints of a task are so far apart.
+// Spacing of a task's waypoints.
 constexpr double kGoalEveryS = 5e-3;
-// Beyond the intervals and delays of a trial there is room for so much waiting: for a hand that lifts off
-// late.
+// Extra room for samples beyond a trial's intervals and delays, for a hand that lifts off late.
 constexpr double kWaitingS = 10.0;
-// Of a task: free at its ends, so that the next thing can take over. Shares of the interval.
+// Phases of a task as shares of the interval, free at both ends so that the next renderer can take over.
 constexpr double kDownFrom = 0.1, kDownAt = 0.35, kTurnAt = 0.5, kUpFrom = 0.65, kUpAt = 0.8;
 
 bool changes_scene(const std::string& key) {
   return key == "spacing" || key == "noise";
 }
 
-/// The plan's scene, with the option that changes it at this value.
 Status set_in_scene(scene::SceneFile& file, const std::string& key, double value, const std::string& plan) {
   for (scene::SceneModel& model : file.models) {
     if (!model.generate)
@@ -45,11 +43,10 @@ Status set_in_scene(scene::SceneFile& file, const std::string& key, double value
   return Done{};
 }
 
-/// The task of a hand at a place, within an interval.
 Result<device::HandScript> task_at(const std::string& hand, const device::TaskPlace& place, double depth_mm,
                                    double interval_s) {
   const device::TaskSizes sizes;
-  // Who goes aside begins as high above the place: free over slopes of up to 45 degrees.
+  // A sideways motion starts this high, free over slopes of up to 45 degrees.
   const double above_mm = hand == "slide" ? std::max(sizes.above_mm, 0.5 * sizes.travel_mm) : sizes.above_mm;
   const Vec3 up = above_mm * place.normal, down = -depth_mm * place.normal;
   const Vec3 aside = hand == "slide" ? Vec3(0.5 * sizes.travel_mm * place.along) : Vec3(Vec3::Zero());
@@ -62,7 +59,7 @@ Result<device::HandScript> task_at(const std::string& hand, const device::TaskPl
       device::HandScript::Between::kMinimumJerk);
 }
 
-/// Along the path and the same way back.
+/// Goes along the path and back.
 Result<device::HandScript> exploring_task(const trace::ProbePath& path, const device::DeviceMap& map,
                                           double interval_s) {
   std::vector<double> t_s;
@@ -91,7 +88,7 @@ Bench::Bench(const Plan& plan, const BenchOptions& options)
 Result<std::unique_ptr<Bench::Bay>> Bench::make_bay(std::optional<double> value, Progress& progress) const {
   RunArguments run;
   run.scene = plan_.scene;
-  run.reference = "none";  // nothing is scored
+  run.reference = "none";  // no scoring
   ProgressBar quiet;
   PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry_, quiet));
   quiet.clear();
@@ -133,7 +130,7 @@ std::size_t Bench::most_samples() const noexcept {
   return static_cast<std::size_t>(seconds * options_.rate_hz);
 }
 
-/// `value` counts where an option is turned.
+/// `value` matters only where an option is varied.
 Result<LiveSetting> Bench::setting(std::uint8_t lane, double value) const {
   LiveSetting setting;
   const std::string& text = plan_.option ? plan_.option->renderer : lane == kLaneOfB ? plan_.b : plan_.a;

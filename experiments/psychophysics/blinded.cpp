@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 
+#include <palpate/result.h>
 #include "experiments/psychophysics/ledger.h"
 #include "experiments/psychophysics/machine.h"
 #include "experiments/psychophysics/markers.h"
@@ -15,16 +16,15 @@
 #include "experiments/session/terminal.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// What the observer feels of a trial. This side knows what A and B are; the observer's does not.
+/// The observer's view of a trial. This side knows what A and B are; the observer does not.
 Felt felt_in(const Trial& trial, const Plan& plan, const ObserverOptions& observer) {
   double apart = plan.compares() ? observer.dprime : dprime_of_difference(observer, plan.task, trial.level);
   if (plan.compares() && trial.kind == TrialKind::kCatch) apart = observer.catch_dprime;
@@ -46,7 +46,7 @@ Status check_observer(const Plan& plan, const ObserverSpec& observer) {
   return Done{};
 }
 
-/// Options of a device go with an observer that uses one so.
+/// Rejects device options for an observer without a device.
 Status check_use(const BlindedArguments& arguments, const ObserverSpec& observer,
                  const DeviceChoice& device) {
   const bool person = observer.kind == ObserverKind::kPerson;
@@ -75,10 +75,10 @@ struct Opened {
   OutputFolder folder;
   std::vector<Row> rows;
   std::uint64_t whole_bytes = 0;
-  std::vector<SessionRecord> sessions{};  ///< of a person, this one too once it is over
+  std::vector<SessionRecord> sessions{};  ///< a person's, the present one included once over
 };
 
-/// A folder that an earlier session of the same study has begun, or a new one.
+/// Opens a folder of the same study's earlier session, or a new one.
 Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::string& observer) {
   std::error_code code;
   const fs::path root(out);
@@ -97,7 +97,7 @@ Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::
     return Opened{std::move(folder), std::move(read.rows), read.whole_bytes, std::move(sessions)};
   }
   PALPATE_ASSIGN(OutputFolder folder, OutputFolder::open(out));
-  // Complete from the start: whatever stops a session, its rows stay.
+  // The folder is complete from the start, so rows survive any stop.
   PALPATE_TRY(folder.begin("study"));
   PALPATE_TRY(folder.write(kPlanFile, plan.text));
   PALPATE_TRY(folder.write(kTrialsFile, csv_head()));
@@ -105,12 +105,12 @@ Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::
   return Opened{std::move(folder), {}, csv_head().size()};
 }
 
-/// What feels, where renderers are: made, and checked, before anything is written. A simulated observer needs
-/// none of it.
+/// Everything for rendering forces, made and checked before anything is written. Unused by a simulated
+/// observer.
 struct Feeling {
   std::unique_ptr<SessionClock> clock;
-  std::optional<SessionDevice> device;  ///< of a person
-  std::unique_ptr<Markers> markers;     ///< of a person
+  std::optional<SessionDevice> device;  ///< a person's
+  std::unique_ptr<Markers> markers;     ///< a person's
   std::unique_ptr<Bench> bench;
 };
 
@@ -126,7 +126,7 @@ Result<Feeling> feeling_for(const BlindedArguments& arguments, const Plan& plan,
                                  "palpate-" + plan.participant));
     }
     feeling.clock = std::make_unique<SessionClock>(arguments.accelerated);
-    // Before threads and a large scene: its guard is forked.
+    // The guard is forked, so it comes before threads and a large scene.
     PALPATE_ASSIGN(SessionDevice made,
                    SessionDevice::make(device, feeling.clock->clock(), 1.0 / arguments.rate_hz));
     feeling.device.emplace(std::move(made));
@@ -137,7 +137,7 @@ Result<Feeling> feeling_for(const BlindedArguments& arguments, const Plan& plan,
   return feeling;
 }
 
-/// What an asking session needs. Refers to everything.
+/// Needs of a session that asks questions. Refers to everything.
 struct Asking {
   const BlindedArguments& arguments;
   const Plan& plan;
@@ -149,7 +149,8 @@ struct Asking {
   std::vector<std::string>& notes;
 };
 
-/// Asks one that answers at once until the course ends or the session does. Whether the study is complete.
+/// Asks an observer that answers at once, until course or session ends. Returns true if the study is
+/// complete.
 template <class AnswerOf>
 Result<bool> ask_each(Asking& asking, Ledger& ledger, AnswerOf&& answer_to) {
   for (;;) {
@@ -207,7 +208,7 @@ Result<bool> ask_at_device(Asking& asking, Ledger& ledger) {
   return session.complete;
 }
 
-/// Asks until the course ends or the session does. Whether the study is complete.
+/// Asks until course or session ends. Returns true if the study is complete.
 Result<bool> ask(Asking& asking) {
   const std::string rows = asking.opened.folder.file(kTrialsFile).string();
   PALPATE_ASSIGN(TrialFile file, TrialFile::append_to(rows, asking.opened.whole_bytes));
@@ -229,34 +230,30 @@ void print_table(const Table& table) {
   std::fflush(stdout);
 }
 
-int save_plan(const PlanText& plan, const std::string& file) {
+Status save_plan(const PlanText& plan, const std::string& file) {
   std::error_code code;
   if (fs::exists(file, code))
-    return fail({"there is such a file already", "give --save-plan another name", file, 0}, kExitBadInput);
-  if (const Status written = write_file(file, plan.text); !written)
-    return fail(written.error(), kExitBadInput);
+    return Error{"there is such a file already", "give --save-plan another name", file, 0};
+  PALPATE_TRY(write_file(file, plan.text));
   fmt::print("plan: {}\n", fs::absolute(file).string());
-  return kExitOk;
+  return Done{};
 }
 
-int finish(const BlindedArguments& arguments, ObservedDocument& document, const OutputFolder& folder,
-           Context& context) {
-  Result<Analysis> analysis = analyse(document.plan, document.rows);
-  if (!analysis) return fail(analysis.error(), kExitFellShort, &context.progress);
-  document.analysis = *std::move(analysis);
+Status finish(const BlindedArguments& arguments, ObservedDocument& document, const OutputFolder& folder,
+              Context& context) {
+  PALPATE_ASSIGN(document.analysis, analyse(document.plan, document.rows));
   context.progress.report("drawing the report", -1.0);
-  const Status written = write_observed(document, folder);
+  PALPATE_TRY(write_observed(document, folder));
   context.progress.clear();
-  if (!written) return fail(written.error(), kExitFellShort);
   if (arguments.json) {
     fmt::print("{}", to_json(document));
-    return kExitOk;
+    return Done{};
   }
   for (const Table& table : observed_tables(document)) print_table(table);
   for (const std::string& warning : document.analysis.warnings) tell("palpate: warning: {}\n", warning);
   fmt::print("trials: {}\nreport: {}\n", fs::absolute(folder.file(kTrialsFile)).string(),
              fs::absolute(folder.file(kReportFile)).string());
-  return kExitOk;
+  return Done{};
 }
 
 const char* told_of(ObserverKind kind) {
@@ -274,7 +271,6 @@ const char* told_of(ObserverKind kind) {
   return "A person answered.";
 }
 
-/// The plan, with the participant of the arguments.
 Result<Plan> checked_plan(const BlindedArguments& arguments, const PlanText& text) {
   PALPATE_ASSIGN(Plan plan, parse_plan(text.text, text.name, all_renderers()));
   if (arguments.participant.empty()) return plan;
@@ -287,55 +283,51 @@ Result<Plan> checked_plan(const BlindedArguments& arguments, const PlanText& tex
   return plan;
 }
 
-int run_checked(const BlindedArguments& arguments, Plan plan, const ObserverSpec& observer,
-                const DeviceChoice& device, Context& context) {
-  Result<Feeling> feeling = feeling_for(arguments, plan, observer, device, context.progress);
-  if (!feeling) return fail(feeling.error(), kExitBadInput, &context.progress);
+Status run_checked(const BlindedArguments& arguments, Plan plan, const ObserverSpec& observer,
+                   const DeviceChoice& device, Context& context) {
+  PALPATE_ASSIGN(Feeling feeling, feeling_for(arguments, plan, observer, device, context.progress));
   const std::string name = fs::path(plan.name).stem().string();
-  Result<Opened> opened =
-      open_folder(arguments.out.empty() ? "out/study-" + name : arguments.out, plan, observer.text);
-  if (!opened) return fail(opened.error(), kExitBadInput);
-  if (!opened->rows.empty() && !arguments.json)
-    fmt::print("goes on behind {} trials that are answered\n", opened->rows.size());
+  PALPATE_ASSIGN(Opened opened, open_folder(arguments.out.empty() ? "out/study-" + name : arguments.out, plan,
+                                            observer.text));
+  if (!opened.rows.empty() && !arguments.json)
+    fmt::print("goes on behind {} trials that are answered\n", opened.rows.size());
   std::fflush(stdout);
+  context.working = true;
   ObservedDocument document;
-  Asking asking{arguments, plan, observer, device, *feeling, *opened, context, document.notes};
-  const Result<bool> complete = ask(asking);
+  Asking asking{arguments, plan, observer, device, feeling, opened, context, document.notes};
+  PALPATE_ASSIGN(const bool complete, ask(asking));
   context.progress.clear();
-  if (!complete) return fail(complete.error(), kExitFellShort);
-  if (!*complete) {
-    fmt::print("{} trials are answered and kept in {}; the same command goes on\n", opened->rows.size(),
-               opened->folder.file(kTrialsFile).string());
-    return kExitOk;
+  if (!complete) {
+    fmt::print("{} trials are answered and kept in {}; the same command goes on\n", opened.rows.size(),
+               opened.folder.file(kTrialsFile).string());
+    return Done{};
   }
   document.head = new_head(context.command_line);
   document.plan = std::move(plan);
   document.observer = observer;
   document.device = observer.kind == ObserverKind::kSimulated ? "" : device.name();
-  document.rows = std::move(opened->rows);
-  document.sessions = std::move(opened->sessions);
+  document.rows = std::move(opened.rows);
+  document.sessions = std::move(opened.sessions);
   document.notes.insert(document.notes.begin(), told_of(observer.kind));
-  return finish(arguments, document, opened->folder, context);
+  return finish(arguments, document, opened.folder, context);
 }
 
 }  // namespace
 
-int run_blinded(const BlindedArguments& arguments, Context& context) {
-  const Result<PlanText> text = read_plan(arguments.plan);
-  if (!text) return fail(text.error(), kExitBadInput);
-  Result<Plan> plan = checked_plan(arguments, *text);
-  if (!plan) return fail(plan.error(), kExitBadInput);
-  if (!arguments.save_plan.empty()) return save_plan(*text, arguments.save_plan);
-  const Result<ObserverSpec> observer = parse_observer(arguments.observer);
-  if (!observer) return fail(observer.error(), kExitBadInput);
-  if (const Status fits = check_observer(*plan, *observer); !fits) return fail(fits.error(), kExitBadInput);
-  const Result<DeviceChoice> device = choose_device(arguments.device, session_drivers());
-  if (!device) return fail(device.error(), kExitBadInput);
-  if (const Status fits = check_use(arguments, *observer, *device); !fits)
-    return fail(fits.error(), kExitBadInput);
-  if (!arguments.json) print_table(power_table(*plan));
-  if (arguments.power) return kExitOk;
-  return run_checked(arguments, *std::move(plan), *observer, *device, context);
+Result<int> run_blinded(const BlindedArguments& arguments, Context& context) {
+  PALPATE_ASSIGN(const PlanText text, read_plan(arguments.plan));
+  PALPATE_ASSIGN(Plan plan, checked_plan(arguments, text));
+  if (!arguments.save_plan.empty()) {
+    PALPATE_TRY(save_plan(text, arguments.save_plan));
+    return kExitOk;
+  }
+  PALPATE_ASSIGN(const ObserverSpec observer, parse_observer(arguments.observer));
+  PALPATE_TRY(check_observer(plan, observer));
+  PALPATE_ASSIGN(const DeviceChoice device, choose_device(arguments.device, session_drivers()));
+  PALPATE_TRY(check_use(arguments, observer, device));
+  if (!arguments.json) print_table(power_table(plan));
+  if (!arguments.power) PALPATE_TRY(run_checked(arguments, std::move(plan), observer, device, context));
+  return kExitOk;
 }
 
 }  // namespace palpate::experiments::psychophysics

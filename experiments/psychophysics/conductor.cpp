@@ -6,7 +6,7 @@
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// Off the surface for longer than a tap's way up and down, and past the governor's soft start (0.5 s).
+// Longer off the surface than a tap, and past the governor's soft start (0.5 s).
 constexpr double kCalmS = 0.6;
 
 }  // namespace
@@ -26,7 +26,7 @@ void Conductor::begin(const Passes& passes) noexcept {
   trial_.samples = std::move(room);
   begun_ = false;
   interval_.store(0, std::memory_order_relaxed);
-  // Release: the servo sees all of the above.
+  // Release: publishes the above to the servo.
   passage_.store(Passage::kDelay, std::memory_order_release);
 }
 
@@ -91,7 +91,7 @@ void Conductor::note(const device::Tick& tick, Passage passage) noexcept {
 
 void Conductor::guide_hand(const device::Tick& tick, Passage passage) noexcept {
   if (!guide_ || !task_) return;
-  // Off the surface, over where the next interval begins.
+  // Off the surface, above the next interval's start.
   double within_s = 0.0;
   if (passage == Passage::kInterval) within_s = tick.t_s - since_s_;
   if (passage == Passage::kLeaving) within_s = task_->duration_s();
@@ -122,7 +122,6 @@ void Conductor::advance(const device::Tick& tick, Passage passage) noexcept {
       return go(Passage::kLeaving);
     case Passage::kLeaving:
       if (!felt(kNothingLane)) return;
-      trial_.ended_s = tick.t_s;
       return go(done < passes_.count ? Passage::kDelay : Passage::kDone);
     case Passage::kIdle:
     case Passage::kDone:

@@ -1,10 +1,9 @@
-// Takes one hand through the intervals of a trial, in the servo thread.
+// Takes one hand through a trial's intervals in the servo thread.
 //
-//   idle -> [nothing is felt, so long] -> interval 1 -> lift off -> [nothing, so long] -> interval 2 -> .. ->
-//   done
+//  idle -> [no force] -> interval 1 -> lift off -> [no force] -> interval 2 -> .. -> done
 //
-// Between two intervals a renderer is felt that answers nothing, so a switch from a thing to itself goes the
-// same two ways, and takes the same time, as one to another thing. The mixer steps every renderer all along.
+// Between intervals a renderer without force is felt, so switching a renderer to itself takes the same steps
+// and time as switching to another. The mixer steps every renderer throughout.
 #pragma once
 
 #include <array>
@@ -14,63 +13,63 @@
 #include <optional>
 #include <vector>
 
+#include <palpate/device/servo.h>
 #include "device/live/mixer.h"
-#include "device/servo/tick_observer.h"
-#include "device/simulated/hand_guide.h"
+#include "device/simulated/hand_script.h"
 #include "experiments/psychophysics/cues.h"
 
 namespace palpate::experiments::psychophysics {
 
 inline constexpr std::size_t kMostIntervals = 3;
-/// The mixer's lane that answers nothing.
+/// The mixer's lane without force.
 inline constexpr std::uint8_t kNothingLane = 0;
 
 enum class Passage : std::uint8_t {
-  kIdle,      ///< the worker's turn
-  kDelay,     ///< nothing is felt
-  kEntering,  ///< waits until the interval's renderer has taken over
+  kIdle,      ///< waits for the worker
+  kDelay,     ///< no force
+  kEntering,  ///< waits until the interval's renderer is fully felt
   kInterval,
   kLeaving,  ///< waits until the hand has lifted off
-  kDone,     ///< the worker's turn: take()
-  kBroken,   ///< a fault: the trial is to be begun anew
-  kStuck,    ///< a renderer cannot be felt any more
+  kDone,     ///< waits for the worker's take()
+  kBroken,   ///< a fault: the trial must start again
+  kStuck,    ///< a renderer failed for good
 };
 
-/// What a trial left.
+/// Recorded data of a trial.
 struct FeltTrial {
   std::vector<FeltSample> samples;
   std::uint64_t missed_deadlines = 0, clipped_frames = 0;
-  std::uint64_t frames = 0, whole_frames = 0;  ///< of the latter every renderer was stepped
-  std::uint64_t samples_lost = 0;              ///< longer than there was room for
-  double ended_s = 0.0;                        ///< of the servo's time
-  device::DeviceMap map;                       ///< of the samples to the scene
+  std::uint64_t frames = 0, whole_frames = 0;  ///< `whole_frames` stepped every renderer
+  std::uint64_t samples_lost = 0;              ///< beyond the capacity
+  device::DeviceMap map;                       ///< maps the samples to the scene
 };
 
-/// Which lanes, for how long.
+/// The lanes of a trial and their durations.
 struct Passes {
   std::array<std::uint8_t, kMostIntervals> lanes{};
   std::size_t count = 0;
   double interval_s = 0.0, delay_s = 0.0;
 };
 
-/// begin() and take() are one worker's, took() the servo thread's, the rest anybody's. Refers to everything.
+/// begin() and take() are for one worker, took() for the servo thread, the rest for any thread. Refers to
+/// everything.
 class Conductor final : public device::TickObserver {
  public:
-  /// `most_samples`: room for a trial. A simulated hand is guided along `task`, times within an interval;
-  /// both null: a person's.
+  /// `most_samples`: capacity of a trial. `guide` leads a simulated hand along `task`, whose times are within
+  /// an interval; both null for a person.
   Conductor(device::Mixer& mixer, const device::Servo& servo, std::shared_ptr<device::HandGuide> guide,
             std::optional<device::HandScript> task, std::size_t most_samples);
 
   [[nodiscard]] Passage passage() const noexcept { return passage_.load(std::memory_order_acquire); }
   /// From 1; 0 before the first.
   [[nodiscard]] std::uint32_t interval() const noexcept { return interval_.load(std::memory_order_acquire); }
-  /// When the last passage began, the servo's time.
+  /// Servo time at which the last passage began.
   [[nodiscard]] double since_s() const noexcept { return since_s_.load(std::memory_order_acquire); }
-  /// The hand has been off all surfaces, at full gain, for long enough.
+  /// True once the hand has been off all surfaces at full gain for long enough.
   [[nodiscard]] bool calm() const noexcept { return calm_.load(std::memory_order_acquire); }
-  /// While idle, done or broken.
+  /// Call while idle, done or broken.
   void begin(const Passes& passes) noexcept;
-  /// Once done; idle then. The room for samples is lent: give it back with return_room().
+  /// Call when done; becomes idle. Lends the sample buffer: give it back with return_room().
   [[nodiscard]] FeltTrial take() noexcept;
   void return_room(FeltTrial&& trial) noexcept;
 
@@ -92,11 +91,11 @@ class Conductor final : public device::TickObserver {
   std::atomic<Passage> passage_{Passage::kIdle};
   std::atomic<std::uint32_t> interval_{0};
   std::atomic<bool> calm_{false};
-  // The worker's while it is its turn, else the servo's.
+  // Owned by the worker in its turns, else by the servo.
   Passes passes_;
   FeltTrial trial_;
   bool begun_ = false;  ///< the servo has seen it
-  // The servo's.
+  // Owned by the servo.
   std::atomic<double> since_s_{0.0};
   double restless_s_ = 0.0;
   bool seen_ = false;

@@ -5,22 +5,22 @@
 #include <complex>
 #include <numbers>
 
-#include "toolkit/metrics/touch.h"
+#include "toolkit/metrics/vibration_threshold.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// Motions over so long are compared: an encoder's steps are small beside them, a press's way is not.
+// Time over which motions are compared: long against an encoder's steps, short against a press.
 constexpr double kStrideS = 0.02;
-// What hands feel as vibration, Hz; below it is motion.
+// Vibration range of the hand, Hz; below is motion.
 constexpr double kLowestHz = 20.0, kHighestHz = 500.0;
-// Frequencies are this far apart in a stretch of so long: finer than the band of any resonance of a hand.
+// Length of a spectrum's stretch; its frequency spacing is finer than a hand's resonances.
 constexpr double kStretchS = 0.5;
-// A Hann window spreads a tone's power over one and a half steps of frequency.
+// A Hann window spreads a tone's power over 1.5 frequency steps.
 constexpr double kHannBands = 1.5;
-// The smallest step of force that a common device shows: 0.5 N/mm times 0.055 mm.
+// Smallest force step of a common device: 0.5 N/mm times 0.055 mm.
 constexpr double kFloorN = 0.0275;
-// A spring softer than the arm that holds it (10 N/m, Yokokohji and Yoshikawa 1994) is felt as none.
+// A spring softer than the arm that holds it (10 N/m, Yokokohji and Yoshikawa 1994) is not felt.
 constexpr double kSoftestNPerMm = 0.01;
 constexpr double kUmPerM = 1e6;
 
@@ -31,7 +31,7 @@ std::size_t steps_in(std::span<const FeltSample> samples, double seconds) {
   return step_s > 0.0 ? std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(seconds / step_s))) : 1;
 }
 
-/// Least squares of force by depth over strides that go along `normal` more than aside.
+/// Least-squares fit of force by depth over strides that move more along `normal` than sideways.
 double felt_stiffness(std::span<const FeltSample> samples, const Vec3& normal) {
   const std::size_t stride = steps_in(samples, kStrideS);
   double both = 0.0, squares = 0.0;
@@ -47,7 +47,7 @@ double felt_stiffness(std::span<const FeltSample> samples, const Vec3& normal) {
   return squares > 0.0 ? std::max(0.0, both / squares) : 0.0;
 }
 
-/// Power of displacement in a stretch, in squared amplitudes that are just noticed.
+/// Power of displacement in a stretch, in squared just noticeable amplitudes.
 double noticed_power(std::span<const FeltSample> stretch, const Vec3& mean_n, double step_s,
                      double moved_kg) {
   const auto n = static_cast<double>(stretch.size());
@@ -70,13 +70,13 @@ double noticed_power(std::span<const FeltSample> stretch, const Vec3& mean_n, do
     for (const std::complex<double>& sum : sums) force_power += std::norm(2.0 * sum / weights);
     const double omega = 2.0 * std::numbers::pi * hz;
     const double um = std::sqrt(force_power) / (moved_kg * omega * omega) * kUmPerM;
-    const double ratio = um / metrics::noticed_um(hz);
+    const double ratio = um / metrics::detection_threshold_um(hz);
     power += ratio * ratio / kHannBands;
   }
   return power;
 }
 
-/// The mean over stretches that are whole and in contact from end to end.
+/// Mean over complete stretches that are in contact throughout.
 double felt_vibration(std::span<const FeltSample> samples, double moved_kg) {
   const std::size_t length = steps_in(samples, kStretchS);
   if (samples.size() < 2) return 0.0;

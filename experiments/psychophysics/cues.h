@@ -1,14 +1,12 @@
-// What a touch tells: the cues of a trace of force and position, on scales whose unit is a just noticeable
-// difference.
+// Haptic cues of a force trace, on scales of just noticeable differences.
 //
-// A cue of size x with a Weber fraction w and a floor f, the absolute threshold, has the scale
+// A cue of size x with Weber fraction w and absolute threshold f has the scale
 //
-//   s(x) = x / f                                    up to x = f / w, where both thresholds are the same
-//   s(x) = 1 / w + ln(w x / f) / ln(1 + w)          above: a share w more is one step, wherever it begins
+//   s(x) = x / f                                    up to x = f / w, where both thresholds are equal
+//   s(x) = 1 / w + ln(w x / f) / ln(1 + w)          above: each step is a share w
 //
-// (Weber's law with an absolute threshold; its integral is Fechner's). Cues: the stiffness that is felt, the
-// force, its direction, and vibration. Each threshold names its source in docs/psychophysics.md. Pure
-// functions, thread-safe.
+// (Weber's law with an absolute threshold, integrated after Fechner). Cues: stiffness, force, direction and
+// vibration. Sources of the thresholds: docs/tutorials/a-study.md. Pure functions, thread-safe.
 #pragma once
 
 #include <array>
@@ -16,48 +14,48 @@
 #include <cstdint>
 #include <span>
 
-#include "toolkit/core/vec.h"
+#include <palpate/vec.h>
 
 namespace palpate::experiments::psychophysics {
 
-/// A tick of what reached the hand; device frame.
+/// A tick's position and sent force; device frame.
 struct FeltSample {
   double t_s = 0.0;
   std::uint32_t interval = 0;  ///< of the trial, from 1; 0: between two
   Vec3 at_mm = Vec3::Zero();
-  Vec3 force_n = Vec3::Zero();  ///< as it was sent
+  Vec3 force_n = Vec3::Zero();  ///< as sent
   bool contact = false;
 };
 
 struct Thresholds {
-  double stiffness = 0.08;       ///< Weber fraction: the lower end of 8 to 23 %
+  double stiffness = 0.08;       ///< Weber fraction: lower end of 8 to 23 %
   double force = 0.07;           ///< Weber fraction (Pang, Tan and Durlach 1991)
   double direction_deg = 25.6;   ///< (Barbagli et al. 2006)
-  double vibration = 0.2;        ///< Weber fraction of an amplitude above its threshold; assumed
-  double vibration_floor = 1.0;  ///< in the amplitude that is just noticed (metrics::noticed_um)
-  double moved_kg = 0.2;         ///< what a vibrating force moves: a stylus device and the hand around it
+  double vibration = 0.2;        ///< Weber fraction of amplitudes above the threshold; assumed
+  double vibration_floor = 1.0;  ///< in just noticeable amplitudes (metrics::detection_threshold_um)
+  double moved_kg = 0.2;         ///< mass moved by a vibrating force: stylus and hand
 };
 
-/// What one interval tells.
+/// The cues of one interval.
 struct Cues {
   bool touched = false;
-  double stiffness_n_per_mm = 0.0;  ///< force by depth while it goes in or out more than along
-  double force_n = 0.0;             ///< mean size in contact
-  double vibration = 0.0;           ///< 20 to 500 Hz, in amplitudes that are just noticed
+  double stiffness_n_per_mm = 0.0;  ///< force by depth while moving in or out more than along
+  double force_n = 0.0;             ///< mean magnitude in contact
+  double vibration = 0.0;           ///< 20 to 500 Hz, in just noticeable amplitudes
   Vec3 direction = Vec3::Zero();    ///< of the mean force; zero without contact
 };
-/// Of the samples of one interval, evenly spaced in time. O(samples x frequencies).
+/// Takes one interval's samples, evenly spaced in time. O(samples x frequencies).
 [[nodiscard]] Cues cues_of(std::span<const FeltSample> samples, const Thresholds& thresholds);
 
 /// s(x) above.
 [[nodiscard]] double sensation(double x, double floor, double weber) noexcept;
 
 inline constexpr std::size_t kCues = 4;
-/// For reports: "stiffness", "force", "vibration", "direction".
+/// For reports.
 inline constexpr std::array<const char*, kCues> kCueNames = {"stiffness", "force", "vibration", "direction"};
 using CueScales = std::array<double, kCues>;
-/// Each cue on its scale, in just noticeable differences. That of the direction counts from `from` towards
-/// `to`; 0 where those are one.
+/// Cues on their scales, in just noticeable differences. Direction counts from `from` towards `to`; 0 if
+/// those coincide.
 [[nodiscard]] CueScales scales_of(const Cues& cues, const Thresholds& thresholds, const Vec3& from,
                                   const Vec3& to) noexcept;
 

@@ -11,16 +11,16 @@ namespace {
 
 constexpr double kRoot2 = std::numbers::sqrt2;
 const double kRoot6 = std::sqrt(6.0);
-constexpr double kMostCriterion = 8.0;  // beyond it every answer is the same, whatever is felt
-constexpr int kGoldenSteps = 32;        // 0.618^32 is 2e-7: more than a likelihood tells
+constexpr double kMostCriterion = 8.0;  // beyond it every answer is the same
+constexpr int kGoldenSteps = 32;        // 0.618^32 is 2e-7, finer than a likelihood can resolve
 constexpr int kBisections = 44;
 constexpr double kChanceShare = 0.5;
-// Half of the 95th percentile of chi-square with one degree of freedom (Wilks 1938).
+// Half of chi-square's 95th percentile at one degree of freedom (Wilks 1938).
 constexpr double kProfileDrop = 1.920729410347062;
-// Hautus 1995: as if each cell had been answered half a time more.
+// Hautus 1995: adds half an answer to each cell.
 constexpr double kHalfAnswer = 0.5;
 
-/// Share of "different" where the means are d' apart and k is the difference that is called one.
+/// Share of "different" answers with means d' apart and criterion k.
 double called_different(double dprime, double k) {
   return normal_cdf((dprime - k) / kRoot2) + normal_cdf((-dprime - k) / kRoot2);
 }
@@ -51,7 +51,7 @@ double log_likelihood(const Rates& r, const Answers& a) {
          log_of(a.false_alarms, r.false_alarm) + log_of(a.noises - a.false_alarms, 1.0 - r.false_alarm);
 }
 
-/// Where `f` is largest on [low, high], of one hump.
+/// Position of the maximum of a unimodal `f` on [low, high].
 template <class Function>
 double highest(double low, double high, Function&& f) {
   const double share = std::numbers::phi - 1.0;
@@ -79,7 +79,7 @@ double profile(Task task, const Answers& answers, double dprime) {
   return at(highest(least, kMostCriterion, at));
 }
 
-/// All d' whose likelihood is near enough to the best.
+/// All d' whose likelihood is within the drop from the maximum.
 Interval profile_interval(Task task, const Answers& answers) {
   const double least = task == Task::kSameDifferent ? 0.0 : -kLargestDprime;
   const auto at = [&](double d) { return profile(task, answers, d); };
@@ -134,10 +134,6 @@ const char* name_of(Task task) noexcept {
       return "yes-no";
   }
   return "";
-}
-
-const char* name_of(Strategy strategy) noexcept {
-  return strategy == Strategy::kDifferencing ? "differencing" : "independent";
 }
 
 std::size_t intervals_of(Task task) noexcept {

@@ -9,7 +9,7 @@ namespace palpate::experiments::psychophysics {
 namespace {
 
 namespace math = boost::math;
-/// Results outside of what a double can say are infinite, or not a number: nothing throws.
+/// Never throws: unrepresentable results become infinite or NaN.
 using Quiet = math::policies::policy<math::policies::domain_error<math::policies::ignore_error>,
                                      math::policies::pole_error<math::policies::ignore_error>,
                                      math::policies::overflow_error<math::policies::ignore_error>,
@@ -19,10 +19,6 @@ using Quiet = math::policies::policy<math::policies::domain_error<math::policies
 
 double normal_cdf(double z) noexcept {
   return 0.5 * std::erfc(-z / std::numbers::sqrt2);
-}
-
-double normal_density(double z) noexcept {
-  return std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
 }
 
 double normal_quantile(double p) noexcept {

@@ -1,38 +1,33 @@
-#include <fmt/format.h>
-
-#include <nlohmann/json.hpp>
-
+#include "experiments/driver/json_document.h"
 #include "experiments/psychophysics/blinded.h"
 #include "experiments/psychophysics/rig.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-Json needed_json(const std::optional<Needed>& needed) {
+DocumentJson needed_json(const std::optional<Needed>& needed) {
   if (!needed) return nullptr;
   return {{"first", needed->first}, {"safe", needed->safe}};
 }
 
-Json interval_json(const Interval& interval) {
-  return Json::array({interval.low, interval.high});
+DocumentJson interval_json(const Interval& interval) {
+  return DocumentJson::array({interval.low, interval.high});
 }
 
-Json estimate_json(const Estimate& estimate) {
+DocumentJson estimate_json(const Estimate& estimate) {
   return {{"value", estimate.value}, {"interval", interval_json(estimate.interval)}};
 }
 
-Json sensitivity_json(const std::optional<Sensitivity>& found) {
+DocumentJson sensitivity_json(const std::optional<Sensitivity>& found) {
   if (!found) return nullptr;
-  Json json = {{"value", found->dprime.value}};
-  json["interval"] = found->has_interval ? interval_json(found->dprime.interval) : Json(nullptr);
-  json["criterion"] = found->criterion ? Json(*found->criterion) : Json(nullptr);
+  DocumentJson json = {{"value", found->dprime.value}};
+  json["interval"] = found->has_interval ? interval_json(found->dprime.interval) : DocumentJson(nullptr);
+  json["criterion"] = found->criterion;
   return json;
 }
 
-Json procedure_json(const Plan& p) {
-  Json json = {{"kind", name_of(p.procedure)}};
+DocumentJson procedure_json(const Plan& p) {
+  DocumentJson json = {{"kind", name_of(p.procedure)}};
   if (p.procedure == ProcedureKind::kFixed) json["count"] = p.count, json["levels"] = p.levels;
   if (p.procedure == ProcedureKind::kUpDown)
     json.update({{"target", target_of(p.up_down)},
@@ -47,8 +42,8 @@ Json procedure_json(const Plan& p) {
   return json;
 }
 
-Json design_json(const Plan& p) {
-  Json json = {{"task", name_of(p.task)}, {"scene", p.scene}};
+DocumentJson design_json(const Plan& p) {
+  DocumentJson json = {{"task", name_of(p.task)}, {"scene", p.scene}};
   if (p.compares()) {
     json["compare"] = {{"A", p.a}, {"B", p.b}};
     json["option"] = nullptr;
@@ -83,7 +78,7 @@ Json design_json(const Plan& p) {
   return json;
 }
 
-Json difference_json(const Difference& d, const Plan& p) {
+DocumentJson difference_json(const Difference& d, const Plan& p) {
   return {{"correct", d.answers.correct()},
           {"trials", d.answers.trials()},
           {"hits", d.answers.hits},
@@ -97,18 +92,18 @@ Json difference_json(const Difference& d, const Plan& p) {
           {"equivalence", {{"bound", p.power.equivalence}, {"p", d.equivalence_p}}}};
 }
 
-Json threshold_json(const Threshold& t, const Plan& p) {
-  Json json = {{"function", name_of(t.fit.function.shape)},
-               {"slope", t.fit.function.slope},
-               {"slope_fitted", !p.fitted_slope().has_value()},
-               {"lapse", t.fit.function.lapse},
-               {"log_likelihood", t.fit.log_likelihood},
-               {"deviance", t.fit.deviance},
-               {"weber_fraction", t.jnd.value / p.option->standard},
-               {"at_edge", t.fit.at_edge}};
-  json["procedure"] = t.procedure ? estimate_json(*t.procedure) : Json(nullptr);
+DocumentJson threshold_json(const Threshold& t, const Plan& p) {
+  DocumentJson json = {{"function", name_of(t.fit.function.shape)},
+                       {"slope", t.fit.function.slope},
+                       {"slope_fitted", !p.fitted_slope().has_value()},
+                       {"lapse", t.fit.function.lapse},
+                       {"log_likelihood", t.fit.log_likelihood},
+                       {"deviance", t.fit.deviance},
+                       {"weber_fraction", t.jnd.value / p.option->standard},
+                       {"at_edge", t.fit.at_edge}};
+  json["procedure"] = t.procedure ? estimate_json(*t.procedure) : DocumentJson(nullptr);
   json["procedure_says"] = t.procedure_says;
-  json["levels"] = Json::array();
+  json["levels"] = DocumentJson::array();
   for (const LevelAnswers& one : t.levels)
     json["levels"].push_back({{"level", one.level}, {"correct", one.correct}, {"trials", one.trials}});
   return json;
@@ -119,25 +114,25 @@ Json threshold_json(const Threshold& t, const Plan& p) {
 std::string to_json(const ObservedDocument& document) {
   const Plan& p = document.plan;
   const Analysis& a = document.analysis;
-  Json json = {{"schema", kObservedSchema}};
-  json.update(Json::parse(metrics::head_json(document.head)));
+  DocumentJson json = begin_json(kObservedSchema, document.head);
   json["title"] = p.title;
   json["plan"] = kPlanFile;
   json["participant"] = p.participant;
   json["observer"] = document.observer.text;
   json["simulated"] = document.observer.kind == ObserverKind::kSimulated;
-  json["device"] = document.device.empty() ? Json(nullptr) : Json(document.device);
-  json["traces"] = document.device.empty() ? Json(nullptr) : Json(kTracesFolder);
+  json["device"] = text_or_null(document.device);
+  json["traces"] = document.device.empty() ? DocumentJson(nullptr) : DocumentJson(kTracesFolder);
   json["design"] = design_json(p);
   if (a.difference) {
     const Difference& d = *a.difference;
     json["estimate"] = {
         {"name", "dprime"},
         {"unit", "1"},
-        {"value", d.differencing ? Json(d.differencing->dprime.value) : Json(nullptr)},
+        {"value", d.differencing ? DocumentJson(d.differencing->dprime.value) : DocumentJson(nullptr)},
         {"method", p.task == Task::kAbx || p.task == Task::kSameDifferent ? "differencing model"
                                                                           : "unit normal sensations"}};
-    json["interval"] = d.differencing ? interval_json(d.differencing->dprime.interval) : Json(nullptr);
+    json["interval"] =
+        d.differencing ? interval_json(d.differencing->dprime.interval) : DocumentJson(nullptr);
   } else {
     json["estimate"] = {{"name", "jnd"},
                         {"unit", p.option->unit},
@@ -145,22 +140,22 @@ std::string to_json(const ObservedDocument& document) {
                         {"method", a.threshold->method}};
     json["interval"] = interval_json(a.threshold->jnd.interval);
   }
-  json["difference"] = a.difference ? difference_json(*a.difference, p) : Json(nullptr);
-  json["threshold"] = a.threshold ? threshold_json(*a.threshold, p) : Json(nullptr);
+  json["difference"] = a.difference ? difference_json(*a.difference, p) : DocumentJson(nullptr);
+  json["threshold"] = a.threshold ? threshold_json(*a.threshold, p) : DocumentJson(nullptr);
   json["trials"] = {{"file", kTrialsFile},    {"rows", document.rows.size()},
                     {"main", a.main},         {"practice", a.practice},
                     {"catch", a.catches},     {"catch_right", a.catches_right},
-                    {"excluded", a.excluded}, {"columns", Json::array()}};
+                    {"excluded", a.excluded}, {"columns", DocumentJson::array()}};
   for (const Column& column : trial_columns())
     json["trials"]["columns"].push_back(
         {{"name", column.name}, {"unit", column.unit}, {"meaning", column.meaning}});
-  json["sessions"] = Json::array();
+  json["sessions"] = DocumentJson::array();
   for (const SessionRecord& one : document.sessions)
-    json["sessions"].push_back(Json::parse(session_line(one)));
+    json["sessions"].push_back(DocumentJson::parse(session_line(one)));
   json["participant_excluded"] = a.participant_excluded;
   json["warnings"] = a.warnings;
   json["notes"] = document.notes;
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
 }  // namespace palpate::experiments::psychophysics

@@ -1,4 +1,4 @@
-// Plans that are part of the program: `palpate study abx` runs one, --save-plan writes it for changes.
+// Built-in plans: `palpate study abx` runs one, --save-plan writes it for editing.
 #include "experiments/psychophysics/plan.h"
 
 namespace palpate::experiments::psychophysics {

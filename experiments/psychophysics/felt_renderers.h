@@ -1,17 +1,16 @@
-// Renderers around those of a study.
+// Wrappers and stand-ins for the renderers of a study.
 #pragma once
 
 #include <memory>
 #include <utility>
 
-#include "toolkit/render/renderer.h"
-#include "toolkit/render/scene_free_renderer.h"
+#include <palpate/renderer.h>
 #include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments::psychophysics {
 
-/// Free space everywhere. It is felt between two intervals, so that a switch from a thing to itself takes the
-/// same way, and the same time, as one to another thing. A frame does nothing.
+/// Free space everywhere, felt between two intervals. It makes switching a renderer to itself take the same
+/// steps and time as switching to another. A frame does nothing.
 class Nothing final : public render::SceneFreeRenderer {
  public:
   [[nodiscard]] render::Frame step(const Vec3& hip_mm, double /*t_s*/) noexcept override {
@@ -28,8 +27,8 @@ class Nothing final : public render::SceneFreeRenderer {
   }
 };
 
-/// Asks the renderer so often a second, and holds its answer in between: an update rate below that of the
-/// servo. A frame costs what the renderer's does, or nothing.
+/// Updates the renderer at a lower rate than the servo and holds its answer in between. A frame costs the
+/// renderer's time or nothing.
 class HeldRate final : public render::WrappedRenderer {
  public:
   HeldRate(std::unique_ptr<render::HapticRenderer> inner, double rate_hz) noexcept
@@ -38,9 +37,9 @@ class HeldRate final : public render::WrappedRenderer {
     due_s_ = t_s;
     inner().restart(hip_mm, t_s);
   }
-  void let_go(const Vec3& hip_mm) noexcept override {
+  void release_contact(const Vec3& hip_mm) noexcept override {
     due_s_ = 0.0;
-    inner().let_go(hip_mm);
+    inner().release_contact(hip_mm);
   }
   [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override;
 

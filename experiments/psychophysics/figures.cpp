@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
@@ -30,8 +30,8 @@ Chart function_chart(const Plan& plan, const Threshold& t) {
       "{}), "
       "where "
       "three of four answers are right.",
-      short_number(t.jnd.value), plan.option->unit, short_number(t.jnd.interval.low),
-      short_number(t.jnd.interval.high));
+      format_number(t.jnd.value), plan.option->unit, format_number(t.jnd.interval.low),
+      format_number(t.jnd.interval.high));
   const double end = 1.1 * std::max(t.levels.back().level, t.jnd.interval.high);
   Series curve{"fitted", kLineColour, {}, {}};
   curve.is_truth = true;

@@ -1,4 +1,4 @@
-// Pictures of a study.
+// Charts of a study.
 #pragma once
 
 #include <vector>
@@ -8,8 +8,8 @@
 
 namespace palpate::experiments::psychophysics {
 
-/// Where an option is turned: the psychometric function, and of a procedure that adapts its course. Where
-/// renderers are compared: the share of right answers as trials go on, with its exact interval.
+/// Charts by kind of study. A varied option: psychometric function, and an adaptive procedure's course.
+/// Compared renderers: running share of right answers with its exact interval.
 [[nodiscard]] std::vector<Chart> charts_of(const ObservedDocument& document);
 
 }  // namespace palpate::experiments::psychophysics

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::experiments::psychophysics {
 

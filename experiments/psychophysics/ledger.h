@@ -1,5 +1,4 @@
-// The rows of a study as they come: the course goes on with each, and the file has it before the next is
-// asked.
+// A study's rows as they arrive. Each is in the file before the next question.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +13,15 @@ namespace palpate::experiments::psychophysics {
 /// One thread at a time. Refers to plan, rows and observer.
 class Ledger {
  public:
-  /// `rows`: those of earlier sessions; new ones are added. `stop_after`: trials of this session; 0: all.
+  /// `rows`: earlier sessions' rows; new ones are appended. `stop_after`: trials of this session; 0: all.
   Ledger(const Plan& plan, const std::string& observer, std::vector<Row>& rows, TrialFile file,
          long long stop_after);
 
-  /// Whether this session has asked what it was to ask.
+  /// True once this session has asked its trials.
   [[nodiscard]] bool session_over() const noexcept { return stop_after_ > 0 && asked_ == stop_after_; }
-  /// Nothing: the study is complete. An Error where excluded answers never let it end.
+  /// Empty: the study is complete. Error: excluded answers keep it from ever ending.
   [[nodiscard]] Result<std::optional<Trial>> next() const;
-  /// The answer to `trial`, which was next(). It is with the system when this returns.
+  /// Enters the answer to `trial`, which must be next(). The system has it when this returns.
   [[nodiscard]] Status enter(const Trial& trial, const Answer& answer);
 
  private:

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <utility>
 
+#include <palpate/result.h>
 #include "experiments/psychophysics/psychometric.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-/// The cue that differs most; the first of several.
+/// The cue that differs most; the first of equals.
 std::size_t widest(const CueScales& differences) {
   std::size_t at = 0;
   for (std::size_t c = 1; c < kCues; ++c)
@@ -18,7 +18,6 @@ std::size_t widest(const CueScales& differences) {
   return at;
 }
 
-/// How far the intervals lie apart, by cue.
 CueScales spread(const std::vector<CueScales>& intervals) {
   CueScales widths{};
   for (std::size_t c = 0; c < kCues; ++c) {
@@ -48,7 +47,7 @@ std::vector<CueScales> Machine::scales(const FeltTrial& felt) const {
 }
 
 Status Machine::learn(ProgressBar& progress) {
-  // As nobody misses it: in a plan that compares, the two themselves.
+  // Uses the easiest pair; in a comparison, the two renderers themselves.
   Trial pair;
   pair.level = easiest_level(plan_);
   pair.shown = "AB";
@@ -68,9 +67,9 @@ Status Machine::learn(ProgressBar& progress) {
   return Done{};
 }
 
-/// Of each interval, in deviations of the sensation from that of A; positive the way in which B differs.
+/// Each interval's strength in sensation deviations from A, positive towards B.
 std::vector<double> Machine::strengths(const std::vector<CueScales>& intervals) const {
-  // A single interval is judged by the cue that told the pair apart.
+  // A single interval is judged by the cue that best separated the pair.
   const std::size_t cue = widest(intervals.size() > 1 ? spread(intervals) : apart_);
   const double unit = dprime_at_jnd(Task::kTwoInterval), way = apart_[cue] < 0.0 ? -1.0 : 1.0;
   std::vector<double> all;

@@ -5,22 +5,22 @@
 
 #include <cstdint>
 
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// The C interface of liblsl, by its public headers (lsl/streaminfo.h, lsl/outlet.h, lsl/common.h of version
-// 1.14): handles are pointers to what is not told, a format is an enumeration of four bytes, and answers of
-// push are 0 or a code below it.
+// The C interface of liblsl, from its public headers (lsl/streaminfo.h, lsl/outlet.h, lsl/common.h of version
+// 1.14): handles are opaque pointers, a format is a four-byte enumeration, push returns 0 or an error code
+// below it.
 struct LslInfoBody;
 struct LslOutletBody;
 using LslInfo = LslInfoBody*;
 using LslOutlet = LslOutletBody*;
 constexpr std::int32_t kLslText = 3;      // cft_string
 constexpr double kLslIrregular = 0.0;     // LSL_IRREGULAR_RATE
-constexpr std::int32_t kLslBuffer = 360;  // seconds, or hundreds of samples of an irregular stream
+constexpr std::int32_t kLslBuffer = 360;  // seconds, or hundreds of an irregular stream's samples
 
 struct LslFunctions {
   LslInfo (*create_streaminfo)(const char*, const char*, std::int32_t, double, std::int32_t, const char*);
@@ -54,7 +54,7 @@ class LslMarkers final : public Markers {
   void push(const std::string& text, double seconds_ago) override {
     const char* const sample = text.c_str();
     const char* samples[] = {sample};
-    // Nobody is there to do anything about a mark that does not go out; the trial goes on.
+    // A mark that fails to go out is ignored; the trial continues.
     (void)lsl_.push_sample(outlet_, samples, lsl_.local_clock() - seconds_ago);
   }
 
@@ -68,7 +68,7 @@ class LslMarkers final : public Markers {
 }  // namespace
 
 Result<std::unique_ptr<Markers>> lsl_markers(const std::string& library, const std::string& source) {
-  // It has threads of its own, which may still be on their way out when its objects are gone: it stays.
+  // The library stays loaded: its threads may outlive its objects.
   Library opened(dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE));
   if (!opened) {
     const char* const why = dlerror();

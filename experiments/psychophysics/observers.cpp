@@ -3,28 +3,28 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/options.h>
+#include <palpate/result.h>
 #include "experiments/psychophysics/procedures.h"
-#include "toolkit/core/options.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/random.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// Answers take about as long as people's do: the median, and the deviation of the logarithm.
+// Median and log deviation of answer times, similar to people's.
 constexpr double kMedianAnswerS = 1.5, kAnswerSpread = 0.4;
-// Decisions this far from the criterion, in deviations, are called a little, rather, and quite sure.
+// Distances from the criterion, in deviations, for the steps of confidence.
 constexpr double kSureSteps[] = {0.5, 1.0, 2.0};
 
-/// Above 0: the second answer. In deviations from where both answers are equally good.
+/// Decision variable in deviations from indifference; above 0: the second answer.
 double decision(const ObserverOptions& observer, const Felt& felt, const std::vector<double>& sensed) {
   switch (felt.task) {
     case Task::kAbx: {
       const double a = sensed[0], b = sensed[1], x = sensed[2];
       if (observer.strategy == Strategy::kDifferencing)
         return std::abs(x - a) - std::abs(x - b) + observer.bias;
-      // Who knows both distributions judges X by the middle between them, and the pair by its order.
+      // An observer who knows both distributions compares X with their midpoint and the pair by its order.
       const double middle = 0.5 * (felt.strengths[0] + felt.strengths[1]);
       return (b > a ? x - middle : middle - x) + observer.bias;
     }
@@ -71,7 +71,7 @@ const std::vector<OptionSpec>& simulated_options() {
   return kSpecs;
 }
 
-/// What a hand does; the first of each is that of ObserverSpec.
+/// The hand's options; the first of each equals ObserverSpec's default.
 std::vector<OptionSpec> hand_options() {
   return {choice_spec("hand", "press", "what the simulated hand does", {"press", "slide", "explore"}),
           number_spec("depth", "4", "of its goal below the surface, mm of the device", 0.1, 50.0)};
@@ -97,7 +97,6 @@ const std::vector<OptionSpec>& machine_options() {
   return kSpecs;
 }
 
-/// What is common to all whose options these are.
 void take_deciding(const Options& options, ObserverOptions& o) {
   o.lapse = options.number("lapse");
   o.bias = options.number("bias");

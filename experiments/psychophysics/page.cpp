@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
+#include <palpate/result.h>
 #include "experiments/psychophysics/blinded.h"
 #include "experiments/psychophysics/figures.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
@@ -20,26 +20,26 @@ std::string p_text(double p) {
 }
 
 std::string from_to(const Interval& interval, const std::string& unit) {
-  const auto text = aligned_numbers({interval.low, interval.high});
+  const auto text = format_aligned({interval.low, interval.high});
   return fmt::format("{} to {}{}{}", text[0], text[1], unit.empty() ? "" : " ", unit);
 }
 
 std::string needed_text(const std::optional<Needed>& needed) {
-  if (!needed) return fmt::format("over {}", count_text(kMostTrials));
-  if (needed->first == needed->safe) return count_text(needed->first);
-  return fmt::format("{}; every number from {}", count_text(needed->first), count_text(needed->safe));
+  if (!needed) return fmt::format("over {}", format_count(kMostTrials));
+  if (needed->first == needed->safe) return format_count(needed->first);
+  return fmt::format("{}; every number from {}", format_count(needed->first), format_count(needed->safe));
 }
 
-void add_row(Table& table, std::string what, std::string value, std::string interval = kNoNumber) {
+void add_row(Table& table, std::string what, std::string value, std::string interval = kMissingNumber) {
   table.rows.push_back({{std::move(what)}, {std::move(value)}, {std::move(interval)}});
 }
 
-/// d' at the end of what is looked for is no number of its own.
+/// A d' at the end of the search range is no measured number.
 std::string dprime_interval(const Sensitivity& found) {
-  if (!found.has_interval) return kNoNumber;
+  if (!found.has_interval) return kMissingNumber;
   const Interval& i = found.dprime.interval;
   if (i.high < kLargestDprime - 1e-3) return from_to(i, {});
-  return "above " + short_number(i.low);
+  return "above " + format_number(i.low);
 }
 
 Table difference_table(const Plan& plan, const Difference& d) {
@@ -51,10 +51,10 @@ Table difference_table(const Plan& plan, const Difference& d) {
           fmt::format("{} to {}", percent(d.share.interval.low), percent(d.share.interval.high)));
   add_row(table, "p of so many by chance", p_text(d.p));
   if (d.differencing)
-    add_row(table, d.independent ? "d', differencing" : "d'", short_number(d.differencing->dprime.value),
+    add_row(table, d.independent ? "d', differencing" : "d'", format_number(d.differencing->dprime.value),
             dprime_interval(*d.differencing));
   if (d.independent)
-    add_row(table, "d', independent observations", short_number(d.independent->dprime.value),
+    add_row(table, "d', independent observations", format_number(d.independent->dprime.value),
             dprime_interval(*d.independent));
   if (d.differencing && d.differencing->criterion)
     add_row(table, "criterion, deviations", fmt::format("{:.2f}", *d.differencing->criterion));
@@ -76,18 +76,18 @@ Table threshold_table(const Plan& plan, const Threshold& t) {
   Table table;
   table.title = plan.title;
   table.columns = {fmt::format("of {}", plan.option->key), "is", "95 % interval"};
-  add_row(table, "JND: three of four right", fmt::format("{} {}", short_number(t.jnd.value), unit),
+  add_row(table, "JND: three of four right", fmt::format("{} {}", format_number(t.jnd.value), unit),
           from_to(t.jnd.interval, unit));
   const double standard = plan.option->standard;
   add_row(table, fmt::format("of the standard, {:g} {}", standard, unit), percent(t.jnd.value / standard),
           fmt::format("{} to {}", percent(t.jnd.interval.low / standard),
                       percent(t.jnd.interval.high / standard)));
   if (t.procedure)
-    add_row(table, t.procedure_says, fmt::format("{} {}", short_number(t.procedure->value), unit),
+    add_row(table, t.procedure_says, fmt::format("{} {}", format_number(t.procedure->value), unit),
             t.procedure->interval.high > t.procedure->interval.low ? from_to(t.procedure->interval, unit)
-                                                                   : std::string(kNoNumber));
-  add_row(table, "slope", short_number(t.fit.function.slope));
-  add_row(table, "deviance", short_number(t.fit.deviance));
+                                                                   : std::string(kMissingNumber));
+  add_row(table, "slope", format_number(t.fit.function.slope));
+  add_row(table, "deviance", format_number(t.fit.deviance));
   table.notes.push_back("By " + t.method + ".");
   return table;
 }
@@ -99,14 +99,13 @@ Table trials_table(const Analysis& a) {
   const auto row = [&](const char* what, std::string text) {
     table.rows.push_back({{what}, {std::move(text)}});
   };
-  row("that count", count_text(a.main));
-  row("practice", count_text(a.practice));
+  row("that count", format_count(a.main));
+  row("practice", format_count(a.practice));
   row("catch, right", fmt::format("{} of {}", a.catches_right, a.catches));
-  row("excluded by the plan's rule", count_text(a.excluded));
+  row("excluded by the plan's rule", format_count(a.excluded));
   return table;
 }
 
-/// Which session the loop kept its time in, and how it was scheduled.
 Table sessions_table(const std::vector<SessionRecord>& sessions) {
   Table table;
   table.title = "Sessions at the device";
@@ -114,17 +113,17 @@ Table sessions_table(const std::vector<SessionRecord>& sessions) {
   for (const SessionRecord& s : sessions) {
     const bool any = s.last_trial > 0;
     table.rows.push_back({{s.started_utc},
-                          {any ? fmt::format("{} to {}", s.first_trial, s.last_trial) : kNoNumber},
-                          {count_text(s.ticks)},
-                          {count_text(s.missed)},
-                          {duration_text(s.late_p999_us / kUsPerMsShown)},
-                          {duration_text(s.late_most_us / kUsPerMsShown)},
-                          {count_text(s.begun_again)}});
+                          {any ? fmt::format("{} to {}", s.first_trial, s.last_trial) : kMissingNumber},
+                          {format_count(s.ticks)},
+                          {format_count(s.missed)},
+                          {format_duration(s.late_p999_us / kUsPerMsShown)},
+                          {format_duration(s.late_most_us / kUsPerMsShown)},
+                          {format_count(s.begun_again)}});
     table.notes.push_back(fmt::format("{}: {:g} Hz, {}, {}.", s.started_utc, s.rate_hz,
                                       s.real_time ? "real time" : "virtual time, as fast as it goes",
                                       s.scheduling));
     table.notes.push_back(fmt::format("Every renderer was stepped in {} of {} frames of its trials.",
-                                      count_text(s.whole_frames), count_text(s.trial_frames)));
+                                      format_count(s.whole_frames), format_count(s.trial_frames)));
     for (const std::string& note : s.notes) table.notes.push_back(note);
   }
   return table;
@@ -160,7 +159,7 @@ Page observed_page(const ObservedDocument& document, const OutputFolder& folder)
       "<p>trials.csv holds a row for each trial, study.json units and meaning of its columns. read.R and "
       "read.py "
       "stand beside them:</p>\n";
-  // Lines are part of a script.
+  // Line breaks of the scripts are kept.
   for (const auto& [name, text] :
        {std::pair{"read.R", r_snippet(document.plan)}, {"read.py", python_snippet(document.plan)}})
     reading.opening += fmt::format("<h3>{}</h3>\n<pre>{}</pre>\n", name, html_escaped(text));
@@ -182,7 +181,7 @@ Table power_table(const Plan& plan) {
   if (plan.procedure == ProcedureKind::kFixed) {
     const std::uint64_t n = Course::fixed_trials(plan);
     table.rows.push_back(
-        {{plan.compares() ? "the plan has" : "the plan has, over all differences"}, {count_text(n)}});
+        {{plan.compares() ? "the plan has" : "the plan has, over all differences"}, {format_count(n)}});
     if (plan.compares()) {
       const std::optional<double> bound = shown_bound(n, w.wanted, w.alpha);
       table.notes.push_back(fmt::format(

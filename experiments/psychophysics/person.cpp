@@ -7,17 +7,17 @@
 #include <atomic>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// Whoever has not lifted off by then is asked to once more.
+// Delay before a person is asked again to lift off.
 constexpr double kAskAgainS = 3.0;
 constexpr double kServoNsPerS = 1e9, kServoUsPerNs = 1e-3;
 
-/// What comes next from standard input, where that is no terminal: a terminal's keys go to the session.
+/// Next input from a standard input that is no terminal; a terminal's keys go to the session.
 enum class Piped : std::uint8_t { kNothing, kKey, kEnd };
 Piped read_piped(char& key) {
   pollfd input{STDIN_FILENO, POLLIN, 0};
@@ -25,7 +25,7 @@ Piped read_piped(char& key) {
   return read(STDIN_FILENO, &key, 1) == 1 ? Piped::kKey : Piped::kEnd;
 }
 
-/// work() is the worker's, key() the main thread's.
+/// work() runs on the worker, key() on the main thread.
 class PersonTasks final : public SessionTasks {
  public:
   PersonTasks(const Plan& plan, Bench& bench, Rig& rig, Ledger& ledger, const OutputFolder& folder,
@@ -48,7 +48,7 @@ class PersonTasks final : public SessionTasks {
   }
   void key(char pressed) override { key_.store(pressed, std::memory_order_release); }
 
-  /// Of the trial that the rig was made with.
+  /// Sets the level that the rig was built for.
   void level_is(double level) { level_ = level; }
   [[nodiscard]] const Error& failed() const { return failed_; }
   [[nodiscard]] PersonSession session() const { return session_; }
@@ -122,7 +122,7 @@ Status PersonTasks::take_next() {
   return Done{};
 }
 
-/// The renderer of the trial's level is there before it begins.
+/// Prepares the renderer of the trial's level before the trial starts.
 Status PersonTasks::prepare() {
   if (plan_.compares() || trial_.level == level_) {
     step_ = Step::kBegin;
@@ -148,7 +148,7 @@ void PersonTasks::begin(double now_s) {
   step_ = Step::kFelt;
 }
 
-/// Prompts of the passages of a trial, and its end.
+/// Prompts through a trial's passages and takes its end.
 Status PersonTasks::follow(double now_s) {
   Conductor& conductor = rig_.conductor();
   const Passage passage = conductor.passage();
@@ -176,7 +176,7 @@ Status PersonTasks::follow(double now_s) {
   felt_ = conductor.take();
   PALPATE_TRY(write_trace(folder_, trial_.number, felt_));
   say(question_of(plan_));
-  key_.store(0, std::memory_order_release);  // what was pressed while it was felt is no answer
+  key_.store(0, std::memory_order_release);  // drops keys pressed during the trial
   asked_s_ = now_s;
   step_ = Step::kAsk;
   return Done{};
@@ -214,7 +214,7 @@ Status PersonTasks::go_on(double now_s) {
     case Step::kPrepare:
       return prepare();
     case Step::kOffered:
-      // The old one comes back once the new one knows where the hand is.
+      // The old renderer returns once the new one has reached the hand.
       if (!rig_.mixer().take_retired()) return Done{};
       level_ = trial_.level;
       step_ = Step::kBegin;
@@ -230,7 +230,6 @@ Status PersonTasks::go_on(double now_s) {
   return Done{};
 }
 
-/// How the loop went.
 void tell_loop(const SessionEnd& end, bool real_time, double rate_hz, SessionRecord& record) {
   record.real_time = real_time;
   record.scheduling = end.scheduling;

@@ -1,4 +1,4 @@
-// A person who answers by keys: trials in one live session, on a device or under a simulated hand.
+// Runs trials with a person who answers by keys, on a device or watching a simulated hand.
 #pragma once
 
 #include "experiments/psychophysics/ledger.h"
@@ -8,20 +8,20 @@
 
 namespace palpate::experiments::psychophysics {
 
-/// How a session with a person ended.
+/// The end of a person's session.
 struct PersonSession {
   bool complete = false;
-  bool sat = false;      ///< the loop ran; else there was nothing left to ask
-  SessionRecord record;  ///< of the loop, where it ran
+  bool sat = false;      ///< the loop ran; else nothing was left to ask
+  SessionRecord record;  ///< of the loop, if it ran
 };
 
-/// What is asked after the intervals, and which keys answer it.
+/// The question after the intervals, with its keys.
 [[nodiscard]] std::string question_of(const Plan& plan);
-/// 0 or 1; -1 for a key that answers nothing of this task.
+/// 0 or 1; -1: no answer of this task.
 [[nodiscard]] int choice_of(Task task, char key) noexcept;
 
-/// Asks until the study or the session ends, or somebody presses q: nothing is lost then. Errors: of the rig;
-/// a renderer that cannot be felt any more; a row or a trace that cannot be written.
+/// Asks until the study or session ends or somebody presses q; no data is lost. Errors: the rig's; a renderer
+/// failed for good; a row or trace cannot be written.
 [[nodiscard]] Result<PersonSession> ask_person(const Plan& plan, Bench& bench, SessionClock& clock,
                                                SessionDevice& device, Ledger& ledger,
                                                const OutputFolder& folder, Markers& markers,

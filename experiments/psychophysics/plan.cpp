@@ -4,10 +4,10 @@
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/run/arguments.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/scene/toml_fields.h"
 
 namespace palpate::experiments::psychophysics {
@@ -16,16 +16,16 @@ namespace {
 using scene::choice;
 using scene::field;
 using scene::Fields;
-using scene::InFile;
 using scene::inner;
+using scene::TomlFile;
 
-constexpr std::size_t kLongestCode = 32;  // of a participant: part of every row
+constexpr std::size_t kLongestCode = 32;  // a participant's code is in every row
 const std::vector<std::string> kOptionKinds = {"fixed", "up-down", "psi"};
-// What a scene and a loop have that no renderer names.
+// Options of scene and loop that no renderer names.
 const std::vector<std::string> kSceneKeys = {"stiffness", "spacing", "noise", "rate"};
 
-/// Which tables a plan may hold: "compare", or how levels are chosen.
-Result<std::string> kind_of(const toml::table& root, const InFile& in_file) {
+/// The plan's kind by its tables: "compare", or how levels are chosen.
+Result<std::string> kind_of(const toml::table& root, const TomlFile& in_file) {
   const bool compares = root.contains("compare"), turns = root.contains("option");
   if (compares && turns)
     return in_file.at(*root.get("option"), "a plan has either [compare] or [option]",
@@ -112,10 +112,10 @@ Fields fields_of(Reading& r) {
                            field("catch_share", p.exclusions.catch_share, NumberRange{0.0, 1.0})})};
 }
 
-/// Says where in the file something is wrong: at this key, or at the table that lacks it.
+/// Reports errors at a key of the file, or at the table that lacks it.
 class Checking {
  public:
-  Checking(const toml::table& root, const InFile& in_file) : root_(root), in_file_(in_file) {}
+  Checking(const toml::table& root, const TomlFile& in_file) : root_(root), in_file_(in_file) {}
   [[nodiscard]] Error at(const char* path, std::string what, std::string remedy) const {
     const toml::node* node = root_.at_path(path).node();
     std::string table(path);
@@ -127,7 +127,7 @@ class Checking {
 
  private:
   const toml::table& root_;
-  const InFile& in_file_;
+  const TomlFile& in_file_;
 };
 
 Status check_renderers(const Plan& p, const Checking& check, const render::Registry& registry) {
@@ -248,7 +248,7 @@ bool is_participant_code(std::string_view code) noexcept {
 Result<Plan> parse_plan(std::string_view text, const std::string& name, const render::Registry& registry) {
   try {
     const toml::table root = toml::parse(text, name);
-    const InFile in_file{name};
+    const TomlFile in_file{name};
     const Checking check(root, in_file);
     PALPATE_ASSIGN(const std::string kind, kind_of(root, in_file));
     Reading r;

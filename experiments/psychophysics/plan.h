@@ -1,4 +1,4 @@
-// The plan of a blinded study: everything that is decided before anybody is asked, as a TOML file.
+// A blinded study's plan: everything decided beforehand, as a TOML file.
 #pragma once
 
 #include <cstdint>
@@ -7,11 +7,11 @@
 #include <string_view>
 #include <vector>
 
+#include <palpate/registry.h>
+#include <palpate/result.h>
 #include "experiments/psychophysics/distributions.h"
 #include "experiments/psychophysics/power.h"
 #include "experiments/psychophysics/procedures.h"
-#include "toolkit/core/result.h"
-#include "toolkit/render/registry.h"
 
 namespace palpate::experiments::psychophysics {
 
@@ -19,66 +19,66 @@ enum class ProcedureKind : std::uint8_t { kFixed, kUpDown, kPsi };
 /// "fixed", "up-down", "psi".
 [[nodiscard]] const char* name_of(ProcedureKind kind) noexcept;
 
-/// A touch and a little more: a press or a short stroke, and up again.
+/// Long enough for a press or short stroke and lifting off.
 inline constexpr double kUsualIntervalS = 1.5;
-/// A plan is a page: what is larger is something else.
+/// Largest accepted plan file.
 inline constexpr std::uint64_t kMostPlanBytes = std::uint64_t{1} << 20;
 
-/// What is compared where an option is turned: differences are standard - level or standard + level.
+/// A varied option: the values compared are standard - level or standard + level.
 struct OptionUnderTest {
   std::string renderer;  ///< NAME[:option=value...]
-  std::string key;       ///< a numeric option of it, or stiffness, spacing, noise, rate
-  std::string unit;      ///< of standard and levels; "1" where there is none
+  std::string key;       ///< numeric option of the renderer, or stiffness, spacing, noise, rate
+  std::string unit;      ///< of standard and levels; "1": none
   double standard = 0.0;
   bool upwards = true;
-  /// The value that is felt at a difference.
+  /// The option's value at a difference.
   [[nodiscard]] double value_at(double level) const noexcept {
     return upwards ? standard + level : standard - level;
   }
 };
 
-/// Registered beforehand: what makes a trial, or a participant, count for nothing.
+/// Preregistered exclusion rules for trials and participants.
 struct Exclusions {
   std::uint64_t missed_deadlines = 0;  ///< more in a trial exclude it
   std::uint64_t clipped_frames = 0;
-  double fastest_s = 0.0, slowest_s = 1e9;  ///< answers outside are no answers
-  double catch_share = 0.0;                 ///< fewer right in catch trials exclude the participant
+  double fastest_s = 0.0, slowest_s = 1e9;  ///< answers outside are excluded
+  double catch_share = 0.0;                 ///< a lower share right in catch trials excludes the participant
 };
 
 struct PowerWish {
   double wanted = kUsualPower, alpha = kUsualAlpha;
-  double detect = 0.65;       ///< share of right answers that is to be found
-  double equivalence = 0.65;  ///< "told apart in under this share" is what a missed difference shall show
+  double detect = 0.65;       ///< share of right answers to be detected
+  double equivalence = 0.65;  ///< bound on the share that a null result shall support
 };
 
 struct Plan {
-  std::string name, text;  ///< of the file, and all of it
+  std::string name, text;  ///< the file's name and full text
   std::string title, scene, participant = "P01";
   std::uint64_t seed = 1;
   Task task = Task::kAbx;
-  std::string a, b;  ///< renderers; both empty where an option is turned
+  std::string a, b;  ///< renderers; empty where an option is varied
   std::optional<OptionUnderTest> option;
   ProcedureKind procedure = ProcedureKind::kFixed;
-  std::uint64_t count = 0;     ///< trials that count: in all, or at each level
-  std::vector<double> levels;  ///< of kFixed: differences, rising
+  std::uint64_t count = 0;     ///< counted trials: in all, or at each level
+  std::vector<double> levels;  ///< kFixed: differences, rising
   std::uint64_t practice = 0, catch_every = 0, break_every = 0;
-  double catch_level = 0.0;  ///< of an option: a difference nobody misses
+  double catch_level = 0.0;  ///< an option's unmissable difference
   double switch_delay_s = 0.5;
-  double interval_s = kUsualIntervalS;  ///< of every interval, where renderers are felt
+  double interval_s = kUsualIntervalS;  ///< each interval's length, where renderers are felt
   UpDownOptions up_down;
   PsiOptions psi;
   Shape shape = Shape::kDprime;
-  std::optional<double> slope;  ///< nothing: fitted (of kFixed), or kUsualSlope
+  std::optional<double> slope;  ///< empty: fitted (kFixed), or kUsualSlope
   double lapse = 0.0;
   PowerWish power;
   Exclusions exclusions;
 
   [[nodiscard]] bool compares() const noexcept { return !option.has_value(); }
-  /// Orders of a trial that are shown equally often: 4 of abx and same-different, 2 of the others.
+  /// Equally frequent orders of a trial: 4 of abx and same-different, else 2.
   [[nodiscard]] std::size_t cells() const noexcept {
     return task == Task::kAbx || task == Task::kSameDifferent ? 4 : 2;
   }
-  /// Where procedures adapt, the slope that is assumed.
+  /// Adaptive procedures assume a slope.
   [[nodiscard]] std::optional<double> fitted_slope() const noexcept {
     if (slope || procedure == ProcedureKind::kFixed) return slope;
     return kUsualSlope;
@@ -86,19 +86,18 @@ struct Plan {
   [[nodiscard]] Psychometric like() const noexcept { return {task, shape, 1.0, kUsualSlope, lapse}; }
 };
 
-/// Errors name file, line and column, and what to write. Renderers and options are checked against
-/// `registry`.
+/// Checks renderers and options against `registry`. Errors name file, line, column and remedy.
 [[nodiscard]] Result<Plan> parse_plan(std::string_view text, const std::string& name,
                                       const render::Registry& registry);
 /// A participant's code: at most 32 letters, digits, - and _.
 [[nodiscard]] bool is_participant_code(std::string_view code) noexcept;
-/// The text of a file, or of an example by its name. Errors list the examples.
+/// The text of a file or a named example. Errors list the examples.
 struct PlanText {
   std::string name, text;
 };
 [[nodiscard]] Result<PlanText> read_plan(const std::string& file_or_example);
 
-/// Plans to begin with, in the order of the page.
+/// Example plans, in the page's order.
 [[nodiscard]] const std::vector<PlanText>& example_plans();
 
 }  // namespace palpate::experiments::psychophysics

@@ -7,13 +7,13 @@
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// The saw's teeth are some 1/(p - 1/2) trials long, and their heights fall with the number of trials: beyond
-// the first number by half and by so many none reaches below the wanted power any more.
+// The power's sawtooth has teeth some 1/(p - 1/2) trials long, of heights that fall with the number of
+// trials. Beyond 1.5 times the first sufficient number plus this many, none falls below the wanted power.
 constexpr std::uint64_t kTeeth = 60;
 constexpr double kThousandth = 0.001;
 constexpr int kThousandths = 499;  // from 0.501 to 0.999
 
-/// Most right answers that show less than `bound`; nothing where none do.
+/// The most right answers that show less than `bound`; empty if none do.
 std::optional<std::uint64_t> most_below(std::uint64_t trials, double bound, double alpha) noexcept {
   std::uint64_t low = 0, high = trials;
   if (binomial_at_most(trials, 0, bound) > alpha) return std::nullopt;

@@ -8,14 +8,13 @@
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// Grid of the Psi method: steps of a twentieth of the range of JNDs move a share by less than one trial
-// tells.
+// The Psi method's grid: a twentieth of the JNDs' range changes a share less than one trial resolves.
 constexpr std::size_t kPsiJnds = 41, kPsiSlopes = 9, kPsiLevels = 21;
-// Twice the standard error of the mean of some six reversals, by Student's t with so many degrees of
-// freedom: 2.57.
+// Half a 95 % interval from a standard error of some six reversals: Student's t with so few degrees of
+// freedom, 2.57.
 constexpr double kStudentOfFew = 2.57;
 
-/// `count` numbers from low to high, evenly by their logarithms.
+/// `count` logarithmically spaced numbers from low to high.
 std::vector<double> log_spaced(double low, double high, std::size_t count) {
   std::vector<double> values;
   for (std::size_t i = 0; i < count; ++i)
@@ -128,7 +127,7 @@ void Psi::choose() {
       const double hit = posterior_[i] * share(l, i), miss = posterior_[i] - hit;
       entropy += entropy_term(hit) + entropy_term(miss);
     }
-    // Of the posterior after the answer: the joint entropy less that of the answer itself.
+    // The posterior's entropy after the answer: the joint entropy less the answer's.
     entropy -= entropy_term(right) + entropy_term(1.0 - right);
     if (l == 0 || entropy < least) least = entropy, next_ = l;
   }
@@ -177,7 +176,7 @@ std::size_t balanced_cell(std::uint64_t seed, std::uint64_t index, std::size_t c
 }
 
 std::uint64_t seed_for(std::uint64_t seed, std::uint64_t purpose) noexcept {
-  // An odd constant near 2^64 over the golden section spreads purposes (Knuth); the generator mixes the rest.
+  // 2^64 over the golden ratio, odd, spreads purposes (Knuth); the generator mixes the rest.
   constexpr std::uint64_t kSpread = 0x9e3779b97f4a7c15u;
   Random random(seed ^ (kSpread * (purpose + 1)));
   return random.next();

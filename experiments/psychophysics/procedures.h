@@ -1,6 +1,5 @@
-// Procedures that choose the next difference from the answers so far, and the order of everything that is not
-// chosen so. All deterministic: the same seed and the same answers give the same trials, so that a study is
-// taken up again from its answers alone.
+// Adaptive procedures for the next difference, and balanced random orders for the rest. Deterministic in seed
+// and answers, so a study can resume from its answers.
 //
 // Sources: Levitt, Transformed up-down methods in psychoacoustics, JASA 49 (1971); Kaernbach, Simple adaptive
 // testing with the weighted up-down method, Perception & Psychophysics 49 (1991); Kontsevich and Tyler,
@@ -25,31 +24,31 @@ class Adaptive {
   Adaptive(const Adaptive&) = delete;
   Adaptive& operator=(const Adaptive&) = delete;
   virtual ~Adaptive() = default;
-  /// The difference of the next trial; nothing when the procedure has ended.
+  /// The next trial's difference; empty when the procedure has ended.
   [[nodiscard]] virtual std::optional<double> level() const = 0;
   virtual void answered(bool correct) = 0;
-  /// What the procedure itself says, where it has said enough: the level at target() right answers, or the
+  /// The procedure's own estimate, once it has enough answers: the level at target() right answers, or the
   /// JND.
   [[nodiscard]] virtual std::optional<Estimate> estimate() const = 0;
 };
 
 struct UpDownOptions {
   int down = 2;          ///< right answers in a row before the difference shrinks
-  double target = 0.0;   ///< of the weighted rule: the share it converges to; 0: steps are equal
+  double target = 0.0;   ///< weighted rule: the share it converges to; 0: equal steps
   double start = 1.0;    ///< the first difference
-  double factor = 2.0;   ///< a step upwards multiplies by this
+  double factor = 2.0;   ///< of a step upwards
   int halved_after = 2;  ///< reversals after which steps have half their logarithm
-  int reversals = 10;    ///< it ends after so many
-  int discarded = 4;     ///< of which so many say nothing: the way in
+  int reversals = 10;    ///< at which it ends
+  int discarded = 4;     ///< first reversals left out, during the approach
   std::uint64_t most_trials = 200;
-  double low = 0.0, high = 1e300;  ///< differences stay within
+  double low = 0.0, high = 1e300;  ///< bounds of differences
 };
-/// The share of right answers that the rule converges to: 2^(-1/down), or the target of the weighted one.
+/// Share of right answers that the rule converges to: 2^(-1/down), or the weighted rule's target.
 [[nodiscard]] double target_of(const UpDownOptions& options) noexcept;
 
-/// Transformed up-down (Levitt) or weighted (Kaernbach: steps down are (1 - target)/target of steps up). Its
-/// estimate is the geometric mean of the reversals that are kept; the interval their mean's, as if they were
-/// independent, which they are not quite.
+/// Transformed up-down (Levitt) or weighted (Kaernbach: steps down are (1 - target)/target of steps up).
+/// Estimate: geometric mean of the kept reversals. The interval of that mean treats them as independent,
+/// which they are only nearly.
 class UpDown final : public Adaptive {
  public:
   explicit UpDown(const UpDownOptions& options) : options_(options), level_(options.start) {}
@@ -67,26 +66,24 @@ class UpDown final : public Adaptive {
   std::vector<double> reversals_;
 };
 
-/// The JND of a run of a procedure, out of runs that are simulated from its `fit` and fitted as it was:
-/// levels follow from answers there, so they are drawn anew as well. In logarithms: the fit less its mean
-/// error in these runs (a staircase's fit is 6 % low), and what their percentiles leave on either side of it
-/// (the basic bootstrap: plain percentiles count that error twice). `begin` makes the procedure. The same
-/// seed, the same estimate.
+/// JND of an adaptive run by the basic bootstrap, in logarithms. Runs simulated from `fit`, with levels that
+/// follow from their answers, are fitted alike. The value is the fit less its mean error in these runs (a
+/// staircase's fit is 6 % low); plain percentiles would count that error twice. `begin` makes the procedure.
+/// Deterministic in the seed.
 [[nodiscard]] Estimate bootstrap_procedure(const std::function<std::unique_ptr<Adaptive>()>& begin,
                                            const PsychometricFit& fit, std::optional<double> slope,
                                            std::uint64_t seed, int resamples = kPsychometricResamples);
 
 struct PsiOptions {
   Psychometric like;              ///< task, shape and lapse
-  double low = 0.1, high = 10.0;  ///< differences and JNDs lie within
+  double low = 0.1, high = 10.0;  ///< bounds of differences and JNDs
   double low_slope = 0.5, high_slope = 4.0;
   std::uint64_t trials = 60;
 };
 
-/// The Psi method: a posterior over JND and slope on a grid, and next the difference that is expected to
-/// leave the least entropy. The prior is flat in the logarithms of both. Its estimate is the
-/// posterior's mean of log JND, with the 95 % that the posterior holds. A step takes O(levels x JNDs x
-/// slopes), 14,000 additions.
+/// The Psi method: keeps a posterior over JND and slope on a grid and chooses the difference of least
+/// expected entropy. The prior is flat in both logarithms. Estimate: the posterior mean of log JND and its
+/// central 95 %. A step takes O(levels x JNDs x slopes), 14,000 additions.
 class Psi final : public Adaptive {
  public:
   explicit Psi(const PsiOptions& options);
@@ -101,17 +98,17 @@ class Psi final : public Adaptive {
   }
   PsiOptions options_;
   std::vector<double> levels_, log_jnds_, slopes_;
-  std::vector<double> shares_;     ///< by level, then JND, then slope
-  std::vector<double> posterior_;  ///< by JND, then slope
+  std::vector<double> shares_;     ///< by level, JND, slope
+  std::vector<double> posterior_;  ///< by JND, slope
   std::size_t next_ = 0;
   std::uint64_t trials_ = 0;
 };
 
-/// Element `index` of a list of `cells` cells that is walked again and again, each time in an order of its
-/// own: counts of any two cells never differ by more than one. O(cells).
+/// Cell at `index` of repeated random permutations of `cells` cells: counts of two cells differ by at most
+/// one. O(cells).
 [[nodiscard]] std::size_t balanced_cell(std::uint64_t seed, std::uint64_t index, std::size_t cells);
 
-/// Another seed, for another purpose.
+/// Derives a seed for another purpose.
 [[nodiscard]] std::uint64_t seed_for(std::uint64_t seed, std::uint64_t purpose) noexcept;
 
 }  // namespace palpate::experiments::psychophysics

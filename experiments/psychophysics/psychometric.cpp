@@ -5,18 +5,19 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/nearest_rank.h"
+#include "toolkit/core/percentiles.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// A threshold farther outside the levels is not told by them.
+// Farthest JND beyond the levels that they can support.
 const double kBeyondLevels = std::log(10.0);
-// From a step over the whole range to a line that hardly rises.
+// From a nearly flat line to a step over the whole range.
 const double kLeastLogSlope = std::log(0.25), kMostLogSlope = std::log(8.0);
-constexpr int kGridJnd = 24, kGridSlope = 7;           // the start: no hump is narrower than the range's 24th
-constexpr double kFirstStep = 0.25, kLastStep = 1e-4;  // of logarithms: to 0.01 %
-// A share of 0 or 1 that a fit asks for is as likely as this.
+constexpr int kGridJnd = 24, kGridSlope = 7;           // starting grid: no likelihood peak is narrower than
+                                                       // 1/24 of the range
+constexpr double kFirstStep = 0.25, kLastStep = 1e-4;  // in logarithms: to 0.01 %
+// Probability that replaces a fitted share of 0 or 1.
 constexpr double kLeastShare = 1e-12;
 
 struct Place {
@@ -36,7 +37,7 @@ double log_likelihood_at(std::span<const LevelAnswers> levels, Psychometric func
 }
 
 struct Search {
-  double low = 0.0, high = 0.0;  ///< of log_jnd
+  double low = 0.0, high = 0.0;  ///< bounds of log_jnd
   bool slope_is_free = false;
   [[nodiscard]] bool holds(const Place& p) const {
     return p.log_jnd >= low && p.log_jnd <= high &&
@@ -44,7 +45,7 @@ struct Search {
   }
 };
 
-/// Climbs from `at` in ever smaller steps: along the axes and, where both are free, between them.
+/// Hill climbing from `at` in shrinking steps: along the axes and, if both are free, the diagonals.
 Place climbed(std::span<const LevelAnswers> levels, const Psychometric& like, const Search& search,
               Place at) {
   constexpr std::array<std::array<double, 2>, 8> kWays = {

@@ -1,9 +1,9 @@
-// The psychometric function of a task with two answers: the share of right answers by the size of a
-// difference, its fit by maximum likelihood, and the interval of its threshold by a seeded bootstrap.
+// The psychometric function of a two-answer task: share of right answers by size of difference. Fitted by
+// maximum likelihood, with a seeded bootstrap interval of its threshold.
 //
 //   share(x) = 1/2 + (1/2 - lapse) F(x / jnd),   F(0) = 0, F(1) = 1/2
 //
-// so without lapses three of four answers are right at the JND. Source: Wichmann and Hill, The psychometric
+// Without lapses three of four answers are right at the JND. Source: Wichmann and Hill, The psychometric
 // function I and II, Perception & Psychophysics 63 (2001). Pure functions, thread-safe.
 #pragma once
 
@@ -13,30 +13,29 @@
 #include <vector>
 
 #include "experiments/psychophysics/detection.h"
-#include "toolkit/core/bootstrap.h"
+#include "toolkit/core/bootstrap_interval.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments::psychophysics {
 
 enum class Shape : std::uint8_t {
-  kDprime,  ///< d' grows as a power of the difference: F follows from the task
-  kWeibull  ///< F(u) = 1 - 2^(-u^slope) (Weibull 1951, with the threshold at one half)
+  kDprime,  ///< d' grows as a power of the difference; F depends on the task
+  kWeibull  ///< F(u) = 1 - 2^(-u^slope) (Weibull 1951, threshold at one half)
 };
 [[nodiscard]] const char* name_of(Shape shape) noexcept;
 
-inline constexpr double kUsualSlope = 1.0;   ///< of kDprime: sensation grows as the difference does
-inline constexpr double kUsualLapse = 0.02;  ///< one answer in fifty is a slip (Wichmann and Hill: 0 to 0.06)
+inline constexpr double kUsualSlope = 1.0;  ///< kDprime: sensation proportional to the difference
 
 struct Psychometric {
-  Task task = Task::kTwoInterval;  ///< kTwoInterval or kAbx: those whose guesses are right half the time
+  Task task = Task::kTwoInterval;  ///< kTwoInterval or kAbx: guesses are right half the time
   Shape shape = Shape::kDprime;
-  double jnd = 1.0;  ///< unit of the differences, above 0
+  double jnd = 1.0;  ///< in the differences' unit, above 0
   double slope = kUsualSlope;
   double lapse = 0.0;
   /// Share of right answers at a difference x >= 0.
   [[nodiscard]] double proportion(double x) const noexcept;
 };
-/// d' at three right answers of four: 0.954 in a two-interval choice, 2.02 in ABX (differencing).
+/// d' at three right answers in four: 0.954 in a two-interval choice, 2.02 in ABX (differencing).
 [[nodiscard]] double dprime_at_jnd(Task task) noexcept;
 
 /// Answers at one difference.
@@ -48,13 +47,13 @@ struct LevelAnswers {
 struct PsychometricFit {
   Psychometric function;
   double log_likelihood = 0.0;
-  double deviance = 0.0;  ///< against one share for each level
-  bool at_edge = false;   ///< the threshold lies at the end of what was looked at: the levels do not tell it
+  double deviance = 0.0;  ///< against one share per level
+  bool at_edge = false;   ///< the JND is at the search bound: the levels do not determine it
 };
 
-/// Greatest likelihood in JND, and in slope where `slope` is nothing; lapse, task and shape as given. JNDs
-/// are looked for from a tenth of the smallest level to ten times the largest. Nothing without an answer at a
-/// level above 0. O(levels) a step, some 300 steps.
+/// Maximum likelihood fit of JND, and of slope if `slope` is empty, with given lapse, task and shape.
+/// Searches JNDs from a tenth of the smallest to ten times the largest level. Empty without an answer at a
+/// level above 0. O(levels) per step, some 300 steps.
 [[nodiscard]] std::optional<PsychometricFit> fit_psychometric(std::span<const LevelAnswers> levels,
                                                               const Psychometric& like,
                                                               std::optional<double> slope);
@@ -62,12 +61,12 @@ struct PsychometricFit {
 /// Resamples of the interval: 20 lie beyond either end.
 inline constexpr int kPsychometricResamples = 800;
 
-/// Percentiles of JNDs of studies simulated from `fit` and fitted as it was, at the same levels with the same
-/// numbers of trials (Wichmann and Hill II: the parametric bootstrap). The same seed, the same interval.
+/// Parametric bootstrap interval (Wichmann and Hill II): percentiles of JNDs of studies simulated from `fit`
+/// at the same levels and numbers of trials, fitted alike. Deterministic in the seed.
 [[nodiscard]] Interval bootstrap_jnd(std::span<const LevelAnswers> levels, const PsychometricFit& fit,
                                      std::optional<double> slope, std::uint64_t seed,
                                      int resamples = kPsychometricResamples);
-/// The 2.5th and 97.5th percentile, nearest rank; sorts.
+/// The 2.5th and 97.5th percentiles, nearest rank; sorts.
 [[nodiscard]] Interval percentiles(std::vector<double>& values);
 
 }  // namespace palpate::experiments::psychophysics

@@ -4,16 +4,16 @@
 
 #include <iterator>
 
+#include <palpate/result.h>
 #include "device/live/workspace.h"
 #include "experiments/live/moving_scene.h"
 #include "experiments/psychophysics/felt_renderers.h"
-#include "toolkit/core/try.h"
-#include "toolkit/render/model_part.h"
+#include "toolkit/render/model_subset.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// A session of a person ends when the study does.
+// Upper bound only: a person's session ends with the study.
 constexpr double kLongestSessionS = 86'400.0;
 
 SessionSettings rig_settings(double rate_hz) {
@@ -24,7 +24,7 @@ SessionSettings rig_settings(double rate_hz) {
   return settings;
 }
 
-/// A single trial, and the end of the session with it.
+/// One trial, which ends the session.
 class OneTrial final : public SessionTasks {
  public:
   OneTrial(Rig& rig, const Passes& passes, double longest_s)
@@ -83,7 +83,7 @@ Status Rig::mix(double level, Progress& progress) {
   control::ControlOptions around_all;
   around_all.passivity = stage.scene.control.passivity;
   felt_ = control::wrap(std::move(mixer), around_all);
-  // Once for all renderers: they see the models at one place.
+  // Wraps the mixer once, so all renderers see the models at the same place.
   if (stage.scene.input.simulation)
     felt_ = std::make_unique<MovingScene>(std::move(felt_), *stage.scene.input.simulation);
   return Done{};

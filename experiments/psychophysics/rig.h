@@ -1,4 +1,4 @@
-// One live session for trials: the renderers of a plan under one hand, behind device, governor and mixer.
+// One live session for trials: a plan's renderers under one hand, behind device, governor and mixer.
 #pragma once
 
 #include <memory>
@@ -10,18 +10,18 @@
 
 namespace palpate::experiments::psychophysics {
 
-/// Refers to bench, clock and device. Made and run by one thread; of its parts each says whose it is.
+/// Refers to bench, clock and device. One thread creates and runs it; its parts state their own threads.
 class Rig {
  public:
-  /// Prepares every renderer of the plan, that of `level` included, and puts them under the hand. Errors: of
-  /// the scene, the device, a renderer.
+  /// Prepares every renderer of the plan, with that of `level`, and puts them under the hand. Errors: the
+  /// scene's, the device's, a renderer's.
   [[nodiscard]] static Result<std::unique_ptr<Rig>> make(Bench& bench, SessionClock& clock,
                                                          SessionDevice& device, double level,
                                                          Progress& progress);
   [[nodiscard]] Result<SessionEnd> run(SessionTasks& tasks, ProgressBar& progress) {
     return assembly_->run(tasks, progress);
   }
-  /// The renderer of another level, placed where all is free, to be offered to the mixer. A worker's.
+  /// The renderer of another level, placed in free space, to be offered to the mixer. For a worker.
   [[nodiscard]] Result<std::unique_ptr<render::HapticRenderer>> renderer_of(double level, Progress& progress);
 
   [[nodiscard]] Conductor& conductor() noexcept { return *conductor_; }
@@ -39,23 +39,23 @@ class Rig {
   device::DeviceMap map_;
   device::DeviceLimits limits_;
   double force_limit_n_ = 0.0;
-  Vec3 free_mm_ = Vec3::Zero();  ///< world
+  Vec3 free_mm_ = Vec3::Zero();  ///< world frame
   std::shared_ptr<device::HandGuide> guide_;
   std::optional<device::HandScript> task_;
-  std::unique_ptr<render::HapticRenderer> felt_;  ///< the mixer, and what goes around it
+  std::unique_ptr<render::HapticRenderer> felt_;  ///< the mixer and its wrappers
   device::Mixer* mixer_ = nullptr;
   std::unique_ptr<Assembly> assembly_;
   std::unique_ptr<Conductor> conductor_;
 };
 
-/// One trial on a device of its own, in virtual time: the same trial gives the same samples to the last bit.
-/// Errors: of the rig; a fault; a hand that does not get through.
+/// Runs one trial on its own device in virtual time: repetitions are bit-identical. Errors: the rig's; a
+/// fault; a hand that does not finish.
 [[nodiscard]] Result<FeltTrial> feel_alone(Bench& bench, const DeviceChoice& choice, const Passes& passes,
                                            double level, ProgressBar& progress);
 
 inline constexpr const char* kTracesFolder = "traces";
-/// traces/trial-0007.csv: HIP and the force that was sent, world frame, by interval. Nothing in it says what
-/// was felt.
+/// Writes traces/trial-0007.csv: HIP and sent force, world frame, by interval. The file stays blind to the
+/// renderers.
 [[nodiscard]] Status write_trace(const OutputFolder& folder, std::uint64_t trial, const FeltTrial& felt);
 
 }  // namespace palpate::experiments::psychophysics

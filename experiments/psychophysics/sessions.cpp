@@ -3,13 +3,13 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// A session has some 600 bytes.
+// Largest file accepted; a session has some 600 bytes.
 constexpr std::uint64_t kMostSessionBytes = std::uint64_t{1} << 24;
 constexpr const char* kSessionRemedy = "take the line out; the trials do not need it";
 

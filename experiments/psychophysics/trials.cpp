@@ -5,16 +5,16 @@
 #include <algorithm>
 #include <filesystem>
 
+#include <palpate/options.h>
+#include <palpate/result.h>
 #include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// Purposes of a participant's seed.
+// Purposes of seeds derived from a participant's seed.
 enum Purpose : std::uint64_t { kOrder = 1, kAnswers, kCells, kCatchPlaces, kCatchCells, kPracticeCells };
 constexpr std::uint64_t kMostTrialBytes = std::uint64_t{1} << 26;  // a row has some 150 bytes
 
@@ -24,7 +24,7 @@ std::uint64_t participant_seed(const Plan& plan, std::uint64_t purpose) noexcept
   return seed_for(mixed, purpose);
 }
 
-/// What is shown in a cell of a task, and which answer is right.
+/// Sets a cell's stimuli and right answer.
 void set_cell(Task task, std::size_t cell, Trial& trial) {
   const bool second = cell % 2 == 1, turned = cell / 2 == 1;
   const char first = turned ? 'B' : 'A', other = turned ? 'A' : 'B';
@@ -54,7 +54,7 @@ Result<std::string> taken(const std::vector<std::string>& cells, std::size_t at,
       0};
 }
 
-/// One row that the course expects next. Cells are those of csv_row().
+/// Parses a row, which must match the course's next trial. Cells are csv_row()'s.
 Result<Row> parse_row(const std::string& line, const Trial& expected, const Plan& plan,
                       const std::string& observer) {
   const std::vector<std::string> cells = split_list(line);
@@ -156,7 +156,7 @@ std::optional<Trial> Course::next() const {
   if (procedure_ ? !level : main_ >= fixed_trials(plan_)) return std::nullopt;
   const std::uint64_t since = done_ - practised_;
   trial.break_before = plan_.break_every > 0 && since > 0 && since % plan_.break_every == 0;
-  // One catch trial in every block, at a place that nobody can guess.
+  // Each block has one catch trial at an unpredictable place.
   if (plan_.catch_every > 0 && catches_ <= main_ / plan_.catch_every) {
     Random random(seed_for(seed_for(seed_, kCatchPlaces), catches_));
     if (main_ >= catches_ * plan_.catch_every + random.below(plan_.catch_every)) {
@@ -241,7 +241,7 @@ Result<ReadTrials> read_trials(const std::string& file, const Plan& plan, const 
   std::int64_t line = 1;
   for (std::size_t at = head.size(); at < text.size();) {
     const std::size_t end = text.find('\n', at);
-    if (end == std::string::npos) break;  // cut off while it was written
+    if (end == std::string::npos) break;  // cut off while being written
     ++line;
     const std::optional<Trial> expected = course.next();
     if (!expected) return Error{"is more than the plan asks for", "give --out a new folder", file, line};

@@ -1,8 +1,7 @@
-// The trials of a study: which comes next, and the file they are kept in.
+// A study's trials: their order, and their file.
 //
-// A study is its plan and its rows: everything else (order, level, what is catch and what is practice)
-// follows from them, so a study that was interrupted goes on from its file. A row is written when the answer
-// is there, appended and flushed, and never changed.
+// A study is its plan and rows: order, level, catch and practice follow from them, so an interrupted study
+// resumes from its file. A row is appended and flushed when answered, and never changed.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +11,9 @@
 #include <string>
 #include <vector>
 
+#include <palpate/result.h>
 #include "experiments/psychophysics/observers.h"
 #include "experiments/psychophysics/plan.h"
-#include "toolkit/core/result.h"
 
 namespace palpate::experiments::psychophysics {
 
@@ -23,14 +22,14 @@ enum class TrialKind : std::uint8_t { kPractice, kMain, kCatch };
 [[nodiscard]] const char* name_of(TrialKind kind) noexcept;
 
 struct Trial {
-  std::uint64_t number = 0;  ///< from 1, of all kinds
+  std::uint64_t number = 0;  ///< from 1, over all kinds
   TrialKind kind = TrialKind::kMain;
-  double level = 0.0;  ///< difference of an option; 0 where renderers are compared
-  std::string shown;   ///< "ABA": a letter an interval; A is the standard, or the plan's a
-  int right = 0;       ///< the answer that is right
+  double level = 0.0;  ///< an option's difference; 0 in comparisons
+  std::string shown;   ///< "ABA": a letter per interval; A is the standard, or the plan's a
+  int right = 0;       ///< the right answer
   bool break_before = false;
 
-  /// Switches between intervals; those between two that are the same are shams, with the same delay.
+  /// Switches between intervals; equal neighbours make sham switches with the same delay.
   [[nodiscard]] std::size_t switches() const noexcept { return shown.size() - 1; }
   [[nodiscard]] std::size_t sham_switches() const noexcept;
 };
@@ -39,39 +38,39 @@ struct Trial {
 struct Row {
   Trial trial;
   Answer answer;
-  std::string excluded;  ///< why it does not count, by the rule that was registered; empty: it counts
+  std::string excluded;  ///< reason by the preregistered rule; empty: counts
   [[nodiscard]] bool correct() const noexcept { return answer.choice == trial.right; }
 };
 
-/// Why this answer does not count, or nothing.
+/// Why this answer does not count; empty if it does.
 [[nodiscard]] std::string exclusion_of(const Answer& answer, const Exclusions& rule);
 
-/// The order of trials. Deterministic in plan and answers.
+/// The order of trials, deterministic in plan and answers.
 class Course {
  public:
   explicit Course(const Plan& plan);
-  /// Nothing when the study is complete.
+  /// Empty when the study is complete.
   [[nodiscard]] std::optional<Trial> next() const;
-  /// `row.trial` was next(). An excluded answer of a procedure that adapts is asked again: it moves nothing.
+  /// Takes next()'s answer. An adaptive procedure ignores an excluded answer and asks again.
   void answered(const Row& row);
-  /// The procedure, where one adapts; else null.
+  /// The adaptive procedure, or null.
   [[nodiscard]] const Adaptive* procedure() const noexcept { return procedure_.get(); }
-  /// A new one, as the plan has it; null where levels are fixed.
+  /// A new procedure by the plan; null for fixed levels.
   [[nodiscard]] static std::unique_ptr<Adaptive> new_procedure(const Plan& plan);
-  /// Trials that count, of a fixed procedure.
+  /// Counted trials of a fixed procedure.
   [[nodiscard]] static std::uint64_t fixed_trials(const Plan& plan) noexcept;
 
  private:
   const Plan& plan_;
-  std::uint64_t seed_;  ///< of the plan and the participant: no two get the same order
+  std::uint64_t seed_;  ///< from plan and participant: no two get the same order
   std::unique_ptr<Adaptive> procedure_;
   std::uint64_t done_ = 0, practised_ = 0, main_ = 0, catches_ = 0;
 };
 
-/// The difference nobody misses: of catch and practice trials; 0 where renderers are compared.
+/// The unmissable difference of catch and practice trials; 0 in comparisons.
 [[nodiscard]] double easiest_level(const Plan& plan) noexcept;
 
-/// The seed of a participant's order, and that of a simulated one's answers.
+/// Seeds of a participant's order and of a simulated one's answers.
 [[nodiscard]] std::uint64_t order_seed(const Plan& plan) noexcept;
 [[nodiscard]] std::uint64_t answer_seed(const Plan& plan) noexcept;
 
@@ -84,9 +83,8 @@ struct Column {
 [[nodiscard]] std::string csv_head();
 [[nodiscard]] std::string csv_row(const Row& row, const Plan& plan, const std::string& observer);
 
-/// Rows of a file, checked against the plan, the observer and the course: a file of another study, or one
-/// that was changed, is refused with its line. `whole_bytes`: what is whole; a last line that was cut off in
-/// the middle of being written is no row.
+/// Rows of a file checked against plan, observer and course. Another study's file or a changed one is refused
+/// with its line. `whole_bytes` excludes a last line cut off while being written.
 struct ReadTrials {
   std::vector<Row> rows;
   std::uint64_t whole_bytes = 0;
@@ -94,10 +92,10 @@ struct ReadTrials {
 [[nodiscard]] Result<ReadTrials> read_trials(const std::string& file, const Plan& plan,
                                              const std::string& observer);
 
-/// Appends rows; each is with the system before write() returns, so that it outlives this process.
+/// Appends rows; the system has each before write() returns, so it outlives this process.
 class TrialFile {
  public:
-  /// The file exists; what lies behind `whole_bytes` is taken off.
+  /// Opens an existing file and truncates it to `whole_bytes`.
   [[nodiscard]] static Result<TrialFile> append_to(const std::string& file, std::uint64_t whole_bytes);
   [[nodiscard]] Status write(const std::string& row);
 

@@ -2,14 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 namespace palpate::experiments {
 namespace {
 
 using R = metrics::RendererResult;
 
-// Thresholds of the literature page; docs/scores.md says where each is from and what it cannot see.
+// Thresholds of the literature page; docs/reference/scores.md says where each is from and what it cannot see.
 constexpr double kForceJndPercent = 7.0;    // Pang, Tan and Durlach 1991
 constexpr double kDirectionJndDeg = 25.6;   // Barbagli et al. 2006, at rest
 constexpr double kMostLagMs = 1.0;          // one frame of the 1 kHz loop
@@ -21,13 +19,13 @@ constexpr double kDeadlineUs = 1000.0;      // the 1 kHz loop
 class Card {
  public:
   void at_most(std::string about, std::optional<double> value, double limit) {
-    add(std::move(about), "at most " + short_number(limit), value, value && *value <= limit);
+    add(std::move(about), "at most " + format_number(limit), value, value && *value <= limit);
   }
   void at_least(std::string about, std::optional<double> value, double limit) {
-    add(std::move(about), "at least " + short_number(limit), value, value && *value >= limit);
+    add(std::move(about), "at least " + format_number(limit), value, value && *value >= limit);
   }
   void none(std::string about, std::optional<std::uint64_t> count) {
-    items.push_back({std::move(about), "0", count ? count_text(*count) : kNoNumber, count.has_value(),
+    items.push_back({std::move(about), "0", count ? format_count(*count) : kMissingNumber, count.has_value(),
                      count == std::optional<std::uint64_t>(0)});
   }
 
@@ -35,7 +33,7 @@ class Card {
 
  private:
   void add(std::string about, std::string limit, std::optional<double> value, bool kept) {
-    items.push_back({std::move(about), std::move(limit), value ? short_number(*value) : kNoNumber,
+    items.push_back({std::move(about), std::move(limit), value ? format_number(*value) : kMissingNumber,
                      value.has_value(), kept});
   }
 };
@@ -49,8 +47,8 @@ std::vector<CardItem> card_of(const R& r) {
   const auto settled_of = [&](std::optional<double> A::*score) { return settled_score(r, score); };
   Card card;
   card.at_least("frames that no hand tells from the truth, %", a.indistinguishable_percent,
-                metrics::kRightSharePercent);
-  card.at_least("contact that is felt, %", a.felt_percent, metrics::kRightSharePercent);
+                metrics::kRequiredSharePercent);
+  card.at_least("contact that is felt, %", a.felt_percent, metrics::kRequiredSharePercent);
   card.none("caught, times", a.caught);
   card.none("lost, times", a.lost);
   card.none("kicks", a.kicks);
@@ -69,11 +67,6 @@ std::vector<CardItem> card_of(const R& r) {
                kMostEnergyPercent);
   card.at_most("99.9 % of all frames, µs", r.frame_all ? r.frame_all->p999_us : std::nullopt, kDeadlineUs);
   return std::move(card.items);
-}
-
-bool all_kept(const std::vector<CardItem>& card) {
-  return !card.empty() &&
-         std::all_of(card.begin(), card.end(), [](const CardItem& item) { return item.known && item.kept; });
 }
 
 std::optional<Table> card_table(const metrics::ResultDocument& document) {
@@ -104,10 +97,8 @@ std::optional<Table> card_table(const metrics::ResultDocument& document) {
   table.rows.push_back(std::move(verdict));
   table.caption =
       "The first line is the headline: of the frames in which the device could show either force, how many "
-      "no "
-      "human threshold tells from the truth. docs/scores.md says of each line where its threshold is from "
-      "and "
-      "what it cannot see.";
+      "no human threshold tells from the truth. docs/reference/scores.md says of each line where its "
+      "threshold is from and what it cannot see.";
   table.bad_means = "beyond the threshold";
   return table;
 }

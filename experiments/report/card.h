@@ -8,7 +8,7 @@
 
 namespace palpate::experiments {
 
-/// One line of a card. docs/scores.md has a section on each.
+/// One line of a card. docs/reference/scores.md has a section on each.
 struct CardItem {
   std::string about;  ///< "lag, ms"
   std::string limit;  ///< "at most 1"
@@ -20,9 +20,6 @@ struct CardItem {
 /// The card of one renderer, the headline first; empty without a truth to compare forces with. Always the
 /// same items in the same order. A pure function of the result.
 [[nodiscard]] std::vector<CardItem> card_of(const metrics::RendererResult& result);
-
-/// Every item is known and kept.
-[[nodiscard]] bool all_kept(const std::vector<CardItem>& card);
 
 /// A column a renderer; nothing where nobody has a card.
 [[nodiscard]] std::optional<Table> card_table(const metrics::ResultDocument& document);

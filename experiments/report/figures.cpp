@@ -6,16 +6,19 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kFigureNsPerUs = 1e3;
 constexpr std::size_t kTailPoints = 160;  // of a distribution
-constexpr std::size_t kBins = 320;        // along a path: some two pixels each
+constexpr std::size_t kBins = 320;        // along a path: some two pixels each; in a panel half of them
 constexpr std::size_t kExcerptFrames =
     1300;  // one entry and exit of the weave (900 frames) with what is around
+
+/// Frames of the excerpt on a pixel where each renderer has a panel, a quarter of the page's width.
+constexpr std::size_t kFramesPerPanelPixel = 4;
 
 Chart begin(const std::string& prefix, const std::string& name, std::string title, std::string caption) {
   Chart chart;
@@ -100,7 +103,7 @@ Chart preparation(const Study& study, const std::string& prefix) {
       s.x.push_back(ms);
       s.y.push_back(-static_cast<double>(i));
       labels += fmt::format("set label '{}' at {:.6g},{} left offset 0.6,0 textcolor rgb '#222222'\n",
-                            duration_text(ms), ms, -static_cast<double>(i));
+                            format_duration(ms), ms, -static_cast<double>(i));
     }
     chart.series.push_back(std::move(s));
   }
@@ -151,16 +154,24 @@ Chart force_excerpt(const Study& study, const std::string& prefix) {
   const std::size_t end_at = std::min(begin_at + kExcerptFrames, t.size());
   if (begin_at + 1 < end_at)
     chart.extra = fmt::format("set xrange [{:.6g}:{:.6g}]\n", t[begin_at], t[end_at - 1]);
+  // Of each piece the largest force.
+  const bool panels = study.runs.size() > kManyLines && study.reference;
+  const std::size_t piece = panels ? kFramesPerPanelPixel : 1;
   const auto take = [&](Series& s, std::size_t k, const render::Frame& frame) {
-    s.x.push_back(t[k]);
-    s.y.push_back(frame.force_n.norm());
+    const double force = frame.force_n.norm();
+    if ((k - begin_at) % piece == 0) {
+      s.x.push_back(t[k]);
+      s.y.push_back(force);
+    } else if (!(s.y.back() > force)) {
+      s.y.back() = force;
+    }
   };
   if (study.reference) {
     Series truth{"truth", "#c4c4c4", {}, {}, {}, true};
     for (std::size_t k = begin_at; k < end_at; ++k) take(truth, k, study.reference->frames[k].frame);
     chart.series.push_back(std::move(truth));
   }
-  if (study.runs.size() > kManyLines && study.reference) {
+  if (panels) {
     chart.style = Chart::Style::kPanels;
     chart.caption += " In N, over seconds.";
   }
@@ -191,9 +202,10 @@ void in_panels(Chart& chart) {
 }
 
 Chart error_along(const Study& study, const std::string& prefix) {
-  Chart chart = begin(prefix, "error", "Force error along the path",
-                      "Largest |rendered − true| force in each of some 300 pieces of the path; frames "
-                      "without any error are left out.");
+  Chart chart =
+      begin(prefix, "error", "Force error along the path",
+            "Largest |rendered − true| force in each of some 300 pieces of the path (160 in panels); frames "
+            "without any error are left out.");
   chart.x_label = "time, s";
   chart.y_label = "force error, N";
   chart.nothing = "No force is wrong by more than rounding.";
@@ -201,13 +213,14 @@ Chart error_along(const Study& study, const std::string& prefix) {
   chart.wide = true;
   if (study.path.size() > 1)
     chart.extra = fmt::format("set xrange [{:.6g}:{:.6g}]\n", study.path.t_s.front(), study.path.t_s.back());
+  const std::size_t bins = study.runs.size() > kManyLines ? kBins / 2 : kBins;
   chart.style = Chart::Style::kSteps;
   const std::vector<double>& t = study.path.t_s;
   std::vector<Series> series = series_of(study);
   for (std::size_t i = 0; i < study.runs.size(); ++i) {
     Series& s = series[i];
     const std::vector<float>& error = study.runs[i].per_frame.force_error_n;
-    const std::size_t piece = std::max<std::size_t>(1, error.size() / kBins);
+    const std::size_t piece = std::max<std::size_t>(1, error.size() / bins);
     const double rounding = study.document.renderers[i].accuracy
                                 ? study.document.renderers[i].accuracy->rounding_n
                                 : 0.0;  // no error

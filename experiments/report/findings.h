@@ -1,12 +1,18 @@
-// What a person must know before reading any number of a result: warnings first, then notes.
+// What a result says, before any table: what a person must know first, whom to take, and who is right, exact,
+// fast and ready soon. Pure functions of the document.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "toolkit/metrics/result_json.h"
+#include "experiments/report/tables.h"
 
 namespace palpate::experiments {
+
+/// One thing found: "Contact", "right with cloud: ...".
+struct Headline {
+  std::string lead, text;
+};
 
 /// Warnings of the scene and the path, then those of every renderer's preparation, with the labels it holds
 /// for: "cloud, cloud-smooth: ...". Each text once.
@@ -14,5 +20,26 @@ namespace palpate::experiments {
 
 /// warnings_of() and the notes of scene and path, a line each: "palpate: warning: ...", "palpate: note: ...".
 [[nodiscard]] std::string findings_text(const metrics::ResultDocument& document);
+
+/// What the contact of a renderer with a truth gets wrong: "1,234 frames of false contact"; empty: nothing.
+[[nodiscard]] std::string contact_faults(const metrics::RendererResult& result);
+
+/// Whom to take: whose contact is right and whose force error no other's is told to be below; of these the
+/// fastest. `label` is empty where none is right, the whole where there is no choice.
+struct Choice {
+  std::string label, text;
+};
+[[nodiscard]] Choice choice_of(const metrics::ResultDocument& document);
+
+/// Who fell short, whom to take, who keeps contact right, and the ranks by error, time and preparation.
+[[nodiscard]] std::vector<Headline> headlines_of(const metrics::ResultDocument& document);
+
+/// The sentence that answers: "Take cloud: contact right, ..", or the first other finding.
+[[nodiscard]] Headline answer_of(const metrics::ResultDocument& document);
+
+/// One line a renderer: readiness, frames, force error, what a hand feels as wrong, memory. The page's form
+/// says also what each renderer is, and marks the best.
+enum class SummaryFor { kTerminal, kPage };
+[[nodiscard]] Table summary_table(const metrics::ResultDocument& document, SummaryFor where);
 
 }  // namespace palpate::experiments

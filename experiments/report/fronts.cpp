@@ -7,6 +7,8 @@
 #include <map>
 #include <set>
 
+#include "experiments/report/tables.h"
+
 namespace palpate::experiments {
 namespace {
 
@@ -205,6 +207,44 @@ Chart kinds_chart(const std::string& name, const std::string& title, const std::
       "set bars 0\nset autoscale xfix\nset autoscale yfix\n"
       "set offsets graph 0.03, graph 0.12, graph 0.08, graph 0.05\n" +
       names_beside(fronts, points);
+  return chart;
+}
+
+Chart trade_chart(const std::string& name, const metrics::ResultDocument& document) {
+  using R = metrics::RendererResult;
+  const auto error_of = [](const R& r) { return settled_score(r, &metrics::Accuracy::force_rms_percent); };
+  const auto is_number = [](const std::optional<double>& v) { return v && std::isfinite(*v); };
+  const bool errors = std::any_of(document.renderers.begin(), document.renderers.end(),
+                                  [&](const R& r) { return competes(r) && is_number(error_of(r)); });
+  std::vector<KindPoint> points;
+  bool exact = false;
+  for (const R& r : document.renderers) {
+    const std::optional<double> across = errors ? error_of(r) : prepare_ms(r);
+    const auto& frames = r.frame_all ? r.frame_all : r.frame;
+    if (!competes(r) || !is_number(across) || !frames || !is_number(frames->mean_us) ||
+        !(*frames->mean_us > 0))
+      continue;
+    const Interval cost = frames->mean_interval_us.value_or(Interval{*frames->mean_us, *frames->mean_us});
+    const Interval error =
+        (errors ? r.accuracy->force_rms_percent_interval : std::nullopt).value_or(Interval{*across, *across});
+    const Kind kind = r.works_on == render::Geometry::kMesh      ? Kind::kMesh
+                      : r.works_on == render::Geometry::kHeights ? Kind::kHeights
+                                                                 : Kind::kPoints;
+    exact = exact || *across < kLeastErrorPercent;
+    points.push_back(
+        {kind,
+         {r.label, r.label, *frames->mean_us, cost.low, cost.high, *across, error.low, error.high, false}});
+  }
+  Chart chart = kinds_chart(name, errors ? "Time against error" : "Time against preparation",
+                            "mean of all frames, µs", points);
+  chart.x_label = errors ? "force error, RMS, % of the true force" : "preparation, ms";
+  chart.caption = fmt::format(
+      "Left is {}, down is faster; bars are 95 % intervals. A line joins the renderers of one kind that no "
+      "other of its kind beats in both; the pale ones are beaten.{}",
+      errors ? "more accurate" : "sooner ready",
+      exact ? fmt::format(" What is exact, or below {:g} %, stands at the left edge.", kLeastErrorPercent)
+            : "");
+  chart.nothing = "No frame was timed.";
   return chart;
 }
 

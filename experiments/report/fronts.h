@@ -37,6 +37,9 @@ struct KindPoint {
 /// points, where there is room.
 [[nodiscard]] Chart kinds_chart(const std::string& name, const std::string& title, const std::string& cost,
                                 const std::vector<KindPoint>& points);
+/// Kinds of one study's renderers: mean time of all frames against force error, or against preparation where
+/// no forces are compared.
+[[nodiscard]] Chart trade_chart(const std::string& name, const metrics::ResultDocument& document);
 /// The points on the front by their error, the most accurate first: number 1 is the first.
 [[nodiscard]] std::vector<FrontPoint> numbered(std::vector<FrontPoint> points);
 

@@ -50,22 +50,12 @@ std::string data_text(const Chart& chart) {
   return text;
 }
 
+/// By Chart::Style; of kMarks the line among them.
 const char* style_name(Chart::Style style) {
-  switch (style) {
-    case Chart::Style::kLines:
-      return "lines lw 1.4";
-    case Chart::Style::kSteps:
-      return "steps lw 1.2";
-    case Chart::Style::kMarkedLines:
-      return "linespoints pt 7 ps 0.6 lw 1.6";
-    case Chart::Style::kBars:
-      return "boxxyerror fs solid 0.9 noborder";
-    case Chart::Style::kMarks:
-      return "fsteps lw 1.2";  // of the line among them
-    case Chart::Style::kPanels:
-      return "lines lw 1.6";
-  }
-  return "lines";
+  static constexpr const char* kNames[] = {
+      "lines lw 1.4",  "steps lw 1.2", "linespoints pt 7 ps 0.6 lw 1.6", "boxxyerror fs solid 0.9 noborder",
+      "fsteps lw 1.2", "lines lw 1.6"};
+  return kNames[static_cast<std::size_t>(style)];
 }
 
 /// Marks of one colour are told apart by their shapes, as lines are by their dashes.

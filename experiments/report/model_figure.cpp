@@ -8,7 +8,7 @@
 
 #include "experiments/report/model_picture.h"
 #include "experiments/report/tables.h"
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -142,8 +142,8 @@ std::vector<Entry> legend_of(const Study& study) {
     for (std::size_t i = 0; i < kErrors.size(); ++i) {
       const bool last = i + 1 == kErrors.size();
       entries.push_back(
-          {last ? fmt::format("over {} N", short_number(limit))
-                : fmt::format("{} to {} N", short_number(limit), short_number(kLevelFactor * limit)),
+          {last ? fmt::format("over {} N", format_number(limit))
+                : fmt::format("{} to {} N", format_number(limit), format_number(kLevelFactor * limit)),
            kErrors[i]});
       limit *= kLevelFactor;
     }
@@ -214,7 +214,8 @@ std::string svg_of(const Study& study, const std::vector<Panel>& panels, const M
 std::string models_text(const Study& study) {
   std::string names;
   for (const metrics::StudyModel& model : study.document.models)
-    names += fmt::format("{}{}, {} points", names.empty() ? "" : "; ", model.name, count_text(model.points));
+    names +=
+        fmt::format("{}{}, {} points", names.empty() ? "" : "; ", model.name, format_count(model.points));
   return names;
 }
 
@@ -240,7 +241,8 @@ Figure model_figure(const Study& study, const std::string& prefix) {
   figure.svg = svg_of(study, panels, view, figure.name);
   figure.caption = fmt::format(
       "{}, as {} stand at the start; at most {} points of each are drawn. Blue: the path of the HIP.{}",
-      models_text(study), study.document.models.size() > 1 ? "they" : "its points", count_text(kSamplePoints),
+      models_text(study), study.document.models.size() > 1 ? "they" : "its points",
+      format_count(kSamplePoints),
       alone ? " There is no ground truth, so no error to show."
       : any_forces(study)
           ? " In colour: the force error, where it is more than a device can show; and contact that is wrong "

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/surface/planes.h"
+#include "toolkit/core/percentiles.h"
+#include "toolkit/search/knn.h"
+#include "toolkit/surface/oriented_points.h"
 
 namespace palpate::experiments {
 namespace {
@@ -57,8 +57,8 @@ void splat(const ModelView& view, const Vec3& at_mm, const Vec3& normal, double 
 void draw_model(const cloud::Cloud& points, const ModelView& view, GreyImage& image,
                 std::vector<float>& nearest) {
   if (points.empty()) return;
-  const neighbourhood::NeighbourTable table = neighbourhood::exact_knn(points, kOneThread);
-  std::vector<surface::SurfacePoint> planes = surface::surface_points(points);
+  const search::NeighbourTable table = search::exact_knn(points, kOneThread);
+  std::vector<surface::OrientedPoint> planes = surface::surface_points(points);
   surface::fit_planes(planes, table.of, kOneThread);
   std::vector<Vec3> normals = surface::normals_of(planes);
   std::vector<double> reach;

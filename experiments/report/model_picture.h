@@ -3,11 +3,11 @@
 
 #include <vector>
 
+#include <palpate/aabb.h>
+#include <palpate/vec.h>
 #include "experiments/report/figures.h"
 #include "experiments/report/png.h"
 #include "experiments/study/study.h"
-#include "toolkit/core/vec.h"
-#include "toolkit/geometry/aabb.h"
 
 namespace palpate::experiments {
 

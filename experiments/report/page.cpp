@@ -4,10 +4,11 @@
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/report/card.h"
-#include "experiments/report/findings.h"
+#include "experiments/report/fronts.h"
 #include "experiments/report/model_picture.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 
@@ -28,15 +29,18 @@ std::string terms(const std::vector<std::pair<std::string, std::string>>& items,
   return html + "</dl>\n";
 }
 
+std::string found_html(const std::vector<Headline>& lines) {
+  std::vector<std::pair<std::string, std::string>> items;
+  for (const Headline& line : lines) items.emplace_back(line.lead, line.text);
+  return items.empty() ? "" : terms(items, "found");
+}
+
 std::string headlines_html(const Page& page) {
   std::string html;
-  for (const HeadlineGroup& group : page.headlines) {
-    if (group.lines.empty()) continue;
-    if (!group.title.empty()) html += "<h2>" + html_escaped(group.title) + "</h2>\n";
-    std::vector<std::pair<std::string, std::string>> items;
-    for (const Headline& line : group.lines) items.emplace_back(line.lead, line.text);
-    html += terms(items, "found");
-  }
+  for (const HeadlineGroup& group : page.headlines)
+    if (!group.lines.empty())
+      html += (group.title.empty() ? "" : "<h2>" + html_escaped(group.title) + "</h2>\n") +
+              found_html(group.lines);
   return html.empty() ? "" : "<div class=\"headline\">\n" + html + "</div>\n";
 }
 
@@ -54,15 +58,10 @@ std::string known_html(const Page& page) {
                              "</ul>\n</div>\n";
 }
 
-/// One line above everything, that leads to the warnings.
-std::string warned_html(const Page& page) {
-  std::size_t warnings = 0;
-  for (const Known& known : page.known) warnings += known.warnings.size();
-  if (warnings == 0) return {};
-  return fmt::format(
-      "<p class=\"warned\"><strong>{} warning{}:</strong> <a href=\"#known\">read {} before you trust these "
-      "numbers</a></p>\n",
-      warnings, warnings == 1 ? "" : "s", warnings == 1 ? "it" : "them");
+std::string figures_html(const std::vector<Figure>& figures) {
+  std::string html;
+  for (const Figure& figure : figures) html += figure_html(figure);
+  return html.empty() ? "" : "<div class=\"figures\">\n" + html + "</div>\n";
 }
 
 std::string facts_html(const std::vector<Fact>& facts) {
@@ -76,56 +75,61 @@ std::string facts_html(const std::vector<Fact>& facts) {
   return html + "</dl>\n";
 }
 
-/// `opened`: what it opens with stands at the top of the page already.
-std::string section_html(const Section& section, bool opened) {
-  std::string html =
-      fmt::format("<section id=\"{}\">\n<h2>{}</h2>\n", section.id, html_escaped(section.title));
-  if (!opened) html += section.opening;
+/// `heading`: empty where the title stands above already.
+std::string section_html(const Section& section, const std::string& heading) {
+  std::string html = fmt::format("<section id=\"{}\">\n{}{}{}", section.id,
+                                 heading.empty() ? "" : "<h2>" + html_escaped(heading) + "</h2>\n",
+                                 section.opening, found_html(section.found));
   for (const std::string& paragraph : section.paragraphs) html += "<p>" + html_escaped(paragraph) + "</p>\n";
   for (const Table& table : section.tables) html += to_html(table);
-  if (!section.figures.empty()) {
-    html += "<div class=\"figures\">\n";
-    for (const Figure& figure : section.figures) html += figure_html(figure);
-    html += "</div>\n";
-  }
-  return html + facts_html(section.facts) + "</section>\n";
+  return html + figures_html(section.figures) + facts_html(section.facts) + "</section>\n";
+}
+
+std::string page_file(const Section& section) {
+  return section.id + ".html";
+}
+
+/// A whole page around its body.
+std::string whole_html(const Page& page, const std::string& title, const std::string& body) {
+  return fmt::format(
+      "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" "
+      "content=\"width=device-width, initial-scale=1\">\n"
+      "<title>{0}</title>\n<style>{1}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n{6}<p "
+      "class=\"by\">Palpate {2}, commit {3}, {4}; {5}</p>\n</main>\n</body>\n</html>\n",
+      html_escaped(title), page_style(), html_escaped(page.about.version), html_escaped(page.about.commit),
+      html_escaped(page.about.started_utc), html_escaped(page.about.machine.cpu), body);
 }
 
 std::string about_html(const Page& page) {
   const metrics::DocumentHead& a = page.about;
   std::vector<std::pair<std::string, std::string>> items = {
       {"processor", fmt::format("{}, {} in use", a.machine.cpu, a.machine.cores)},
-      {"memory", bytes_text(static_cast<double>(a.machine.memory_bytes))},
+      {"memory", format_bytes(static_cast<double>(a.machine.memory_bytes))},
       {"system", a.machine.kernel},
       {"program", fmt::format("palpate {}, commit {}", a.version, a.commit)},
       {"build", a.build},
       {"started", a.started_utc}};
   for (auto& [term, text] : items)
     if (text.empty()) text = "unknown";
-  std::string html = "<section id=\"about\">\n<h2>Machine, program, and how to repeat it</h2>\n";
-  html += terms(items, "about") + "<pre>";
-  for (const std::string& command : page.commands) html += html_escaped(command) + "\n";
-  return html +
-         "</pre>\n<p class=\"caption\">Every number of this page is in the JSON document beside it, every "
-         "frame "
-         "in the trace files; the scripts and data of the figures are in the folder figures. Times differ "
-         "from "
-         "run to run and from machine to machine; traces do not, and their hashes stand with each "
-         "renderer.</p>\n</section>\n";
+  return "<section id=\"about\">\n<h2>Machine, program, and how to repeat it</h2>\n" + terms(items, "about") +
+         "<pre>" + html_escaped(joined(page.commands, "\n")) +
+         "\n</pre>\n<p class=\"caption\">Every number of this page is in the JSON document beside it, every "
+         "frame in the trace files; the scripts and data of the figures are in the folder figures. Times "
+         "differ from run to run and from machine to machine; traces do not, and their hashes stand with "
+         "each renderer.</p>\n</section>\n";
 }
 
 /// One paragraph a renderer: its options, the phases of its preparation, its hash, and what it noted.
 Fact fact_of(const metrics::RendererResult& r) {
-  std::string options, phases;
-  for (const auto& [key, value] : r.options)
-    options += fmt::format("{}{}={}", options.empty() ? "" : ", ", key, value);
-  Fact fact{r.label, {r.name + (options.empty() ? "" : " with " + options)}};
+  std::vector<std::string> options, phases;
+  for (const auto& [key, value] : r.options) options.push_back(fmt::format("{}={}", key, value));
+  Fact fact{r.label, {r.name + (options.empty() ? "" : " with " + joined(options))}};
   if (r.prepare) {
     for (const render::PreparePhase& phase : r.prepare->phases)
-      phases += fmt::format("{}{} {}", phases.empty() ? "" : ", ", phase.name, duration_text(phase.ms));
+      phases.push_back(phase.name + " " + format_duration(phase.ms));
     fact.sentences.push_back(fmt::format("prepared on {} thread{} in {}{}", r.threads,
-                                         r.threads == 1 ? "" : "s", duration_text(r.prepare->total_ms),
-                                         phases.empty() ? "" : ": " + phases));
+                                         r.threads == 1 ? "" : "s", format_duration(r.prepare->total_ms),
+                                         phases.empty() ? "" : ": " + joined(phases)));
     if (!r.prepare->notes.empty()) fact.sentences.push_back(joined(r.prepare->notes, "; "));
     for (const std::string& warning : r.prepare->warnings) fact.sentences.push_back("Warning: " + warning);
   }
@@ -143,19 +147,19 @@ Fact fact_of(const metrics::RendererResult& r) {
 /// Under what conditions the times were measured.
 std::optional<Fact> conditions_fact(const metrics::ResultDocument& document) {
   if (!document.conditions) return std::nullopt;
-  const metrics::Conditions& c = *document.conditions;
-  std::string libraries;
-  for (const auto& [name, version] : c.libraries)
-    libraries += fmt::format("{}{} {}", libraries.empty() ? "" : ", ", name, version);
-  return Fact{"timing",
-              {fmt::format("{} passes of each kind in random order (seed {}), at most {} s a renderer",
-                           c.rounds, c.order_seed, short_number(c.budget_s)),
-               fmt::format("stolen by the host {}; load {} before, {} after; governor {}; huge pages {}",
-                           c.steal_percent ? short_number(*c.steal_percent) + " %" : "unknown",
-                           short_number(c.load_before), short_number(c.load_after), c.governor, c.huge_pages),
-               fmt::format("processor has {}; compiled for {} with {}", c.processor_sets, c.compiled_for,
-                           c.compiler_flags),
-               libraries}};
+  const metrics::MeasurementConditions& c = *document.conditions;
+  std::vector<std::string> libraries;
+  for (const auto& [name, version] : c.libraries) libraries.push_back(name + " " + version);
+  return Fact{
+      "timing",
+      {fmt::format("{} passes of each kind in random order (seed {}), at most {} s a renderer", c.rounds,
+                   c.order_seed, format_number(c.budget_s)),
+       fmt::format("stolen by the host {}; load {} before, {} after; governor {}; huge pages {}",
+                   c.steal_percent ? format_number(*c.steal_percent) + " %" : "unknown",
+                   format_number(c.load_before), format_number(c.load_after), c.governor, c.huge_pages),
+       fmt::format("processor has {}; compiled for {} with {}", c.processor_sets, c.compiled_for,
+                   c.compiler_flags),
+       joined(libraries)}};
 }
 
 std::vector<Fact> facts_of(const Study& study) {
@@ -175,7 +179,8 @@ std::string contact_of_path(const Study& study) {
   const auto touching = static_cast<std::size_t>(
       std::count_if(frames.begin(), frames.end(), [](const auto& f) { return f.frame.contact; }));
   return fmt::format("The path has {} frames: {} of true contact, {} in free space.",
-                     count_text(frames.size()), count_text(touching), count_text(frames.size() - touching));
+                     format_count(frames.size()), format_count(touching),
+                     format_count(frames.size() - touching));
 }
 
 }  // namespace
@@ -209,16 +214,16 @@ void add_study(Page& page, const Study& study, const std::string& id, const std:
   section.tables.push_back(std::move(table));
   Figure model = model_figure(study, id);
   if (const Result<OutputFolder> figures = folder.inside("figures")) {
-    section.figures = draw_study(study, id, *figures);
     if (const Status written = figures->write(model.name + ".svg", model.svg); !written)
       model.caption += " It could not be written to the folder: " + written.error().message();
+    section.figures = {draw(trade_chart(id + kTradeSuffix, study.document), *figures), std::move(model)};
+    for (Figure& figure : draw_study(study, id, *figures)) section.figures.push_back(std::move(figure));
   } else {
     section.paragraphs.push_back("The figures could not be drawn: " + figures.error().message());
   }
-  section.opening = opening_html(study.document) + figure_html(model);
+  section.found = headlines_of(study.document);
   section.facts = facts_of(study);
   add_known(page, known_of(name, study.document));
-  page.headlines.push_back({study.document.title, headlines_of(study.document)});
   page.sections.push_back(std::move(section));
 }
 
@@ -226,30 +231,43 @@ Status draw_report(const OutputFolder& folder) {
   const Result<Study> study = read_study(folder.path());
   if (!study) return study.error();
   Page page = begin_page("Comparison of haptic renderers", study->document);
+  page.apart = true;
+  if (const Headline answer = answer_of(study->document); !answer.text.empty()) page.answers = {answer};
+  page.tables = {summary_table(study->document, SummaryFor::kPage)};
   add_study(page, *study, "study", {}, folder);
+  Section& section = page.sections.back();
+  section.title += ": scores, pictures, how it was run";
+  if (!section.figures.empty()) {
+    page.figures = {std::move(section.figures.front())};
+    section.figures.erase(section.figures.begin());
+  }
   return write_page(page, folder);
 }
 
 std::string to_html(const Page& page) {
-  std::string html = fmt::format(
-      "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" "
-      "content=\"width=device-width, initial-scale=1\">\n"
-      "<title>{0}</title>\n<style>{1}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p "
-      "class=\"by\">Palpate {2}, commit {3}, {4}; {5}</p>\n",
-      html_escaped(page.title), page_style(), html_escaped(page.about.version),
-      html_escaped(page.about.commit), html_escaped(page.about.started_utc),
-      html_escaped(page.about.machine.cpu));
-  const bool one = page.sections.size() == 1;
-  html += warned_html(page) + (one ? page.sections.front().opening : "") + known_html(page) +
-          headlines_html(page) + "<nav>";
-  for (const Section& section : page.sections)
-    html += fmt::format("<a href=\"#{}\">{}</a>", section.id, html_escaped(section.title));
-  html += "<a href=\"#about\">Machine and commands</a></nav>\n";
-  for (const Section& section : page.sections) html += section_html(section, one);
-  return html + about_html(page) + "</main>\n</body>\n</html>\n";
+  std::string body =
+      page.answers.empty() ? "" : "<div class=\"answer\">" + found_html(page.answers) + "</div>\n";
+  for (const Table& table : page.tables) body += "<div class=\"first\">" + to_html(table) + "</div>\n";
+  std::string more, sections;
+  for (const Section& section : page.sections) {
+    more += fmt::format("<a href=\"{}\">{}</a>", page.apart ? page_file(section) : "#" + section.id,
+                        html_escaped(section.title));
+    if (!page.apart) sections += section_html(section, section.title);
+  }
+  body += figures_html(page.figures) + headlines_html(page) + "<nav>" + more +
+          "<a href=\"#about\">Machine and commands</a></nav>\n" + known_html(page) + sections;
+  return whole_html(page, page.title, body + about_html(page));
+}
+
+std::string section_page(const Page& page, const Section& section) {
+  return whole_html(page, section.title,
+                    fmt::format("<nav><a href=\"{}\">{}</a></nav>\n{}", kReportFile, html_escaped(page.title),
+                                section_html(section, {})));
 }
 
 Status write_page(const Page& page, const OutputFolder& folder) {
+  for (const Section& section : page.sections)
+    if (page.apart) PALPATE_TRY(folder.write(page_file(section), section_page(page, section)));
   return folder.write(kReportFile, to_html(page));
 }
 

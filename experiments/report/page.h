@@ -1,23 +1,20 @@
-// The report: one page that needs nothing else, on a screen or on paper.
+// The report. Its first page answers before it explains: the answer in a sentence, one table, one picture;
+// then what to know, and the rest. A page needs nothing else, on a screen or on paper.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "experiments/report/figures.h"
-#include "experiments/report/tables.h"
+#include "experiments/report/findings.h"
 
 namespace palpate::experiments {
 
-/// One thing found: "Contact", "right with cloud: ...".
-struct Headline {
-  std::string lead, text;
-};
 struct HeadlineGroup {
   std::string title;
   std::vector<Headline> lines;
 };
-/// What a reader must know first: warnings, and notes of scene and path.
+/// What a reader must know: warnings, and notes of scene and path.
 struct Known {
   std::string about;  ///< the study; may be empty where there is one only
   std::vector<std::string> warnings, notes;
@@ -31,20 +28,25 @@ struct Fact {
 struct Section {
   std::string id;
   std::string title;
-  std::string opening{};                ///< HTML: the first thing in it, or on a page where it is alone
+  std::string opening{};                ///< HTML: the first thing in it
   std::vector<std::string> paragraphs;  ///< plain text
   std::vector<Table> tables;
   std::vector<Figure> figures;
-  std::vector<Fact> facts;  ///< options, phases, hashes, exactness
+  std::vector<Fact> facts;        ///< options, phases, hashes, exactness
+  std::vector<Headline> found{};  ///< what was found, above its tables
 };
 
 struct Page {
   std::string title;
-  std::vector<Known> known;              ///< the first thing on the page
-  std::vector<HeadlineGroup> headlines;  ///< what was found
-  std::vector<Section> sections;
-  std::vector<std::string> commands;  ///< that repeat it
-  metrics::DocumentHead about;        ///< machine, commit, time
+  std::vector<Headline> answers{};       ///< the first thing on the page
+  std::vector<Table> tables{};           ///< of the first page, below the answers
+  std::vector<HeadlineGroup> headlines;  ///< what was found, and what was not done
+  std::vector<Figure> figures{};         ///< of the first page
+  std::vector<Known> known;              ///< below all that answers
+  std::vector<Section> sections;         ///< on the same page, or
+  bool apart = false;                    ///< each on a page of its own, ID.html
+  std::vector<std::string> commands;     ///< that repeat it
+  metrics::DocumentHead about;           ///< machine, commit, time
 };
 
 /// Takes over warnings and notes, where there are any.
@@ -54,26 +56,23 @@ void add_known(Page& page, Known known);
 
 [[nodiscard]] Page begin_page(std::string title, const metrics::DocumentHead& about);
 
-/// The study's section with its figures (drawn into `folder`/figures) and its headlines. `name` begins them;
-/// it may be empty.
+/// Ends the name of a study's picture of time against error, the first of its section's figures.
+inline constexpr const char* kTradeSuffix = "-trade";
+/// The study's section with what was found and its figures, drawn into `folder`/figures. `name` begins its
+/// warnings; it may be empty.
 void add_study(Page& page, const Study& study, const std::string& id, const std::string& name,
                const OutputFolder& folder);
 
-/// report.html of one study, drawn from its folder and put into it.
+/// report.html of one study and the page behind it, drawn from its folder and put into it.
 [[nodiscard]] Status draw_report(const OutputFolder& folder);
-
-/// What a reader asks first of every renderer: right, fast, ready when, how large? A picture and four
-/// numbers.
-[[nodiscard]] std::string opening_html(const metrics::ResultDocument& document);
-
-/// What a study shows: who keeps contact right, who is exact, fast, ready soon. A pure function of the
-/// document.
-[[nodiscard]] std::vector<Headline> headlines_of(const metrics::ResultDocument& document);
 
 /// A figure as it stands on a page: picture, title and caption.
 [[nodiscard]] std::string figure_html(const Figure& figure);
+/// The first page.
 [[nodiscard]] std::string to_html(const Page& page);
-/// report.html.
+/// The page of one section, where they are apart.
+[[nodiscard]] std::string section_page(const Page& page, const Section& section);
+/// report.html, and the pages of the sections that are apart.
 [[nodiscard]] Status write_page(const Page& page, const OutputFolder& folder);
 
 /// The style sheet.

@@ -9,10 +9,10 @@
 #include <optional>
 #include <regex>
 
+#include <palpate/result.h>
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -56,10 +56,15 @@ std::vector<Key> keys_of(const std::string& path) {
 }
 
 /// What an entry of a list is known by.
-const Json* name_of_entry(const Json& entry) {
-  for (const char* by : {"label", "model"})
-    if (const auto found = entry.find(by); found != entry.end()) return &*found;
-  return nullptr;
+const char* name_of_entry(const Json& entry) {
+  return entry.contains("label") ? "label" : "model";
+}
+
+/// The entry of a list with this name, or its end.
+template <class List>
+auto named(List& list, const std::string& name) {
+  return std::find_if(list.begin(), list.end(),
+                      [&](const Json& one) { return one.value(name_of_entry(one), "") == name; });
 }
 
 const Json* find(const Json& document, const std::string& path) {
@@ -68,10 +73,7 @@ const Json* find(const Json& document, const std::string& path) {
     if (!at->is_object() || !at->contains(key.name)) return nullptr;
     at = &at->at(key.name);
     if (key.entry.empty()) continue;
-    const auto entry = std::find_if(at->begin(), at->end(), [&](const Json& one) {
-      const Json* name = name_of_entry(one);
-      return name != nullptr && *name == key.entry;
-    });
+    const auto entry = named(*at, key.entry);
     if (entry == at->end()) return nullptr;
     at = &*entry;
   }
@@ -94,14 +96,10 @@ void copy_value(const Json& from, const std::string& path, Json& into) {
     source = &source->at(key.name);
     at = &(*at)[key.name];
     if (key.entry.empty()) continue;
-    source = &*std::find_if(source->begin(), source->end(), [&](const Json& one) {
-      const Json* name = name_of_entry(one);
-      return name != nullptr && *name == key.entry;
-    });
-    const char* by = source->contains("label") ? "label" : "model";
-    auto entry = std::find_if(at->begin(), at->end(), [&](const Json& one) { return one[by] == key.entry; });
+    source = &*named(*source, key.entry);
+    auto entry = named(*at, key.entry);
     if (entry == at->end()) {
-      at->push_back({{by, key.entry}});
+      at->push_back({{name_of_entry(*source), key.entry}});
       entry = std::prev(at->end());
     }
     at = &*entry;
@@ -109,18 +107,21 @@ void copy_value(const Json& from, const std::string& path, Json& into) {
   *at = *source;
 }
 
-/// Three digits, as many as a measurement holds; counts whole.
+/// Three digits, as many as a measurement holds; counts whole. "by:37.4" is how often the value is in 37.4.
 std::string shown_number(const Json& value, const std::string& unit) {
+  static const std::string kBy = "by:";
+  constexpr double kWhole = 1000.0;
   if (value.is_string()) return value.get<std::string>();
-  if (value.is_number_unsigned() && unit != "s") {
-    const std::string count = count_text(value.get<std::uint64_t>());
+  const bool ratio = unit.starts_with(kBy);
+  if (value.is_number_unsigned() && unit != "s" && !ratio) {
+    const std::string count = format_count(value.get<std::uint64_t>());
     return unit.empty() ? count : count + " " + unit;
   }
-  constexpr double kWhole = 1000.0;
-  const double number = value.get<double>() / (unit == "s" ? kMsPerS : 1.0);
+  const double number = ratio ? std::stod(unit.substr(kBy.size())) / value.get<double>()
+                              : value.get<double>() / (unit == "s" ? kMsPerS : 1.0);
   const std::string text = std::abs(number) < kWhole ? fmt::format("{:.3g}", number)
-                                                     : count_text(static_cast<std::uint64_t>(number + 0.5));
-  return unit.empty() ? text : text + " " + unit;
+                                                     : format_count(static_cast<std::uint64_t>(number + 0.5));
+  return unit.empty() ? text : text + " " + (ratio ? "times" : unit);
 }
 
 Result<Json> read_json(const fs::path& file) {
@@ -214,7 +215,7 @@ Result<PageWithFigures> page_of(const fs::path& checkout, const fs::path& file) 
 Result<std::vector<PageWithFigures>> pages_with_figures(const fs::path& checkout) {
   std::vector<fs::path> files = {checkout / "README.md"};
   std::error_code code;
-  for (const auto& entry : fs::directory_iterator(checkout / "docs", code))
+  for (const auto& entry : fs::recursive_directory_iterator(checkout / "docs", code))
     if (entry.path().extension() == ".md") files.push_back(entry.path());
   std::sort(files.begin() + 1, files.end());
   std::vector<PageWithFigures> pages;

@@ -7,16 +7,16 @@
 //
 // Results are docs/figures/FILE.json: {"commit", "date", "machine", "documents": {"table7/result.json": ..}},
 // documents as a run wrote them, reduced to what is shown; a text is shown as it stands. {table7 cloud
-// frame.mean_us µs} is a key of a renderer, with its unit ("s" of a key in ms, "µs", "%", or none);
-// {table6/neighbours.json modified_knn[dragon].points} one of any document; {commit} says where all of it
-// comes from.
+// frame.mean_us µs} is a key of a renderer, with its unit ("s" of a key in ms, "µs", "%", none, or "by:37.4",
+// how often it is in that); {table6/neighbours.json modified_knn[dragon].points} one of any document;
+// {commit} says where all of it comes from.
 #pragma once
 
 #include <filesystem>
 #include <string>
 #include <vector>
 
-#include "toolkit/core/result.h"
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 
@@ -26,7 +26,7 @@ struct PageWithFigures {
   std::size_t blocks = 0;
 };
 
-/// README.md and the pages of docs/ that have such blocks. An Error names the file and line of a block, a
+/// README.md and the pages below docs/ that have such blocks. An Error names the file and line of a block, a
 /// template or a value that is not there.
 [[nodiscard]] Result<std::vector<PageWithFigures>> pages_with_figures(const std::filesystem::path& checkout);
 

@@ -14,16 +14,13 @@ h2 { font-size:1.4rem; margin:2.8rem 0 .5rem; padding-top:1rem; border-top:2px s
 p { margin:.5rem 0; max-width:48rem; overflow-wrap:anywhere; }
 .by { max-width:none; color:var(--soft); font-size:.92rem; }
 .headline { background:var(--card); border:1px solid var(--line); border-left:5px solid var(--accent); border-radius:6px; padding:.4rem 1.2rem .9rem; margin:1.2rem 0; }
+.answer { border-left:5px solid var(--best); background:var(--card); padding:.3rem 1.2rem; margin:.8rem 0; } .answer dl.found { font-size:1.06rem; } .answer dt { color:var(--ink); font-weight:600; }
+.first :is(th,td) { white-space:normal; min-width:0; } .first th:first-child { min-width:3.5rem; }
 .headline h2 { font-size:1.02rem; margin:1rem 0 .25rem; padding:0; border:0; }
 .known { border:1px solid var(--line); border-left:5px solid var(--bad); border-radius:6px; background:var(--card); padding:.4rem 1.2rem .7rem; margin:1.2rem 0; font-size:.95rem; }
 .known h2 { font-size:1.02rem; margin:.5rem 0 .25rem; padding:0; border:0; } .known ul { margin:.2rem 0; padding-left:1.1rem; } .known li { overflow-wrap:anywhere; } .known .warning strong { color:var(--bad); }
-.warned { max-width:none; margin:.5rem 0; padding:.4rem .9rem; border-left:5px solid var(--bad); background:var(--card); } .warned strong { color:var(--bad); } .warned a { color:inherit; }
-.opening { display:grid; grid-template-columns:minmax(0,4fr) minmax(0,6fr); gap:1.2rem; align-items:start; margin:1rem 0 1.4rem; } .opening.alone { grid-template-columns:minmax(0,1fr); }
-.opening .picture { background:var(--card); border:1px solid var(--line); border-radius:6px; padding:.5rem; } .trade { display:block; width:100%; height:auto; font-size:13px; fill:var(--soft); } .trade .grid { stroke:var(--line); } .trade .axis { stroke:var(--soft); } .trade .in { fill:#fff; font-weight:700; font-size:11px; }
-.four { background:var(--card); border:1px solid var(--line); border-radius:6px; border-collapse:separate; border-spacing:0; } .four :is(th,td) { text-align:left; white-space:normal; padding:.3rem .55rem; vertical-align:top; min-width:0; } .four thead th { min-width:0; } .four tbody th { min-width:9rem; font-weight:600; overflow-wrap:anywhere; }
-.four b { font-weight:600; white-space:nowrap; } .four small { display:block; color:var(--soft); font-weight:400; font-size:.78rem; line-height:1.3; } .four td.bad small { color:var(--bad); } .four td:is(.best,.bad) { font-weight:inherit; } .dot { display:inline-block; min-width:1.35rem; height:1.35rem; border-radius:.7rem; color:#fff; font-size:.74rem; font-weight:700; text-align:center; line-height:1.35rem; margin-right:.4rem; print-color-adjust:exact; -webkit-print-color-adjust:exact; }
 .verdict { max-width:none; margin:.5rem 0; padding:.5rem .9rem; border-left:5px solid var(--bad); background:var(--card); } .verdict.reached { border-color:var(--best); } .verdict.reached strong { color:var(--best); } .verdict.part { border-color:#c77700; } .verdict.missed strong { color:var(--bad); } .verdict a { color:inherit; }
-nav { font-size:.95rem; } nav a { color:var(--accent); margin-right:1.1rem; display:inline-block; }
+td a, th a { color:var(--accent); } nav { font-size:.95rem; margin:.8rem 0; } nav a { color:var(--accent); margin-right:1.1rem; display:inline-block; }
 .scroll { overflow-x:auto; margin:1.1rem 0 .3rem; border:1px solid var(--line); border-radius:6px; background:var(--card); }
 table { border-collapse:collapse; width:100%; font-size:.93rem; font-variant-numeric:tabular-nums; }
 caption { text-align:left; padding:.6rem .8rem; font-weight:600; overflow-wrap:anywhere; }
@@ -46,7 +43,6 @@ figcaption { color:var(--soft); font-size:.87rem; margin:.45rem .2rem 0; }
 pre { background:var(--card); border:1px solid var(--line); border-radius:6px; padding:.7rem .9rem; overflow-x:auto; font-size:.86rem; white-space:pre-wrap; overflow-wrap:anywhere; }
 dl { display:grid; grid-template-columns:minmax(7.5rem,max-content) 1fr; gap:.2rem 1.2rem; margin:.3rem 0; font-size:.93rem; } dt { color:var(--soft); } dd { margin:0; overflow-wrap:anywhere; max-width:54rem; }
 dl.found { grid-template-columns:11.5rem 1fr; font-size:.97rem; } dl.found dd { max-width:none; } dl.facts { gap:.45rem 1.2rem; font-size:.86rem; } dl.facts dt { color:var(--ink); font-weight:600; }
-@media (max-width:60rem) { .opening { grid-template-columns:minmax(0,1fr); } }
 @media (max-width:46rem) { .figures { grid-template-columns:minmax(0,1fr); } figure.wide .picture svg { min-width:34rem; } th,td { padding:.3rem .55rem; } dl, dl.found, dl.facts { grid-template-columns:minmax(0,1fr); gap:0; } dd { margin-bottom:.5rem; } dl.found dt { font-weight:600; } }
 @media print {
   :root { --ink:#000; --soft:#444; --paper:#fff; --card:#fff; --line:#bbb; --accent:#0072b2; --best:#00694f; --bad:#b3261e; }
@@ -54,7 +50,6 @@ dl.found { grid-template-columns:11.5rem 1fr; font-size:.97rem; } dl.found dd { 
   body { font-size:10pt; } main { max-width:none; padding:0; } nav { display:none; }
   table { font-size:8.4pt; } :is(.n8,.n9,.n10) { font-size:7.6pt; } :is(.n11,.n12,.n13) { font-size:6.6pt; } :is(.n14,.n15,.n16) { font-size:5.8pt; }
   table :is(th,td), :is(.n10,.n11,.n12,.n13,.n14,.n15,.n16) :is(th,td) { padding:.14rem .38rem; min-width:0; } th:first-child { position:static; } :is(th,td):last-child { padding-right:.6rem; } .legend span { white-space:normal; } .scroll { border:0; border-radius:0; margin:.6rem 0 .2rem; }
-  .opening { grid-template-columns:minmax(0,4fr) minmax(0,6fr); gap:.6rem; break-inside:avoid; } .four :is(th,td) { padding:.1rem .3rem; } .four tbody th { min-width:6rem; } .four small { font-size:6.4pt; }
   .turned { break-inside:avoid; } tbody tr:first-child, tr.group + tr { break-before:avoid; }
   h2 { break-after:avoid; } figure, .headline dl, tr, dd, pre { break-inside:avoid; } h3, dt, caption { break-after:avoid; } .scroll, figure .picture { overflow:visible; } thead { display:table-header-group; }
 }

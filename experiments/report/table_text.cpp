@@ -47,7 +47,7 @@ struct Layout {
 };
 
 std::string marked(const Cell& cell, bool room) {
-  return cell.text + (cell.best ? "*" : cell.bad && cell.text != kNoNumber ? "!" : room ? " " : "");
+  return cell.text + (cell.best ? "*" : cell.bad && cell.text != kMissingNumber ? "!" : room ? " " : "");
 }
 
 std::size_t longest_word(const std::string& text) {
@@ -64,7 +64,8 @@ Layout lay_out(const Table& table, std::size_t columns) {
   for (std::size_t i = 0; i < n; ++i) {
     layout.words[i] = i == 0 || holds_words(table, i);
     for (const auto& row : table.rows)
-      if (row.size() > 1 && (row[i].best || (row[i].bad && row[i].text != kNoNumber))) layout.marks[i] = true;
+      if (row.size() > 1 && (row[i].best || (row[i].bad && row[i].text != kMissingNumber)))
+        layout.marks[i] = true;
     least[i] = longest_word(table.columns[i]);
     for (const auto& row : table.rows) {
       if (row.size() == 1) continue;
@@ -167,7 +168,7 @@ std::size_t text_width(const std::string& text) {
 bool holds_words(const Table& table, std::size_t column) {
   std::size_t words = 0, all = 0;
   for (const auto& row : table.rows) {
-    if (row.size() == 1 || row[column].text.empty() || row[column].text == kNoNumber) continue;
+    if (row.size() == 1 || row[column].text.empty() || row[column].text == kMissingNumber) continue;
     ++all;
     const char c = row[column].text.front();
     words += (c >= '0' && c <= '9') || c == '<' || c == '>' || c == '-' ? 0u : 1u;

@@ -1,23 +1,22 @@
+// Scores as rows, and the table of all of them.
 #include "experiments/report/tables.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
+
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
 
 using Result_ = metrics::RendererResult;
 using Value = std::optional<double>;
-using Get = std::function<Value(const Result_&)>;
+using Get = ScoreGet;
 using GetInterval = std::function<std::optional<Interval>(const Result_&)>;
 using Ranks = std::function<bool(const Result_&)>;
 enum class Better { kLower, kHigher, kNeither };
-
-/// How a row's numbers are written.
-enum class Show { kNumbers, kCounts, kTimes };
 
 constexpr double kNsPerUs = 1e3, kPercent = 100.0;
 constexpr double kDegPerRad = 57.295779513082320877;  // 180 / pi
@@ -43,7 +42,7 @@ class Scores {
     return std::any_of(document_.renderers.begin(), document_.renderers.end(),
                        [&](const Result_& r) { return get(r).has_value(); });
   }
-  void heading(std::string text) { table_.rows.push_back({{std::move(text), false, false}}); }
+  void heading(std::string text) { table_.rows.push_back({plain(std::move(text))}); }
 
   /// `rounding`: of each renderer's value, what rounding alone makes; empty: none. `interval`: of each value;
   /// whom it does not tell from the best is as good, and it stands in a row below. `ranks`: who may be best.
@@ -55,28 +54,18 @@ class Scores {
       if (value && !std::isfinite(*value)) value.reset();
       if (value && rounding) {
         const double least = rounding(r).value_or(0.0);
-        settled_any_ = settled_any_ || (*value != 0.0 && settled(*value, least) == 0.0);
-        value = settled(*value, least);
+        settled_any_ = settled_any_ || (*value != 0.0 && zero_if_rounding(*value, least) == 0.0);
+        value = zero_if_rounding(*value, least);
       }
       values.push_back(value);
     }
     if (std::none_of(values.begin(), values.end(), [](const Value& v) { return v.has_value(); })) return;
-    std::vector<std::string> texts;
-    if (show == Show::kTimes) {
-      AlignedTimes times = aligned_times(values);
-      name += ", " + times.unit;
-      texts = std::move(times.texts);
-    } else if (show == Show::kNumbers) {
-      texts = aligned_numbers(values);
-    } else {
-      for (const Value& v : values)
-        texts.push_back(v ? count_text(static_cast<std::uint64_t>(*v)) : kNoNumber);
-    }
+    std::vector<Cell> row = score_row(std::move(name), values, show);
     // What reads the same is as good; where all are, nobody is marked.
     const std::optional<std::size_t> best = best_of(values, document_, better, ranks);
     const auto is_best = [&](std::size_t i) {
       if (!best || !values[i] || !ranks(document_.renderers[i])) return false;
-      return texts[i] == texts[*best] ||
+      return row[i + 1].text == row[*best + 1].text ||
              (interval && overlap(interval(document_.renderers[i]), interval(document_.renderers[*best])));
     };
     std::size_t rivals = 0, equal = 0;
@@ -84,16 +73,14 @@ class Scores {
       rivals += values[i] && ranks(document_.renderers[i]) ? 1u : 0u;
       equal += is_best(i) ? 1u : 0u;
     }
-    std::vector<Cell> row = {{std::move(name), false, false}};
-    for (std::size_t i = 0; i < values.size(); ++i)
-      row.push_back({texts[i], equal < rivals && is_best(i), false});
+    for (std::size_t i = 0; i < values.size() && equal < rivals; ++i) row[i + 1].best = is_best(i);
     table_.rows.push_back(std::move(row));
     if (!interval) return;
-    std::vector<Cell> below = {{"its interval, 95 %", false, false}};
+    std::vector<Cell> below = {plain("its interval, 95 %")};
     bool any = false;
     for (const Result_& r : document_.renderers) {
-      below.push_back({interval_text(interval(r)), false, false});
-      any = any || below.back().text != kNoNumber;
+      below.push_back(plain(interval_text(interval(r))));
+      any = any || below.back().text != kMissingNumber;
     }
     if (any) table_.rows.push_back(std::move(below));
     intervals_ = intervals_ || any;
@@ -116,9 +103,6 @@ class Scores {
 
 using Set = std::optional<trace::FrameStatistics> Result_::*;
 
-Get frame(Set set, Value trace::FrameStatistics::*member) {
-  return [set, member](const Result_& r) { return r.*set ? (*(r.*set)).*member : std::nullopt; };
-}
 GetInterval frame_interval(Set set, std::optional<Interval> trace::FrameStatistics::*member) {
   return [set, member](const Result_& r) { return r.*set ? (*(r.*set)).*member : std::nullopt; };
 }
@@ -132,18 +116,6 @@ Get frame_count(Set set, std::uint64_t trace::FrameStatistics::*member) {
     return unsaid ? std::nullopt : Value(static_cast<double>(n));
   };
 }
-Get accuracy(Value metrics::Accuracy::*member) {
-  return [member](const Result_& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
-}
-template <class Count>  // std::uint64_t, or an optional one
-Get accuracy_count(Count metrics::Accuracy::*member) {
-  return [member](const Result_& r) -> Value {
-    const std::optional<std::uint64_t> n =
-        r.accuracy ? (*r.accuracy).*member : std::optional<std::uint64_t>();
-    return n ? Value(static_cast<double>(*n)) : std::nullopt;
-  };
-}
-
 Value rounding_energy_percent(const Result_& r) {
   if (!r.energy || !(r.energy->max_stored_mj > 0.0)) return std::nullopt;
   return kPercent * r.energy->rounding_mj / r.energy->max_stored_mj;
@@ -160,31 +132,26 @@ std::string contact_words_of(const metrics::ResultDocument& d) {
 
 void add_frames_of(Scores& t, Set set) {
   using F = trace::FrameStatistics;
-  t.add("mean without the clock, µs", frame(set, &F::mean_us), Better::kLower, Show::kNumbers, {},
+  t.add("mean without the clock, µs", frame_score(set, &F::mean_us), Better::kLower, Show::kNumbers, {},
         frame_interval(set, &F::mean_interval_us));
-  t.lower("mean, µs", frame(set, &F::mean_clocked_us));
-  t.lower("median, µs", frame(set, &F::p50_us));
-  t.lower("99 %, µs", frame(set, &F::p99_us));
-  t.add("99.9 %, µs", frame(set, &F::p999_us), Better::kLower, Show::kNumbers, {},
+  t.lower("mean, µs", frame_score(set, &F::mean_clocked_us));
+  t.lower("median, µs", frame_score(set, &F::p50_us));
+  t.lower("99 %, µs", frame_score(set, &F::p99_us));
+  t.add("99.9 %, µs", frame_score(set, &F::p999_us), Better::kLower, Show::kNumbers, {},
         frame_interval(set, &F::p999_interval_us));
-  t.lower("longest, µs", frame(set, &F::max_us));
+  t.lower("longest, µs", frame_score(set, &F::max_us));
 }
 
 void add_costs(Scores& t, const metrics::ResultDocument& d) {
   using F = trace::FrameStatistics;
   t.heading("Preparation");
-  t.add(
-      "preparation", [](const Result_& r) { return r.prepare ? Value(r.prepare->total_ms) : std::nullopt; },
-      Better::kLower, Show::kTimes, {}, {},
-      [](const Result_& r) { return competes(r) && !prepared_from_cache(r); });
+  t.add("preparation", prepare_ms, Better::kLower, Show::kTimes, {}, {},
+        [](const Result_& r) { return competes(r) && !prepared_from_cache(r); });
   t.add(
       "processor time of it",
       [](const Result_& r) { return r.prepare_clock ? Value(r.prepare_clock->cpu_ms) : std::nullopt; },
       Better::kNeither, Show::kTimes);
-  t.lower("memory, bytes a point", [](const Result_& r) -> Value {
-    if (!r.prepare || !r.model || r.model->points == 0) return std::nullopt;
-    return static_cast<double>(r.prepare->bytes) / static_cast<double>(r.model->points);
-  });
+  t.lower("memory, bytes a point", bytes_a_point);
   t.heading(contact_words_of(d));
   const std::string all = frames_text(d);
   t.add("frames in contact" + (all.empty() ? "" : ", " + all), frame_count(&Result_::frame, &F::timed_frames),
@@ -194,7 +161,7 @@ void add_costs(Scores& t, const metrics::ResultDocument& d) {
   if (all.empty())
     t.add("frames in all", frame_count(&Result_::frame, &F::frames), Better::kNeither, Show::kCounts);
   add_frames_of(t, &Result_::frame);
-  t.add("processor time, mean, µs", frame(&Result_::frame, &F::cpu_mean_us), Better::kNeither,
+  t.add("processor time, mean, µs", frame_score(&Result_::frame, &F::cpu_mean_us), Better::kNeither,
         Show::kNumbers);
   t.lower("paced at 1 kHz, median, µs",
           [](const Result_& r) { return r.paced ? r.paced->frame.p50_us : std::nullopt; });
@@ -204,7 +171,7 @@ void add_costs(Scores& t, const metrics::ResultDocument& d) {
   add_frames_of(t, &Result_::frame_free);
   t.heading("All frames");
   add_frames_of(t, &Result_::frame_all);
-  t.add("longest single reading, µs", frame(&Result_::frame_all, &F::worst_us), Better::kNeither,
+  t.add("longest single reading, µs", frame_score(&Result_::frame_all, &F::worst_us), Better::kNeither,
         Show::kNumbers);
   t.fewer("frames at the work bound", frame_count(&Result_::frame_all, &F::bound_hits));
   t.fewer("missed 1 ms deadlines", frame_count(&Result_::frame_all, &F::deadline_misses_1khz));
@@ -222,63 +189,65 @@ void add_costs(Scores& t, const metrics::ResultDocument& d) {
 void add_scores(Scores& t) {
   using A = metrics::Accuracy;
   const auto lower = [&](const char* name, Value A::*score) {
-    t.lower(name, accuracy(score), [score](const Result_& r) { return Value(rounding_of(r, score)); });
+    t.lower(name, accuracy_score(score), [score](const Result_& r) { return Value(rounding_of(r, score)); });
   };
   const auto accuracy_interval = [](std::optional<Interval> A::*member) {
     return [member](const Result_& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
   };
   t.heading("What a hand feels as wrong");
-  t.add("largest force, N", accuracy(&A::force_peak_n), Better::kNeither, Show::kNumbers);
-  t.lower("above the truth's largest, %", accuracy(&A::force_peak_excess_percent));
-  t.fewer("caught, times", accuracy_count(&A::caught));
-  t.fewer("caught, frames", accuracy_count(&A::caught_frames));
-  t.fewer("lost, times", accuracy_count(&A::lost));
-  t.fewer("lost, frames", accuracy_count(&A::lost_frames));
-  t.fewer("kicks", accuracy_count(&A::kicks));
+  t.add("largest force, N", accuracy_score(&A::force_peak_n), Better::kNeither, Show::kNumbers);
+  t.lower("above the truth's largest, %", accuracy_score(&A::force_peak_excess_percent));
+  t.fewer("caught, times", accuracy_score(&A::caught));
+  t.fewer("caught, frames", accuracy_score(&A::caught_frames));
+  t.fewer("lost, times", accuracy_score(&A::lost));
+  t.fewer("lost, frames", accuracy_score(&A::lost_frames));
+  t.fewer("kicks", accuracy_score(&A::kicks));
   t.heading("Force against the ground truth");
-  t.add("frames that no hand tells from the truth, %", accuracy(&A::indistinguishable_percent),
+  t.add("frames that no hand tells from the truth, %", accuracy_score(&A::indistinguishable_percent),
         Better::kHigher, Show::kNumbers, {}, accuracy_interval(&A::indistinguishable_interval));
   lower("force error, RMS, N", &A::force_rms_n);
   t.add(
-      "force error, RMS, %", accuracy(&A::force_rms_percent), Better::kLower, Show::kNumbers,
+      "force error, RMS, %", accuracy_score(&A::force_rms_percent), Better::kLower, Show::kNumbers,
       [](const Result_& r) { return Value(rounding_of(r, &A::force_rms_percent)); },
       accuracy_interval(&A::force_rms_percent_interval));
   lower("force error, median, %", &A::force_p50_percent);
   lower("force error, 95 %, %", &A::force_p95_percent);
   lower("force error, largest, N", &A::force_max_n);
-  t.add("frames where history decides, % of contact", accuracy(&A::history_percent), Better::kNeither,
+  t.add("frames where history decides, % of contact", accuracy_score(&A::history_percent), Better::kNeither,
         Show::kNumbers);
-  t.add("force error in these, RMS, N", accuracy(&A::history_force_rms_n), Better::kNeither, Show::kNumbers);
-  t.add("force error with these, RMS, %", accuracy(&A::force_rms_whole_percent), Better::kNeither,
+  t.add("force error in these, RMS, N", accuracy_score(&A::history_force_rms_n), Better::kNeither,
         Show::kNumbers);
-  t.add("frames within 7 % of the force, %", accuracy(&A::within_7_percent), Better::kHigher, Show::kNumbers);
+  t.add("force error with these, RMS, %", accuracy_score(&A::force_rms_whole_percent), Better::kNeither,
+        Show::kNumbers);
+  t.add("frames within 7 % of the force, %", accuracy_score(&A::within_7_percent), Better::kHigher,
+        Show::kNumbers);
   lower("force direction, 99 %, degrees", &A::direction_p99_deg);
   lower("largest excess jump, N", &A::excess_jump_max_n);
-  t.fewer("excess jumps", accuracy_count(&A::excess_jumps));
+  t.fewer("excess jumps", accuracy_score(&A::excess_jumps));
   lower("largest jump error, N", &A::jump_error_max_n);
-  t.fewer("jump errors", accuracy_count(&A::jump_errors));
-  t.lower("lag, ms", accuracy(&A::lag_ms));
-  t.lower("ripple, times what touch notices", accuracy(&A::ripple_ratio));
-  t.lower("relief, times what touch notices", accuracy(&A::relief_ratio));
+  t.fewer("jump errors", accuracy_score(&A::jump_errors));
+  t.lower("lag, ms", accuracy_score(&A::lag_ms));
+  t.lower("ripple, times what touch notices", accuracy_score(&A::ripple_ratio));
+  t.lower("relief, times what touch notices", accuracy_score(&A::relief_ratio));
   t.heading("Contact against the ground truth");
-  t.add("contact that is felt, %", accuracy(&A::felt_percent), Better::kHigher, Show::kNumbers);
-  t.fewer("missed contact, frames", accuracy_count(&A::missed_contact_frames));
-  t.fewer("false contact, frames", accuracy_count(&A::false_contact_frames));
-  t.fewer("missed beyond the device's 0.055 mm, frames", accuracy_count(&A::missed_device_frames));
-  t.fewer("false beyond the device's 0.055 mm, frames", accuracy_count(&A::false_device_frames));
-  t.fewer("missed beyond 0.1 mm, frames", accuracy_count(&A::missed_tenth_mm_frames));
-  t.fewer("false beyond 0.1 mm, frames", accuracy_count(&A::false_tenth_mm_frames));
-  t.fewer("longest stick, frames", accuracy_count(&A::longest_stick_frames));
-  t.fewer("fall-throughs", accuracy_count(&A::fall_throughs));
-  t.fewer("pop-throughs", accuracy_count(&A::pop_throughs));
+  t.add("contact that is felt, %", accuracy_score(&A::felt_percent), Better::kHigher, Show::kNumbers);
+  t.fewer("missed contact, frames", accuracy_score(&A::missed_contact_frames));
+  t.fewer("false contact, frames", accuracy_score(&A::false_contact_frames));
+  t.fewer("missed beyond the device's 0.055 mm, frames", accuracy_score(&A::missed_device_frames));
+  t.fewer("false beyond the device's 0.055 mm, frames", accuracy_score(&A::false_device_frames));
+  t.fewer("missed beyond 0.1 mm, frames", accuracy_score(&A::missed_tenth_mm_frames));
+  t.fewer("false beyond 0.1 mm, frames", accuracy_score(&A::false_tenth_mm_frames));
+  t.fewer("longest stick, frames", accuracy_score(&A::longest_stick_frames));
+  t.fewer("fall-throughs", accuracy_score(&A::fall_throughs));
+  t.fewer("pop-throughs", accuracy_score(&A::pop_throughs));
   lower("onset error, mm", &A::onset_error_mm);
   lower("release error, mm", &A::release_error_mm);
-  if (t.any(accuracy(&A::friction_cone_percent))) t.heading("Friction by Coulomb's law");
-  t.lower("force outside the friction cone, % of contact", accuracy(&A::friction_cone_percent));
-  t.lower("coefficient while it slips, off by, median, %", accuracy(&A::friction_slip_error_percent));
-  t.add("stick and slip as the force says, %", accuracy(&A::stick_slip_percent), Better::kHigher,
+  if (t.any(accuracy_score(&A::friction_cone_percent))) t.heading("Friction by Coulomb's law");
+  t.lower("force outside the friction cone, % of contact", accuracy_score(&A::friction_cone_percent));
+  t.lower("coefficient while it slips, off by, median, %", accuracy_score(&A::friction_slip_error_percent));
+  t.add("stick and slip as the force says, %", accuracy_score(&A::stick_slip_percent), Better::kHigher,
         Show::kNumbers);
-  t.lower("drift while it should stick, 95 %, mm/s", accuracy(&A::stick_drift_mm_s));
+  t.lower("drift while it should stick, 95 %, mm/s", accuracy_score(&A::stick_drift_mm_s));
   t.heading("God object and energy");
   lower("god object error, RMS, mm", &A::god_object_rms_mm);
   lower("god object error, largest, mm", &A::god_object_max_mm);
@@ -301,7 +270,7 @@ std::string zero_note(const metrics::ResultDocument& document) {
     mm = std::max(mm, r.accuracy->rounding_mm);
   }
   return "0 also where it is no more than the rounding of stored points and arithmetic" +
-         (mm > 0.0 ? fmt::format(": {} mm, {} N.", short_number(mm), short_number(n)) : ".");
+         (mm > 0.0 ? fmt::format(": {} mm, {} N.", format_number(mm), format_number(n)) : ".");
 }
 
 }  // namespace
@@ -315,9 +284,38 @@ const std::vector<std::string>& contact_words() {
   return kWords;
 }
 
+ScoreGet frame_score(Set set, Value trace::FrameStatistics::*member) {
+  return [set, member](const Result_& r) { return r.*set ? (*(r.*set)).*member : std::nullopt; };
+}
+
+std::optional<double> prepare_ms(const Result_& r) {
+  return r.prepare ? Value(r.prepare->total_ms) : std::nullopt;
+}
+
+std::optional<double> bytes_a_point(const Result_& r) {
+  if (!r.prepare || !r.model || r.model->points == 0) return std::nullopt;
+  return static_cast<double>(r.prepare->bytes) / static_cast<double>(r.model->points);
+}
+
+std::vector<Cell> score_row(std::string name, const std::vector<Value>& values, Show show) {
+  std::vector<std::string> texts;
+  if (show == Show::kTimes) {
+    AlignedTimes times = format_aligned_times(values);
+    name += ", " + times.unit;
+    texts = std::move(times.texts);
+  } else if (show == Show::kNumbers) {
+    texts = format_aligned(values);
+  } else {
+    for (const Value& v : values)
+      texts.push_back(v ? format_count(static_cast<std::uint64_t>(*v)) : kMissingNumber);
+  }
+  texts.insert(texts.begin(), std::move(name));
+  return plain_row(std::move(texts));
+}
+
 std::string interval_text(const std::optional<Interval>& interval) {
-  if (!interval) return kNoNumber;
-  return fmt::format("{} to {}", short_number(interval->low), short_number(interval->high));
+  if (!interval) return kMissingNumber;
+  return fmt::format("{} to {}", format_number(interval->low), format_number(interval->high));
 }
 
 bool overlap(const std::optional<Interval>& a, const std::optional<Interval>& b) {
@@ -329,8 +327,8 @@ bool prepared_from_cache(const metrics::RendererResult& r) {
 }
 
 std::string preparation_text(const metrics::RendererResult& r) {
-  if (!r.prepare) return kNoNumber;
-  return duration_text(r.prepare->total_ms) + (prepared_from_cache(r) ? " (from the cache)" : "");
+  if (!r.prepare) return kMissingNumber;
+  return format_duration(r.prepare->total_ms) + (prepared_from_cache(r) ? " (from the cache)" : "");
 }
 
 bool competes(const metrics::RendererResult& result) {
@@ -366,7 +364,7 @@ double rounding_of(const metrics::RendererResult& r, std::optional<double> metri
 std::optional<double> settled_score(const metrics::RendererResult& r,
                                     std::optional<double> metrics::Accuracy::*score) {
   if (!r.accuracy || !((*r.accuracy).*score)) return std::nullopt;
-  return settled(*((*r.accuracy).*score), rounding_of(r, score));
+  return zero_if_rounding(*((*r.accuracy).*score), rounding_of(r, score));
 }
 
 std::string frames_text(const metrics::ResultDocument& document) {
@@ -376,7 +374,7 @@ std::string frames_text(const metrics::ResultDocument& document) {
     if (frames && *frames != r.frame->frames) return {};
     frames = r.frame->frames;
   }
-  return frames ? "of " + count_text(*frames) : "";
+  return frames ? "of " + format_count(*frames) : "";
 }
 
 Table comparison_table(const metrics::ResultDocument& document) {
@@ -386,11 +384,11 @@ Table comparison_table(const metrics::ResultDocument& document) {
   table.bad_means = "did not run to its end";
   table.columns = {""};
   std::vector<std::string> reasons;
-  std::vector<Cell> status = {{"status", false, false}};
-  std::string outside;
+  std::vector<Cell> status = {plain("status")};
+  std::vector<std::string> outside;
   for (const Result_& r : document.renderers) {
     table.columns.push_back(r.label);
-    if (!competes(r)) outside += (outside.empty() ? "" : ", ") + r.label;
+    if (!competes(r)) outside.push_back(r.label);
     const bool ok = r.status == metrics::RunStatus::kOk;
     status.push_back({ok                                        ? "ok"
                       : r.status == metrics::RunStatus::kFailed ? "failed"
@@ -412,7 +410,7 @@ Table comparison_table(const metrics::ResultDocument& document) {
       "of each frame's median over the passes, with a clock pair in every frame.";
   table.notes = std::move(reasons);
   if (!outside.empty())
-    table.notes.push_back("Shown to compare with, and not marked as best: " + outside + ".");
+    table.notes.push_back("Shown to compare with, and not marked as best: " + joined(outside) + ".");
   if (scores.settled_any()) table.notes.push_back(zero_note(document));
   if (scores.intervals()) {
     table.best_means = "the best, and whom the intervals do not tell from it";
@@ -420,31 +418,29 @@ Table comparison_table(const metrics::ResultDocument& document) {
         "Intervals: 95 %, bootstrap over episodes of contact and over passes. Where two overlap, there is no "
         "difference.");
   }
-  std::string cached, few, disturbed;
+  std::vector<std::string> cached, few, disturbed;
   constexpr double kDisturbed = 1.1;  // wall over processor: a tenth is more than clocks and interrupts take
   for (const Result_& r : document.renderers) {
     if (r.frame_all && r.frame_all->mean_us && r.frame_all->cpu_mean_us &&
         *r.frame_all->mean_us > kDisturbed * *r.frame_all->cpu_mean_us)
-      disturbed += fmt::format("{}{} {}", disturbed.empty() ? "" : ", ", r.label,
-                               short_number(*r.frame_all->cpu_mean_us));
-    if (prepared_from_cache(r)) cached += (cached.empty() ? "" : ", ") + r.label;
+      disturbed.push_back(r.label + " " + format_number(*r.frame_all->cpu_mean_us));
+    if (prepared_from_cache(r)) cached.push_back(r.label);
     if (document.conditions && r.frame_all && r.frame_all->passes < document.conditions->rounds)
-      few += fmt::format("{}{} {}", few.empty() ? "" : ", ", r.label, r.frame_all->passes);
+      few.push_back(fmt::format("{} {}", r.label, r.frame_all->passes));
   }
-  if (!cached.empty())
-    table.notes.push_back(
-        "From the cache, with the times of the day it was made, and so never the best: preparation of " +
-        cached + ".");
-  if (!disturbed.empty())
-    table.notes.push_back(
-        "Other programs took the processor while these were timed; by the processor's own clock the mean of "
-        "all "
-        "frames is, in µs: " +
-        disturbed + ".");
+  const auto note = [&](const std::string& text, const std::vector<std::string>& whom) {
+    if (!whom.empty()) table.notes.push_back(text + joined(whom) + ".");
+  };
+  note("From the cache, with the times of the day it was made, and so never the best: preparation of ",
+       cached);
+  note(
+      "Other programs took the processor while these were timed; by the processor's own clock the mean of "
+      "all frames is, in µs: ",
+      disturbed);
   if (!few.empty())
-    table.notes.push_back(fmt::format("Fewer passes than {}, for they would have taken longer than {} s: {}.",
-                                      document.conditions->rounds,
-                                      short_number(document.conditions->budget_s), few));
+    note(fmt::format("Fewer passes than {}, for they would have taken longer than {} s: ",
+                     document.conditions->rounds, format_number(document.conditions->budget_s)),
+         few);
   return table;
 }
 

@@ -3,24 +3,32 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::experiments {
 
 struct Cell {
   std::string text;
-  bool best = false;  ///< the best of its row or column: marked *
-  bool bad = false;   ///< falls short: marked !
+  bool best = false;   ///< the best of its row or column: marked *
+  bool bad = false;    ///< falls short: marked !
+  std::string link{};  ///< of a page: where the text leads; empty: nowhere
 };
 
 /// Neither marked.
 [[nodiscard]] inline Cell plain(std::string text) {
   return {std::move(text), false, false};
+}
+/// Neither marked.
+[[nodiscard]] inline std::vector<Cell> plain_row(std::vector<std::string> texts) {
+  std::vector<Cell> row;
+  for (std::string& text : texts) row.push_back(plain(std::move(text)));
+  return row;
 }
 
 struct Table {
@@ -74,6 +82,28 @@ struct Table {
 [[nodiscard]] bool prepared_from_cache(const metrics::RendererResult& result);
 /// "1.92 s", "41.0 s (from the cache)", or a dash.
 [[nodiscard]] std::string preparation_text(const metrics::RendererResult& result);
+
+/// A value of a renderer, where it has one.
+using ScoreGet = std::function<std::optional<double>(const metrics::RendererResult&)>;
+[[nodiscard]] ScoreGet frame_score(std::optional<trace::FrameStatistics> metrics::RendererResult::*set,
+                                   std::optional<double> trace::FrameStatistics::*member);
+template <class Count>  // std::uint64_t or double, or an optional one
+[[nodiscard]] ScoreGet accuracy_score(Count metrics::Accuracy::*member) {
+  return [member](const metrics::RendererResult& r) -> std::optional<double> {
+    if (!r.accuracy) return std::nullopt;
+    const auto value = std::optional((*r.accuracy).*member);
+    return value ? std::optional(static_cast<double>(*value)) : std::nullopt;
+  };
+}
+[[nodiscard]] std::optional<double> prepare_ms(const metrics::RendererResult& result);
+[[nodiscard]] std::optional<double> bytes_a_point(const metrics::RendererResult& result);
+
+/// How a row's numbers are written.
+enum class Show { kNumbers, kCounts, kTimes };
+/// A name and the values of every renderer, written alike; of times the name says the unit. A value that is
+/// not finite is none.
+[[nodiscard]] std::vector<Cell> score_row(std::string name, const std::vector<std::optional<double>>& values,
+                                          Show show);
 
 /// One column per renderer, one row per score.
 [[nodiscard]] Table comparison_table(const metrics::ResultDocument& document);

@@ -6,13 +6,13 @@
 #include <filesystem>
 #include <set>
 
+#include <palpate/result.h>
+#include <palpate/scene.h>
+#include <palpate/trace.h>
 #include "device/record/recording.h"
 #include "experiments/run/cleaning.h"
 #include "experiments/run/recorded_path.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
-#include "toolkit/scene/scene.h"
-#include "toolkit/trace/trace_io.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
@@ -46,32 +46,13 @@ Result<trace::ProbePath> read_recording(const NamedOptions& named, std::uint64_t
   return std::move(recording->path);
 }
 
-/// `named` with the columns of --traj-columns.
-Status add_columns(const std::string& columns, NamedOptions& named) {
-  if (columns.empty()) return Done{};
-  std::string list = columns;
-  std::replace(list.begin(), list.end(), ',', ':');
-  const Result<NamedOptions> given = parse_named_options("--traj-columns:" + list);
-  if (!given) return given.error();
-  for (const auto& [key, value] : given->options.all()) {
-    if (named.options.has(key))
-      return Error{
-          fmt::format("the column option {} is given twice, with --path and with --traj-columns", key),
-          "keep one",
-          {},
-          0};
-    named.options.set(key, value);
-  }
-  return Done{};
-}
-
 bool ends_in(const std::string& argument, const char* ending) {
   return std::filesystem::path(argument).extension() == ending;
 }
 
 std::vector<std::string> generator_names() {
   std::vector<std::string> all;
-  for (const trace::PathGenerator& g : trace::path_generators()) all.push_back(g.name);
+  for (const paths::PathGenerator& g : paths::path_generators()) all.push_back(g.name);
   return all;
 }
 
@@ -97,8 +78,7 @@ Result<RendererRequest> request_of(NamedOptions named, const render::Registry& r
     Error error = std::move(made).error();
     std::vector<std::string> known;
     for (const render::RendererInfo& info : registry.all()) known.push_back(info.name);
-    const std::string near =
-        registry.find(request.name) == nullptr ? scene::nearest_name(request.name, known) : "";
+    const std::string near = registry.find(request.name) == nullptr ? nearest_name(request.name, known) : "";
     if (!near.empty()) error.remedy = fmt::format("did you mean '{}'? {}", near, error.remedy);
     return error;
   }
@@ -135,7 +115,7 @@ bool is_generated_path(const std::string& argument) {
   std::error_code code;
   if (std::filesystem::exists(argument, code)) return false;
   const Result<NamedOptions> named = parse_named_options(argument);
-  return named && trace::find_path_generator(named->name) != nullptr;
+  return named && paths::find_path_generator(named->name) != nullptr;
 }
 
 bool is_recorded_session(const std::string& argument) {
@@ -168,42 +148,27 @@ const std::vector<OptionSpec>& recording_columns() {
   return specs;
 }
 
-Result<trace::ProbePath> open_path(const std::string& argument, const std::string& columns,
-                                   const trace::PathTarget& target, std::uint64_t max_bytes,
-                                   std::vector<std::string>* warnings) {
+Result<trace::ProbePath> open_path(const std::string& argument, const paths::PathTarget& target,
+                                   std::uint64_t max_bytes, std::vector<std::string>* warnings) {
   std::error_code code;
   const bool exists = std::filesystem::exists(argument, code);
   if (exists && is_recorded_session(argument)) {
-    if (!columns.empty())
-      return Error{"--traj-columns is for files of numbers, and this is a recording of a session",
-                   "leave it out", argument, 0};
     PALPATE_ASSIGN(RecordedPath recorded, path_of_recording(argument, max_bytes));
     if (warnings != nullptr)
       warnings->insert(warnings->end(), recorded.warnings.begin(), recorded.warnings.end());
     return std::move(recorded.path);
   }
-  if (exists && columns.empty() && !ends_in(argument, ".traj"))
-    return trace::read_path_csv(argument, max_bytes);
+  if (exists && !ends_in(argument, ".traj")) return trace::read_path_csv(argument, max_bytes);
   Result<NamedOptions> named = exists ? NamedOptions{argument, {}} : parse_named_options(argument);
   if (!named) return std::move(named).error();
-  const bool generated = !exists && trace::find_path_generator(named->name) != nullptr;
-  if (generated && !columns.empty())
-    return Error{
-        fmt::format("--traj-columns says where the numbers of a recorded file stand; '{}' is generated",
-                    named->name),
-        "leave it out, or give a file to --path",
-        {},
-        0};
-  if (generated) return trace::make_path(*named, target);
-  if (exists || ends_in(named->name, ".traj")) {
-    PALPATE_TRY(add_columns(columns, *named));
+  if (!exists && paths::find_path_generator(named->name) != nullptr) return paths::make_path(*named, target);
+  if (exists || ends_in(named->name, ".traj") || std::filesystem::exists(named->name, code))
     return read_recording(*named, max_bytes);
-  }
   if (ends_in(argument, ".csv")) return trace::read_path_csv(argument, max_bytes);
   return Error{"there is no such file, and no path generator of this name",
                did_you_mean(named->name, generator_names(),
                             "give a .csv or .traj file, or one of " + joined(generator_names()) +
-                                " (`palpate paths`)"),
+                                " (`palpate list paths`)"),
                argument, 0};
 }
 

@@ -6,12 +6,12 @@
 #include <string_view>
 #include <vector>
 
+#include <palpate/options.h>
+#include <palpate/paths.h>
+#include <palpate/registry.h>
+#include <palpate/result.h>
+#include <palpate/trace.h>
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/result.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/trace/paths.h"
-#include "toolkit/trace/trace.h"
 
 namespace palpate::experiments {
 
@@ -32,12 +32,10 @@ struct RendererRequest {
 /// The columns of a recording that open_path() takes: which hold time and position, and their units.
 [[nodiscard]] const std::vector<OptionSpec>& recording_columns();
 
-/// A CSV file, a recording of a session (.palrec), one with its columns
-/// ("probe.traj:t=0:x=1:mm_per_unit=1000") or a path generator. `columns` ("t=0,x=1,mm_per_unit=1000") says
-/// where the numbers of a recorded file stand, whatever its ending; empty: as the argument says. A recorded
-/// one takes at most `max_bytes` of memory; what is missing in it is said in `warnings`, where that is given.
-[[nodiscard]] Result<trace::ProbePath> open_path(const std::string& argument, const std::string& columns,
-                                                 const trace::PathTarget& target,
+/// A CSV file, a recording of a session (.palrec), one of numbers in columns, whatever its ending
+/// ("probe.txt:t=0:x=1:mm_per_unit=1000"), or a path generator. A recorded one takes at most `max_bytes` of
+/// memory; what is missing in it is said in `warnings`, where that is given.
+[[nodiscard]] Result<trace::ProbePath> open_path(const std::string& argument, const paths::PathTarget& target,
                                                  std::uint64_t max_bytes = kMemoryLimitBytes,
                                                  std::vector<std::string>* warnings = nullptr);
 /// Whether the file at this name is a recording of a session.

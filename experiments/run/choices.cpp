@@ -7,9 +7,9 @@
 
 #include "experiments/study/output_folder.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 #include "toolkit/metrics/result_json.h"
-#include "toolkit/plan/plan.h"
+#include "toolkit/plan/choose_renderer.h"
 
 namespace palpate::experiments {
 namespace {
@@ -63,8 +63,8 @@ NamedOptions best_mesh(const render::SceneInput& scene, std::vector<std::string>
     notes.push_back(fmt::format(
         "The mesh is made of points {} spacings apart, some {} of {}: of all it would take minutes. "
         "--renderers {}:mesh_time_limit_s=0 takes them all.",
-        cell, count_text(static_cast<std::uint64_t>(kMostPointsMeshed)),
-        count_text(static_cast<std::uint64_t>(points)), kMesh));
+        cell, format_count(static_cast<std::uint64_t>(kMostPointsMeshed)),
+        format_count(static_cast<std::uint64_t>(points)), kMesh));
   }
   return mesh;
 }
@@ -101,7 +101,7 @@ std::string folder_name(const std::string& scene) {
 
 }  // namespace
 
-std::string usual_path(const trace::PathTarget& target, int frames) {
+std::string usual_path(const paths::PathTarget& target, int frames) {
   const double size_mm = target.box_mm.extent_mm().norm();
   const double depth_mm = std::max(kDepthPerSize * size_mm, target.spacing_mm);
   const double fastest_mm_s = kSizesPerSecond * size_mm;
@@ -125,7 +125,7 @@ std::string size_hint(const geometry::Aabb& box_mm) {
       "The model is {} mm across, and the path is as large: nobody feels that with one hand. --scale {} "
       "brings "
       "it to a hand's size.",
-      short_number(times * kHandMm), round_text(1.0 / times));
+      format_number(times * kHandMm), round_text(1.0 / times));
 }
 
 Chosen usual_renderers(const render::SceneInput& scene, const std::optional<RendererRequest>& own,

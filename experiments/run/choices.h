@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
+#include <palpate/paths.h>
+#include <palpate/registry.h>
+#include <palpate/renderer.h>
 #include "experiments/run/arguments.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/render/renderer.h"
-#include "toolkit/trace/paths.h"
 
 namespace palpate::experiments {
 
@@ -18,13 +18,13 @@ namespace palpate::experiments {
 /// exploration also leaves the part of it that was sampled, where a formula goes on and the points do not. A
 /// path generator with its options.
 inline constexpr int kUsualFrames = 20'000;  ///< twenty seconds
-[[nodiscard]] std::string usual_path(const trace::PathTarget& target, int frames = kUsualFrames);
+[[nodiscard]] std::string usual_path(const paths::PathTarget& target, int frames = kUsualFrames);
 
 /// What a hand would say of a model of this size, a whole sentence with a remedy; empty where it fits a hand.
 [[nodiscard]] std::string size_hint(const geometry::Aabb& box_mm);
 
 /// Of the points without faces so many are meshed: a quarter of a minute at the 46 µs a point that advancing
-/// front takes, a minute on the raw layers of several scans (docs/reconstruction.md, docs/cleaning.md).
+/// front takes, a minute on the raw layers of several scans (docs/how-to/prepare-a-scan.md).
 /// Larger models are thinned for the mesh.
 inline constexpr double kMostPointsMeshed = 300'000;
 

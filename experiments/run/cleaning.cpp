@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "baselines/cleaning/cleaning.h"
+#include <palpate/baselines.h>
 
 namespace palpate::experiments {
 namespace {

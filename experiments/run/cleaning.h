@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "toolkit/scene/cleaning.h"
+#include <palpate/cleaning.h>
 
 namespace palpate::experiments {
 

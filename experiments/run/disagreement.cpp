@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/words.h"
-#include "toolkit/metrics/accuracy.h"
+#include <palpate/accuracy.h>
+#include "toolkit/core/message_text.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -40,8 +40,8 @@ class Compared {
     std::vector<std::string> out{fmt::format(
         "The renderers disagree by more than {} mm in {} stretch{}, {} s of {} s: there is no truth that "
         "says who is right.",
-        short_number(most_mm_), found.size(), found.size() == 1 ? "" : "es", short_number(seconds),
-        short_number(study_.stage.path.t_s.back() - study_.stage.path.t_s.front()))};
+        format_number(most_mm_), found.size(), found.size() == 1 ? "" : "es", format_number(seconds),
+        format_number(study_.stage.path.t_s.back() - study_.stage.path.t_s.front()))};
     for (std::size_t i = 0; i < std::min(found.size(), kShownStretches); ++i)
       out.push_back(sentence(found[i]));
     return out;
@@ -77,7 +77,7 @@ class Compared {
     Stretch now{0, 0, kAgree};
     const auto close = [&](std::size_t end) {
       now.end = end;
-      if (now.alone != kAgree && now.end > now.begin && length_s(now) >= metrics::kMomentS)
+      if (now.alone != kAgree && now.end > now.begin && length_s(now) >= metrics::kMinArtefactS)
         out.push_back(now);
     };
     for (std::size_t i = 0; i < study_.stage.path.size(); ++i) {
@@ -92,9 +92,10 @@ class Compared {
   [[nodiscard]] std::string sentence(const Stretch& s) const {
     const trace::ProbePath& path = study_.stage.path;
     const Vec3& at = path.hip_mm[s.begin];
-    const std::string where = fmt::format("for {} s from {} s on, the HIP at {}, {}, {} mm",
-                                          short_number(length_s(s)), short_number(path.t_s[s.begin]),
-                                          short_number(at.x()), short_number(at.y()), short_number(at.z()));
+    const std::string where =
+        fmt::format("for {} s from {} s on, the HIP at {}, {}, {} mm", format_number(length_s(s)),
+                    format_number(path.t_s[s.begin]), format_number(at.x()), format_number(at.y()),
+                    format_number(at.z()));
     if (s.alone == kNobodyAlone) {
       std::vector<std::string> labels;
       for (const Run* run : runs_)
@@ -104,8 +105,9 @@ class Compared {
     const Run& lone = *runs_[static_cast<std::size_t>(s.alone)];
     const render::Frame& frame = lone.trace.frames[s.begin];
     return fmt::format("{} stands alone {}: {}.", lone.result.label, where,
-                       frame.contact ? fmt::format("{} N where it begins", short_number(frame.force_n.norm()))
-                                     : std::string("it feels nothing, the others do"));
+                       frame.contact
+                           ? fmt::format("{} N where it begins", format_number(frame.force_n.norm()))
+                           : std::string("it feels nothing, the others do"));
   }
 
   const StagedStudy& study_;

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/cloud/spread.h"
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/words.h"
-#include "toolkit/metrics/approach.h"
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/core/number_format.h"
+#include "toolkit/core/percentiles.h"
+#include "toolkit/metrics/closest_approach.h"
 
 namespace palpate::experiments {
 namespace {
@@ -66,7 +66,7 @@ std::string why_apart(const geometry::Aabb& path, const geometry::Aabb& models) 
     return fmt::format(
         "The path spans {} mm and the model {} mm: is one of them in another unit (--unit, --scale, or "
         "mm_per_unit of a recording)?{}",
-        short_number(diagonal_mm(path)), short_number(diagonal_mm(models)), unit_hint(ratio));
+        format_number(diagonal_mm(path)), format_number(diagonal_mm(models)), unit_hint(ratio));
   if (!path.overlaps(models))
     return fmt::format(
         "The path stays within {}, the model within {}: is one of them in another frame or unit?",
@@ -77,14 +77,14 @@ std::string why_apart(const geometry::Aabb& path, const geometry::Aabb& models) 
 std::string never_touches(const StagedStudy& study) {
   const std::vector<render::ModelInput>& models = study.stage.scene.input.models;
   const trace::ProbePath& path = study.stage.path;
-  const metrics::Approach approach = metrics::nearest_approach(path, models);
+  const metrics::ClosestApproach approach = metrics::closest_approach(path, models);
   geometry::Aabb path_box, model_box;
   for (const Vec3& p : path.hip_mm) path_box.add(p);
   for (const render::ModelInput& model : models) model_box.add(world_box(model));
   const bool moving = study.stage.scene.input.simulation != nullptr;
   return fmt::format(
       "The path never touches: its nearest approach is {} mm from a point of '{}'{}, at {:.4g} s. {}",
-      short_number(approach.distance_mm), models[approach.model].name,
+      format_number(approach.distance_mm), models[approach.model].name,
       moving ? " (where it stands at the start)" : "", path.t_s[approach.sample],
       why_apart(path_box, model_box));
 }
@@ -99,7 +99,7 @@ std::size_t contact_frames(const trace::ForceTrace& trace) {
 Status check_surfaces(const scene::LoadedScene& scene) {
   for (std::size_t i = 0; i < scene.input.models.size(); ++i) {
     const render::ModelInput& model = scene.input.models[i];
-    if (const std::optional<std::string> why = cloud::why_no_surface(*model.cloud))
+    if (const std::optional<std::string> why = cloud::degeneracy_of(*model.cloud))
       return Error{fmt::format("'{}' is no surface to be felt: {}", model.name, *why),
                    "is it the right file, and are its columns x, y, z? `palpate info` shows what it holds",
                    scene.provenance[i].source, 0};
@@ -126,13 +126,13 @@ std::vector<std::string> doubts_about_models(const scene::LoadedScene& scene) {
       doubts.push_back(fmt::format(
           "'{}' stands {} mm from the nearest other model, {} times the size of the largest: check "
           "position_mm, unit and scale.",
-          models[i].name, short_number(nearest), short_number(nearest / size)));
+          models[i].name, format_number(nearest), format_number(nearest / size)));
     const double own = diagonal_mm(boxes[i]);
     if (own * kOtherScale < size)
       doubts.push_back(fmt::format("'{}' is {} mm across, '{}' {} mm: is one of them in another unit?{}",
-                                   models[i].name, short_number(own),
+                                   models[i].name, format_number(own),
                                    models[static_cast<std::size_t>(largest - boxes.begin())].name,
-                                   short_number(size), unit_hint(size / own)));
+                                   format_number(size), unit_hint(size / own)));
   }
   return doubts;
 }
@@ -154,7 +154,7 @@ Result<std::vector<std::string>> doubts_about_reference(const geometry::Triangle
   std::vector<std::string> doubts;
   if (ratio > kOtherReference || ratio < 1.0 / kOtherReference)
     doubts.push_back(fmt::format("The reference is {} times as large as the model: {}.{}",
-                                 short_number(ratio), boxes, unit_hint(ratio)));
+                                 format_number(ratio), boxes, unit_hint(ratio)));
   return doubts;
 }
 
@@ -172,7 +172,7 @@ std::vector<std::string> doubts_about_alignment(const Stage& stage) {
   return {
       fmt::format("The model's points lie {} mm (median) off the reference, {} times the distance to their "
                   "eighth neighbour: is it in the model's frame, unit and scale?",
-                  short_number(median), short_number(median / spacing))};
+                  format_number(median), format_number(median / spacing))};
 }
 
 namespace {
@@ -189,8 +189,8 @@ std::vector<std::string> remarks_on_history(const StagedStudy& study) {
   return {fmt::format(
       "In {} frames, {} % of the contact, history decides: the closest point of the whole surface is another "
       "answer than the one that the way leads to. They are scored apart; all other scores are of the rest.",
-      count_text(undecided),
-      short_number(100.0 * static_cast<double>(undecided) / static_cast<double>(contact)))};
+      format_count(undecided),
+      format_number(100.0 * static_cast<double>(undecided) / static_cast<double>(contact)))};
 }
 
 }  // namespace

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
+#include <palpate/scene.h>
+#include <palpate/triangle_mesh.h>
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
-#include "toolkit/geometry/triangle_mesh.h"
-#include "toolkit/scene/scene.h"
 
 namespace palpate::experiments {
 

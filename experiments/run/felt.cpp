@@ -3,11 +3,10 @@
 #include <memory>
 #include <utility>
 
+#include <palpate/registry.h>
+#include <palpate/result.h>
 #include "baselines/reference/mesh_reference.h"
-#include "toolkit/core/try.h"
-#include "toolkit/plan/plan.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/plan/choose_renderer.h"
 
 namespace palpate::experiments {
 namespace {
@@ -24,8 +23,8 @@ render::ModelInput plain(render::ModelInput model) {
   return model;
 }
 
-Result<trace::Feel> through(const std::string& name, std::vector<render::ModelInput> models, int threads,
-                            Progress& progress) {
+Result<paths::ForceFunction> through(const std::string& name, std::vector<render::ModelInput> models,
+                                     int threads, Progress& progress) {
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   PALPATE_ASSIGN(std::unique_ptr<render::HapticRenderer> made, registry.make(name, {}));
@@ -33,7 +32,7 @@ Result<trace::Feel> through(const std::string& name, std::vector<render::ModelIn
   scene.models = std::move(models);
   PALPATE_TRY(made->prepare(scene, {threads, &progress}));
   const std::shared_ptr<render::HapticRenderer> renderer = std::move(made);
-  return trace::Feel([renderer, t_s = -kFeltStepS](const Vec3& hip_mm) mutable {
+  return paths::ForceFunction([renderer, t_s = -kFeltStepS](const Vec3& hip_mm) mutable {
     if (t_s < 0.0) renderer->restart(hip_mm, t_s);
     t_s += kFeltStepS;
     return renderer->step(hip_mm, t_s).force_n;
@@ -47,20 +46,21 @@ struct FollowedMesh {
   baselines::MeshFollower follower;
 };
 
-Result<trace::Feel> on_faces(const render::ModelInput& model) {
+Result<paths::ForceFunction> on_faces(const render::ModelInput& model) {
   PALPATE_ASSIGN(std::unique_ptr<baselines::MeshTruth> truth,
                  baselines::MeshTruth::build(*model.original_mesh, model.world_from_model));
   const auto mesh = std::make_shared<FollowedMesh>(std::move(truth));
-  return trace::Feel([mesh, stiffness = model.surface.stiffness_n_per_mm](const Vec3& hip_mm) -> Vec3 {
-    if (!mesh->follower.advance(hip_mm)) return Vec3::Zero();
-    return (mesh->follower.god_object_mm() - hip_mm) * stiffness;
-  });
+  return paths::ForceFunction(
+      [mesh, stiffness = model.surface.stiffness_n_per_mm](const Vec3& hip_mm) -> Vec3 {
+        if (!mesh->follower.advance(hip_mm)) return Vec3::Zero();
+        return (mesh->follower.god_object_mm() - hip_mm) * stiffness;
+      });
 }
 
 }  // namespace
 
-Result<trace::Feel> felt_of(FeltKind kind, const render::ModelInput& truth, const render::SceneInput& scene,
-                            int threads, Progress& progress) {
+Result<paths::ForceFunction> felt_of(FeltKind kind, const render::ModelInput& truth,
+                                     const render::SceneInput& scene, int threads, Progress& progress) {
   progress.report("a hand feels the model", -1.0);
   switch (kind) {
     case FeltKind::kFormula:

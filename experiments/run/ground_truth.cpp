@@ -2,11 +2,11 @@
 
 #include <utility>
 
+#include <palpate/reference.h>
+#include <palpate/result.h>
 #include "baselines/reference/closest_mesh.h"
 #include "baselines/reference/mesh_reference.h"
-#include "toolkit/core/try.h"
-#include "toolkit/metrics/closest_reference.h"
-#include "toolkit/metrics/reference.h"
+#include "toolkit/metrics/closest_point_reference.h"
 
 namespace palpate::experiments {
 namespace {
@@ -15,11 +15,11 @@ namespace {
 Result<GroundTruth> compared(trace::ReferenceTrace followed, std::unique_ptr<metrics::TruthSurface> surface,
                              const render::ModelInput& model, const trace::ProbePath& path,
                              double force_limit_n, TruthKind kind, Progress& progress) {
-  PALPATE_ASSIGN(
-      trace::ReferenceTrace closest,
-      metrics::closest_reference(*surface, path, model.surface.stiffness_n_per_mm, force_limit_n, progress));
+  PALPATE_ASSIGN(trace::ReferenceTrace closest,
+                 metrics::closest_point_reference(*surface, path, model.surface.stiffness_n_per_mm,
+                                                  force_limit_n, progress));
   if (kind == TruthKind::kClosest) std::swap(followed, closest);
-  const Result<metrics::HistoryTally> tally = metrics::compare_references(followed, closest, path);
+  const Result<metrics::HistoryCounts> tally = metrics::compare_references(followed, closest, path);
   if (!tally) return tally.error();
   return GroundTruth{std::move(followed), std::move(surface)};
 }

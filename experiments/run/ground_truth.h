@@ -3,11 +3,11 @@
 
 #include <memory>
 
-#include "toolkit/core/progress.h"
-#include "toolkit/core/result.h"
-#include "toolkit/metrics/truth.h"
-#include "toolkit/render/renderer.h"
-#include "toolkit/trace/trace.h"
+#include <palpate/progress.h>
+#include <palpate/reference.h>
+#include <palpate/renderer.h>
+#include <palpate/result.h>
+#include <palpate/trace.h>
 
 namespace palpate::experiments {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 
+#include <palpate/write_mesh.h>
 #include "toolkit/io/text.h"
-#include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/core/result.h"
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 

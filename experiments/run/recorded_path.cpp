@@ -2,9 +2,9 @@
 
 #include <utility>
 
+#include <palpate/result.h>
 #include "device/record/recording.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -19,7 +19,7 @@ class WayOfCalls {
 
   void add(const device::RendererCall& call) {
     if (!is_finite(call.hip_mm)) return;
-    if (call.kind == device::RendererCall::Kind::kLetGo) {
+    if (call.kind == device::RendererCall::Kind::kReleaseContact) {
       free_mm_ = call.hip_mm;
       let_go_ = true;
       return;

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/core/result.h"
-#include "toolkit/trace/trace.h"
+#include <palpate/result.h>
+#include <palpate/trace.h>
 
 namespace palpate::experiments {
 

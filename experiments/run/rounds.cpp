@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <numeric>
 
+#include <palpate/clock.h>
+#include <palpate/result.h>
 #include "experiments/run/seat.h"
-#include "toolkit/core/clock.h"
 #include "toolkit/core/random.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -108,7 +108,7 @@ Status Rounds::first_times(Sitting& one) {
   const std::vector<std::uint8_t> own = trace::contact_of(run.trace.frames);
   for (std::size_t i = 0; i < contact.size(); ++i)
     contact[i] = stage_.reference ? (stage_.reference->frames[i].frame.contact ? 1 : 0) : own[i];
-  metrics::TimingOf& timing = run.result.timing.emplace();
+  metrics::TimingConditions& timing = run.result.timing.emplace();
   timing.own_process = one.seat->is_apart();
   if (timing.own_process) {
     PALPATE_ASSIGN(const std::string cpu, one.seat->ask(Task::kPin, progress_));
@@ -131,9 +131,9 @@ Status Rounds::first_times(Sitting& one) {
 Status Rounds::pass_once(Sitting& one) {
   PALPATE_TRY(one.seat->ask(Task::kPasses, progress_));
   const Answers& answers = one.seat->answers();
-  if (one.times.stretches.empty()) one.times.stretches = trace::stretches_of(answers.contact);
+  if (one.times.stretches.empty()) one.times.stretches = trace::frame_spans_of(answers.contact);
   const auto of_stretches = answers.stretch_times.first(one.times.stretches.size());
-  one.times.by_stretch.emplace_back(of_stretches.begin(), of_stretches.end());
+  one.times.by_span.emplace_back(of_stretches.begin(), of_stretches.end());
   one.times.by_frame.emplace_back(answers.frame_ns.begin(), answers.frame_ns.end());
   return Done{};
 }
@@ -217,10 +217,10 @@ Status Rounds::take_turns() {
 
 Result<std::vector<Run>> run_renderers(const Stage& stage, const std::vector<RendererRequest>& requests,
                                        const render::Registry& registry, const RunOptions& options,
-                                       Progress& progress, metrics::Conditions& conditions,
+                                       Progress& progress, metrics::MeasurementConditions& conditions,
                                        const RunNews& news) {
   PALPATE_TRY(trace::check_path(stage.path));
-  conditions = metrics::conditions_now();
+  conditions = metrics::current_conditions();
   conditions.rounds = options.passes;
   conditions.budget_s = options.budget_s;
   conditions.order_seed = kOrderSeed;
@@ -238,7 +238,7 @@ Result<std::vector<Run>> run_renderers(const Stage& stage, const std::vector<Ren
 
 Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, const render::Registry& registry,
                          const RunOptions& options, Progress& progress) {
-  metrics::Conditions conditions;
+  metrics::MeasurementConditions conditions;
   PALPATE_ASSIGN(std::vector<Run> runs,
                  run_renderers(stage, {request}, registry, options, progress, conditions, {}));
   return std::move(runs.front());

@@ -2,14 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <palpate/result.h>
+#include <palpate/trace.h>
 #include "experiments/run/disagreement.h"
 #include "experiments/run/doubts.h"
 #include "experiments/run/work.h"
 #include "experiments/study/scoring.h"
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/try.h"
 #include "toolkit/metrics/score_io.h"
-#include "toolkit/trace/trace_io.h"
 
 namespace palpate::experiments {
 namespace {

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
+#include <palpate/accuracy.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
 #include "experiments/study/study.h"
-#include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::experiments {
@@ -53,7 +53,8 @@ using RunNews = std::function<Status(const RendererRequest& request, Run& run)>;
                                                      const std::vector<RendererRequest>& requests,
                                                      const render::Registry& registry,
                                                      const RunOptions& options, Progress& progress,
-                                                     metrics::Conditions& conditions, const RunNews& news);
+                                                     metrics::MeasurementConditions& conditions,
+                                                     const RunNews& news);
 
 /// Energy and, where there is a truth, accuracy of a run with its trace. An Error where it cannot be scored:
 /// its contact flag and its force disagree.

@@ -4,15 +4,15 @@
 
 #include <filesystem>
 
+#include <palpate/paths.h>
+#include <palpate/reference.h>
+#include <palpate/result.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/doubts.h"
 #include "experiments/run/felt.h"
 #include "experiments/run/ground_truth.h"
-#include "toolkit/core/try.h"
-#include "toolkit/metrics/reference.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/trace/paths.h"
+#include "toolkit/search/knn.h"
 
 namespace palpate::experiments {
 namespace {
@@ -105,7 +105,7 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequ
 
 /// `model` is the first one, with the truth as its mesh.
 Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceChoice choice,
-                     const neighbourhood::NeighbourTable& neighbours, Progress& progress) {
+                     const search::NeighbourTable& neighbours, Progress& progress) {
   const double limit = stage.scene.input.force_limit_n;
   progress.report("computing the ground truth", -1.0);
   const TruthKind kind = choice == ReferenceChoice::kClosest ? TruthKind::kClosest : TruthKind::kFollowed;
@@ -230,24 +230,24 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   }
 
   progress.report("finding neighbours", -1.0);
-  const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(*model.cloud, request.threads);
+  const search::NeighbourTable nearest = search::exact_knn(*model.cloud, request.threads);
   // The printed resolutions of rasters are those of the scanner's path.
-  Result<neighbourhood::NeighbourTable> raster =
-      model.cloud->raster ? neighbourhood::scanner_path(*model.cloud, request.threads) : Error{};
-  stage.spacing = neighbourhood::describe_spacing(*model.cloud, raster ? *raster : nearest);
+  Result<search::NeighbourTable> raster =
+      model.cloud->raster ? search::scanner_path(*model.cloud, request.threads) : Error{};
+  stage.spacing = search::describe_spacing(*model.cloud, raster ? *raster : nearest);
 
   progress.report("making the path", -1.0);
   PALPATE_ASSIGN(const std::optional<cloud::Cloud> corners,
                  corners_of_truth(model, stage.scene.input.models.front()));
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = model.analytic.get();
   target.cloud = corners ? &*corners : model.cloud.get();
   target.mesh = model.original_mesh.get();
   target.box_mm = target.cloud->box_mm();
   target.spacing_mm = stage.spacing.nearest_mm.p50;
   if (corners) {
-    const neighbourhood::NeighbourTable of_corners = neighbourhood::exact_knn(*corners, request.threads);
-    target.spacing_mm = neighbourhood::describe_spacing(*corners, of_corners).nearest_mm.p50;
+    const search::NeighbourTable of_corners = search::exact_knn(*corners, request.threads);
+    target.spacing_mm = search::describe_spacing(*corners, of_corners).nearest_mm.p50;
   }
   target.world_from_model = model.world_from_model;
   target.stiffness_n_per_mm = model.surface.stiffness_n_per_mm;
@@ -261,8 +261,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   if (request.path.empty())
     if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
   const std::string named = !request.path.empty() ? request.path : usual_path(target, request.usual_frames);
-  Result<trace::ProbePath> path =
-      open_path(named, request.path_columns, target, request.load.max_bytes, &stage.warnings);
+  Result<trace::ProbePath> path = open_path(named, target, request.load.max_bytes, &stage.warnings);
   if (!path) return std::move(path).error();
   stage.path = *std::move(path);
   // Whether the path starts free a formula knows, reference or not, and a mesh that is the reference.
@@ -270,7 +269,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   for (const render::ModelInput& m : stage.scene.input.models) {
     formulas = formulas && m.analytic != nullptr;
     if (!m.analytic) continue;
-    PALPATE_TRY(trace::check_path_starts_free(stage.path, *m.analytic, m.world_from_model));
+    PALPATE_TRY(paths::check_path_starts_free(stage.path, *m.analytic, m.world_from_model));
   }
   stage.starts_free = formulas || *choice != ReferenceChoice::kNone || is_generated_path(named);
   const surface::Surface& surface = model.surface;

@@ -7,15 +7,15 @@
 #include <string>
 #include <vector>
 
+#include <palpate/progress.h>
+#include <palpate/read_model.h>
+#include <palpate/reference.h>
+#include <palpate/result.h>
+#include <palpate/scene.h>
+#include <palpate/trace.h>
 #include "experiments/run/choices.h"
 #include "experiments/run/surface_keys.h"
-#include "toolkit/core/progress.h"
-#include "toolkit/core/result.h"
-#include "toolkit/io/read_model.h"
-#include "toolkit/metrics/truth.h"
-#include "toolkit/neighbourhood/spacing.h"
-#include "toolkit/scene/scene.h"
-#include "toolkit/trace/trace.h"
+#include "toolkit/search/spacing.h"
 
 namespace palpate::experiments {
 
@@ -35,7 +35,6 @@ struct StageRequest {
   int threads = 0;
   std::uint64_t contact_frames = 0;  ///< the path ends after so many frames of true contact; 0 = whole
   std::string reference_file{};      ///< of kMeshFile: in the model's frame, its unit and scale
-  std::string path_columns{};        ///< of a recorded path: open_path()
   SurfaceReport surfaces{};          ///< what set_surfaces() said of the scene
   int usual_frames = kUsualFrames;   ///< of usual_path(), where no path is named
 };
@@ -53,7 +52,7 @@ struct Stage {
   std::unique_ptr<metrics::TruthSurface> truth;  ///< null without a reference
   bool starts_free = false;                      ///< the path: by the truth, or by the generator that made it
   bool forces_comparable = true;                 ///< the reference knows all that the scene asks of a surface
-  neighbourhood::Spacing spacing;                ///< of the first model
+  search::Spacing spacing;                       ///< of the first model
   std::vector<std::string> warnings;             ///< what makes the results doubtful, whole sentences
   std::vector<std::string> notes;                ///< what a reader should know, whole sentences
 };

@@ -4,10 +4,10 @@
 
 #include <optional>
 
-#include "toolkit/core/options.h"
+#include <palpate/options.h>
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/physical_ranges.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::experiments {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/core/result.h"
-#include "toolkit/scene/scene.h"
+#include <palpate/result.h>
+#include <palpate/scene.h>
 
 namespace palpate::experiments {
 

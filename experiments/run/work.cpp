@@ -7,15 +7,15 @@
 #include <ctime>
 #include <nlohmann/json.hpp>
 
+#include <palpate/clock.h>
+#include <palpate/control.h>
+#include <palpate/result.h>
+#include <palpate/write_mesh.h>
 #include "baselines/mesh_holder.h"
 #include "baselines/renderers/mesh_source.h"
 #include "experiments/run/cleaning.h"
-#include "toolkit/control/controlled_renderer.h"
-#include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/try.h"
 #include "toolkit/deformation/editable.h"
-#include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
 namespace {
@@ -122,7 +122,7 @@ metrics::RendererResult begin_result(const Stage& stage, const RendererRequest& 
   const render::RendererInfo& info = *registry.find(request.name);
   result.role = info.role;
   result.works_on = info.geometry;
-  result.missing = render::names_of(render::asked_by(stage.scene.input).without(info.supports));
+  result.missing = render::names_of(render::features_required_by(stage.scene.input).without(info.supports));
   result.threads = threads > 0 ? threads : available_threads();
   std::uint64_t points = 0;
   for (const render::ModelInput& model : stage.scene.input.models) points += model.cloud->size();
@@ -204,7 +204,7 @@ Result<std::string> Work::prepare(Progress& progress) {
   progress.report("preparing " + request_.label, -1.0);
   Result<render::PrepareReport> prepared =
       renderer_->prepare(cleaned ? cleaned->input : stage_.scene.input, {options_.threads, &limit});
-  const metrics::PrepareClock clock{watch.ms(), cpu_ms() - cpu_before_ms,
+  const metrics::PrepareTimes clock{watch.ms(), cpu_ms() - cpu_before_ms,
                                     baselines::meshes_from_cache() > meshes_before};
   if (!prepared)
     return limit.expired() ? give_up(metrics::RunStatus::kDidNotFinish,
@@ -219,7 +219,8 @@ Result<std::string> Work::prepare(Progress& progress) {
   if (!clock.from_cache) run.result.prepare->total_ms = clock.wall_ms;
   for (const scene::Provenance& p : stage_.scene.provenance)
     put_before(p.cleaning, p.cleaned, *run.result.prepare);
-  for (const std::string& text : render::left_out(*registry_.find(request_.name), stage_.scene.input))
+  for (const std::string& text :
+       render::unsupported_features(*registry_.find(request_.name), stage_.scene.input))
     warn(run, text);
   run.own_faces = feels_own_faces(*run.result.prepare);
   if (!options_.save_mesh.empty()) PALPATE_TRY(save_mesh(*inner_, options_.save_mesh, run.saved_mesh));
@@ -249,8 +250,8 @@ Status Work::replay(Run& run) {
 
 Status Work::passes() {
   passes_->warm_up(kWarmUpS);
-  const std::vector<trace::Stretch> stretches = trace::stretches_of(answers_.contact);
-  PALPATE_TRY(passes_->time_stretches(stretches, answers_.stretch_times.first(stretches.size())));
+  const std::vector<trace::FrameSpan> stretches = trace::frame_spans_of(answers_.contact);
+  PALPATE_TRY(passes_->time_spans(stretches, answers_.stretch_times.first(stretches.size())));
   return passes_->time_frames(answers_.frame_ns);
 }
 

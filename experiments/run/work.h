@@ -8,17 +8,17 @@
 #include <string>
 
 #include "experiments/run/run.h"
-#include "toolkit/trace/passes.h"
+#include "toolkit/trace/timed_passes.h"
 
 namespace palpate::experiments {
 
 /// Where the answers are put: each as long as the path, but for the last.
 struct Answers {
-  std::span<render::Frame> frames;              ///< of the untimed pass
-  std::span<std::uint8_t> contact;              ///< given: the frames that are timed as contact
-  std::span<trace::StretchTime> stretch_times;  ///< of the last pass, by stretch of `contact`
-  std::span<std::uint32_t> frame_ns;            ///< of the last pass
-  std::span<trace::PacedStatistics, 2> paced;   ///< plain, evicted
+  std::span<render::Frame> frames;                ///< of the untimed pass
+  std::span<std::uint8_t> contact;                ///< given: the frames that are timed as contact
+  std::span<trace::FrameSpanTime> stretch_times;  ///< of the last pass, by stretch of `contact`
+  std::span<std::uint32_t> frame_ns;              ///< of the last pass
+  std::span<trace::PacedStatistics, 2> paced;     ///< plain, evicted
 };
 
 /// What is asked for, in this order: prepare, then any of the others.
@@ -53,7 +53,7 @@ class Work {
   Answers answers_;
   std::unique_ptr<render::HapticRenderer> renderer_;
   const render::HapticRenderer* inner_ = nullptr;  ///< whose mesh is saved; control has none
-  std::optional<trace::Passes> passes_;
+  std::optional<trace::TimedPasses> passes_;
 };
 
 /// The head of a run's result: who it is and what it gets.

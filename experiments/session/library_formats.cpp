@@ -1,11 +1,11 @@
-#include "experiments/session/library_formats.h"
+#include "experiments/session/session.h"
 
 #include <dlfcn.h>
 #include <fmt/format.h>
 
 // Their headers alone: the libraries are the module's.
-#include "toolkit/dem/dem_reader.h"
-#include "toolkit/pcd/pcd_reader.h"
+#include <palpate/read_model.h>
+#include "toolkit/io/decoded_file.h"
 
 namespace palpate::experiments {
 namespace {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include <palpate/clock.h>
 #include "experiments/session/terminal.h"
-#include "toolkit/core/clock.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

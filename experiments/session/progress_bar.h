@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "toolkit/core/progress.h"
+#include <palpate/progress.h>
 
 namespace palpate::experiments {
 

@@ -2,14 +2,14 @@
 
 #include <fmt/format.h>
 
-#include "baselines/register.h"
+#include <palpate/baselines.h>
+#include <palpate/registry.h>
 #include "baselines/versions.h"
 #include "experiments/run/cleaning.h"
-#include "experiments/session/library_formats.h"
 #include "experiments/session/version.h"
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/parallel_library.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/core/parallel.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::experiments {
@@ -72,7 +72,7 @@ metrics::DocumentHead new_head(const std::string& command_line) {
   return {version_text(), kCommit, build_text(), metrics::machine_info(), metrics::utc_now(), command_line};
 }
 
-void add_program(metrics::Conditions& conditions) {
+void add_program(metrics::MeasurementConditions& conditions) {
   conditions.compiler_flags = flags_text();
   conditions.libraries = baselines::library_versions();
   conditions.libraries.push_back(parallel_library());
@@ -88,6 +88,11 @@ int fail(const Error& error, int status, ProgressBar* progress) {
   if (progress != nullptr) progress->clear();
   tell("palpate: error: {}\n", error.message());
   return status;
+}
+
+int exit_status(const Result<int>& status, Context& context) {
+  if (status) return *status;
+  return fail(status.error(), context.working ? kExitFellShort : kExitBadInput, &context.progress);
 }
 
 }  // namespace palpate::experiments

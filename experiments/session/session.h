@@ -4,12 +4,12 @@
 
 #include <string>
 
+#include <palpate/read_model.h>
+#include <palpate/registry.h>
+#include <palpate/scene.h>
 #include "experiments/session/progress_bar.h"
 #include "experiments/study/output_folder.h"
-#include "toolkit/io/read_model.h"
 #include "toolkit/metrics/result_json.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/scene/scene.h"
 
 namespace palpate::experiments {
 
@@ -21,10 +21,15 @@ inline constexpr int kExitBadInput = 2;   ///< bad arguments or input
 struct Context {
   ProgressBar& progress;
   std::string command_line;  ///< as typed, quoted where needed
+  bool verbose = false;      ///< every table is printed
+  bool working = false;      ///< set by a command behind its checks: an Error is no bad input any more
 };
 
 /// Prints "palpate: error: ..." and returns `status`.
 int fail(const Error& error, int status, ProgressBar* progress = nullptr);
+
+/// A command's exit status. Its Error is told: kExitBadInput, or kExitFellShort once it was working.
+[[nodiscard]] int exit_status(const Result<int>& status, Context& context);
 
 /// What all commands that load a model take.
 struct ModelArguments {
@@ -48,8 +53,13 @@ struct ModelArguments {
 /// Everything about program, machine and time.
 [[nodiscard]] metrics::DocumentHead new_head(const std::string& command_line);
 /// Flags and libraries of this program.
-void add_program(metrics::Conditions& conditions);
+void add_program(metrics::MeasurementConditions& conditions);
 /// A document with this head.
 [[nodiscard]] metrics::ResultDocument new_document(const std::string& command_line);
+
+/// Adds pcd, tif, tiff, png, hgt, dem, asc and zip, as far as they were built. The module palpate-formats.so
+/// is looked for where the program's run path says and is loaded once, by the first file of these formats; an
+/// Error of that file where it is not there. Thread-safe.
+void add_library_formats(io::Readers& readers);
 
 }  // namespace palpate::experiments

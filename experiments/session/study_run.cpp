@@ -1,58 +1,32 @@
 #include "experiments/session/study_run.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <map>
 
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
+#include <palpate/write_mesh.h>
 #include "experiments/data/locate.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/report/findings.h"
-#include "experiments/report/tables.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/output_file.h"
 #include "experiments/run/work.h"
 #include "experiments/session/run_key.h"
 #include "experiments/session/session.h"
 #include "experiments/session/terminal.h"
-#include "toolkit/core/at_stop.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
-#include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
 namespace {
-
-/// Everything that the results of every renderer depend on. An argument that is added does not compile here
-/// until it is named.
-std::string key_of(const RunArguments& arguments, const StageRequest& stage) {
-  [[maybe_unused]] const auto& [scene, renderers, path, traj_columns, out, load, surface, reference, paced,
-                                passes, budget_s, save_mesh, save_edited, force, allow_missing, json] =
-      arguments;
-  const auto& [stiffness, friction, deformation] = surface;
-  [[maybe_unused]] const auto& [unit, scale, post_mm, vertical_mm, no_data, non_finite, memory_limit_gb,
-                                threads] = load;
-  RunKey key;
-  for (const std::string& text : {scene, path, traj_columns, reference, unit, no_data, non_finite, save_mesh,
-                                  save_edited, stiffness, friction, deformation})
-    key.add(text);
-  key.add(scale)
-      .add(post_mm)
-      .add(vertical_mm)
-      .add(paced)
-      .add(passes)
-      .add(budget_s)
-      .add(static_cast<std::uint64_t>(threads));
-  for (const std::string& file : files_read(stage)) key.add_file(file);
-  return key.word();
-}
 
 Status check_outputs(const RunArguments& arguments, const StageRequest& stage) {
   const std::vector<std::string> read = files_read(stage);
   if (!arguments.save_mesh.empty())
     PALPATE_TRY(check_output({arguments.save_mesh, {"ply"}, arguments.force}, read));
   if (!arguments.save_edited.empty())
-    if (Status good = check_output({arguments.save_edited, io::cloud_endings(), arguments.force}, read);
+    if (Status good = check_output({arguments.save_edited, io::cloud_extensions(), arguments.force}, read);
         !good)
       return good;
   if (!arguments.save_mesh.empty() && arguments.save_mesh == arguments.save_edited)
@@ -75,8 +49,8 @@ class OneByOne {
 
   /// Takes over what an interrupted run has finished.
   Status begin(const std::string& key, Context& context);
-  /// Runs the others. `status` is that of the command where there is an Error.
-  Status run_the_rest(ProgressBar& progress, int& status);
+  /// Runs the others. Context::working is cleared where an Error is one of the input.
+  Status run_the_rest(Context& context);
   [[nodiscard]] bool saved_mesh() const { return saved_mesh_; }
 
  private:
@@ -113,29 +87,27 @@ Status OneByOne::begin(const std::string& key, Context& context) {
   return write_result();
 }
 
-Status OneByOne::run_the_rest(ProgressBar& progress, int& status) {
+Status OneByOne::run_the_rest(Context& context) {
   std::vector<RendererRequest> rest;
   for (const RendererRequest& request : requests_)
     if (!finished_.contains(request.label)) rest.push_back(request);
   RunOptions options = options_;
   if (saved_mesh_) options.save_mesh.clear();  // the first mesh is the one that is kept
-  status = kExitBadInput;
+  context.working = false;
   const auto news = [&](const RendererRequest& request, Run& run) -> Status {
-    status = kExitFellShort;
+    context.working = true;
     PALPATE_TRY(take(request, run));
-    status = kExitBadInput;
+    context.working = false;
     return Done{};
   };
-  metrics::Conditions conditions;
-  const Result<std::vector<Run>> runs =
-      run_renderers(study_.stage, rest, registry_, options, progress, conditions, news);
-  if (!runs) return runs.error();
+  metrics::MeasurementConditions conditions;
+  PALPATE_TRY(run_renderers(study_.stage, rest, registry_, options, context.progress, conditions, news));
   add_program(conditions);
   if (!rest.empty()) study_.document.conditions = std::move(conditions);
   for (const RendererRequest& request : requests_)
     study_.runs.push_back(std::move(finished_.at(request.label)));
-  progress.set_prefix("");
-  status = kExitFellShort;
+  context.progress.set_prefix("");
+  context.working = true;
   // Only now is it known who felt nothing where others did.
   finish_document(study_);
   study_.document.complete = true;
@@ -146,7 +118,7 @@ Status OneByOne::take(const RendererRequest& request, Run& run) {
   saved_mesh_ = saved_mesh_ || run.saved_mesh;
   folder_.start_part();
   PALPATE_TRY(write_run(study_.stage, run, requests_.size() == 1, folder_));
-  const auto hold = hold_stop();  // what is kept is what result.json says is finished
+  const auto hold = block_stop();  // what is kept is what result.json says is finished
   PALPATE_TRY(folder_.keep(request.label, key_of(request), result_text(run)));
   finished_.insert_or_assign(request.label, run);
   return write_result();
@@ -176,15 +148,14 @@ void say_what_is_run(const RunArguments& arguments, const std::vector<RendererRe
 }
 
 /// What was left open is chosen now that the models are known.
-void choose_renderers(StudyKind kind, const render::Registry& registry, CheckedRun& prepared,
-                      StagedStudy& study) {
+void choose_renderers(bool one, const render::Registry& registry, CheckedRun& prepared, StagedStudy& study) {
   if (!prepared.renderers.empty()) return;
-  if (kind == StudyKind::kReplay && prepared.own) {
+  if (one && prepared.own) {
     prepared.renderers = {*prepared.own};
     return;
   }
   Chosen chosen = usual_renderers(study.stage.scene.input, prepared.own, registry);
-  if (kind == StudyKind::kReplay) chosen.renderers.resize(1);
+  if (one) chosen.renderers.resize(1);
   prepared.renderers = std::move(chosen.renderers);
   for (std::string& note : chosen.notes) study.stage.notes.push_back(std::move(note));
 }
@@ -201,6 +172,28 @@ int report_failures(const StagedStudy& study) {
 }
 
 }  // namespace
+
+// An argument that is added does not compile here until it is named.
+RunKey key_of(const RunArguments& arguments, const StageRequest& stage) {
+  [[maybe_unused]] const auto& [scene, renderers, one, path, out, load, surface, reference, paced, passes,
+                                budget_s, save_mesh, save_edited, force, allow_missing, json] = arguments;
+  const auto& [stiffness, friction, deformation] = surface;
+  [[maybe_unused]] const auto& [unit, scale, post_mm, vertical_mm, no_data, non_finite, memory_limit_gb,
+                                threads] = load;
+  RunKey key;
+  for (const std::string& text : {scene, path, reference, unit, no_data, non_finite, save_mesh, save_edited,
+                                  stiffness, friction, deformation})
+    key.add(text);
+  key.add(scale)
+      .add(post_mm)
+      .add(vertical_mm)
+      .add(paced)
+      .add(passes)
+      .add(budget_s)
+      .add(static_cast<std::uint64_t>(threads));
+  for (const std::string& file : files_read(stage)) key.add_file(file);
+  return key;
+}
 
 Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
                              Progress& progress) {
@@ -232,43 +225,33 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
     if (!renderer) return std::move(renderer).error();
     prepared.own = *std::move(renderer);
   }  // else the plan chooses, when the models are known
-  prepared.stage = {arguments.scene,
-                    *std::move(scene),
-                    *load,
-                    arguments.path,
-                    *reference,
-                    arguments.load.threads,
-                    0,
-                    truth,
-                    arguments.traj_columns,
+  prepared.stage = {arguments.scene,     *std::move(scene),      *load, arguments.path,
+                    *reference,          arguments.load.threads, 0,     truth,
                     *std::move(surfaces)};
   return prepared;
 }
 
-int run_study(StudyKind kind, const RunArguments& arguments, Context& context, const AfterStudy& after) {
+Result<int> run_study(const RunArguments& arguments, Context& context, const AfterStudy& after) {
   const render::Registry registry = all_renderers();
-  Result<CheckedRun> prepared = check_run(arguments, registry, context.progress);
-  if (!prepared) return fail(prepared.error(), kExitBadInput);
-  const Result<OutputFolder> folder = OutputFolder::open(
-      arguments.out.empty() ? usual_folder(kind == StudyKind::kReplay ? "replay" : "compare", arguments.scene)
-                            : arguments.out);
-  if (!folder) return fail(folder.error(), kExitBadInput);
-  Status good = folder->check_not_read(files_read(prepared->stage));
-  if (good) good = check_outputs(arguments, prepared->stage);
-  if (!good) return fail(good.error(), kExitBadInput);
+  PALPATE_ASSIGN(CheckedRun prepared, check_run(arguments, registry, context.progress));
+  PALPATE_ASSIGN(
+      const OutputFolder folder,
+      OutputFolder::open(arguments.out.empty()
+                             ? usual_folder(arguments.one ? "compare-one" : "compare", arguments.scene)
+                             : arguments.out));
+  PALPATE_TRY(folder.check_not_read(files_read(prepared.stage)));
+  PALPATE_TRY(check_outputs(arguments, prepared.stage));
   StagedStudy study;
   study.document = new_document(context.command_line);
-  Result<Stage> stage = set_up(prepared->stage, all_readers(), context.progress);
-  if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
-  study.stage = *std::move(stage);
-  choose_renderers(kind, registry, *prepared, study);
+  PALPATE_ASSIGN(study.stage, set_up(prepared.stage, all_readers(), context.progress));
+  choose_renderers(arguments.one, registry, prepared, study);
   if (!arguments.allow_missing)
-    for (const RendererRequest& request : prepared->renderers)
+    for (const RendererRequest& request : prepared.renderers)
       if (Status able = registry.check_supports(*registry.find(request.name), study.stage.scene.input);
           !able) {
         Error error = std::move(able).error();
         error.remedy += ", or --allow-missing to run it as it is";
-        return fail(error, kExitBadInput, &context.progress);
+        return error;
       }
   const std::string& path = study.stage.path.name;
   study.document.title = fmt::format("{}, along {}", study.stage.scene_name, path.substr(0, path.find(':')));
@@ -279,28 +262,25 @@ int run_study(StudyKind kind, const RunArguments& arguments, Context& context, c
   options.budget_s = arguments.budget_s;
   options.save_mesh = arguments.save_mesh;
   options.save_edited = arguments.save_edited;
-  OneByOne run(study, prepared->renderers, registry, options, *folder);
-  say_what_is_run(arguments, prepared->renderers, study, *folder, context.progress);
-  if (const Status begun = run.begin(key_of(arguments, prepared->stage), context); !begun)
-    return fail(begun.error(), kExitFellShort, &context.progress);
-  int status = kExitOk;
-  if (const Status ran = run.run_the_rest(context.progress, status); !ran)
-    return fail(ran.error(), status, &context.progress);
-  const Result<std::string> more = after(*folder);
-  const Status completed = more ? folder->complete() : Status(more.error());
+  OneByOne run(study, prepared.renderers, registry, options, folder);
+  say_what_is_run(arguments, prepared.renderers, study, folder, context.progress);
+  context.working = true;
+  PALPATE_TRY(run.begin(key_of(arguments, prepared.stage).word(), context));
+  PALPATE_TRY(run.run_the_rest(context));
+  PALPATE_ASSIGN(const std::string more, after(folder));
+  PALPATE_TRY(folder.complete());
   context.progress.clear();
-  if (!completed) return fail(completed.error(), kExitFellShort);
   if (arguments.json)
     fmt::print("{}\n", metrics::to_json(study.document));
   else
-    fmt::print("{}\n", to_text(comparison_table(study.document), terminal_columns(STDOUT_FILENO)));
+    print_scores(study.document, context.verbose);
   std::fflush(stdout);
   tell("{}", findings_text(study.document));
-  status = report_failures(study);
+  int status = report_failures(study);
   if (!arguments.save_mesh.empty() && !run.saved_mesh())
     status = fail({"no mesh was saved: none of the renderers works on a mesh", "run mesh-godobject", {}, 0},
                   kExitFellShort);
-  if (!arguments.json) fmt::print("{}", *more);  // last: where the results are
+  if (!arguments.json) fmt::print("{}", more);  // last: where the results are
   return status;
 }
 

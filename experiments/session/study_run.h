@@ -1,4 +1,4 @@
-// What replay and compare have in common.
+// A run of renderers along one path, as compare makes it.
 #pragma once
 
 #include <functional>
@@ -7,15 +7,16 @@
 #include <vector>
 
 #include "experiments/run/run.h"
+#include "experiments/session/run_key.h"
 #include "experiments/session/session.h"
 
 namespace palpate::experiments {
 
 struct RunArguments {
   std::string scene;
-  std::string renderers;  ///< one for replay, separated by commas for compare
+  std::string renderers;  ///< separated by commas
+  bool one = false;       ///< where none is named: the scene's or the plan's alone
   std::string path;
-  std::string traj_columns;  ///< of a recorded path; empty: as `path` says
   std::string out;
   ModelArguments load;
   SurfaceArguments surface;
@@ -40,13 +41,14 @@ struct CheckedRun {
 [[nodiscard]] Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
                                            Progress& progress);
 
+/// Everything that the results of every renderer depend on.
+[[nodiscard]] RunKey key_of(const RunArguments& arguments, const StageRequest& stage);
+
 /// Called when all files of the study are written: makes more files, returns what to print.
 using AfterStudy = std::function<Result<std::string>(const OutputFolder& folder)>;
 
-enum class StudyKind { kReplay, kCompare };
-
 /// Checks every argument before any work, runs the renderers, writes the files, prints a summary. The exit
 /// status. What the arguments leave open is chosen by the model (choices.h), and said before it is run.
-int run_study(StudyKind kind, const RunArguments& arguments, Context& context, const AfterStudy& after);
+[[nodiscard]] Result<int> run_study(const RunArguments& arguments, Context& context, const AfterStudy& after);
 
 }  // namespace palpate::experiments

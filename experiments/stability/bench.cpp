@@ -3,21 +3,20 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/result.h>
 #include "device/simulated/arm_models.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
-// A task needs so much room on a model: goals of 2 mm suit a hand, a twentieth of the model where it is
-// small.
+// Travel of a task as a share of the model: limits a hand's 2 mm goals on small models.
 constexpr double kShareOfModel = 0.05;
-// An edge is where the normal turns by at least this within a task's travel: less is felt as a curve.
+// An edge turns the normal by at least this within a task's travel; less is felt as a curve.
 constexpr double kEdgeCosine = 0.94;  // 20 degrees
-// So many frames of contact are looked at.
+// Contact frames examined.
 constexpr std::size_t kLookedAt = 500;
 
-/// A unit vector across `normal`, the same every time.
+/// A unit vector across `normal`, deterministic.
 Vec3 tangent_of(const Vec3& normal) {
   const Vec3 axis = std::abs(normal.x()) < 0.6 ? Vec3(Vec3::UnitX()) : Vec3(Vec3::UnitY());
   return (axis - axis.dot(normal) * normal).normalized();
@@ -100,7 +99,7 @@ Result<Places> places_on(const Stage& stage) {
   std::vector<std::size_t> contact;
   for (std::size_t i = 0; i < truth.size(); ++i)
     if (truth[i].frame.contact && !truth[i].history_decides) contact.push_back(i);
-  // From the middle outwards: the first place with room above and matter below.
+  // Searches from the path's middle outwards for a place with free space above and material below.
   const std::size_t stride = std::max<std::size_t>(1, contact.size() / kLookedAt);
   std::optional<std::size_t> found;
   for (std::size_t k = 0; k < contact.size() && !found; k += stride) {

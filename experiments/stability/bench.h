@@ -1,4 +1,4 @@
-// A renderer on the simulated device: what one run is made of, and what is asked of it.
+// Test bench: a renderer on the simulated device.
 #pragma once
 
 #include <limits>
@@ -6,17 +6,15 @@
 #include <string>
 #include <vector>
 
+#include <palpate/control.h>
 #include "device/simulated/closed_loop.h"
-#include "device/simulated/simulated_admittance.h"
 #include "device/simulated/simulated_arm.h"
 #include "experiments/run/stage.h"
-#include "toolkit/control/controlled_renderer.h"
-#include "toolkit/render/scene_free_renderer.h"
 #include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments {
 
-/// The renderer's force times a gain, so that one preparation serves every stiffness. Refers to it.
+/// Scales the renderer's force by a gain, so one preparation serves every stiffness. Refers to it.
 class GainRenderer final : public render::WrappedRenderer {
  public:
   GainRenderer(render::HapticRenderer& inner, double gain) : WrappedRenderer(inner), gain_(gain) {}
@@ -30,8 +28,8 @@ class GainRenderer final : public render::WrappedRenderer {
   double gain_;
 };
 
-/// The truth as a renderer: a spring to the closest point of the true surface. Refers to it. The last answer
-/// is kept: encoders hold a HIP at one place for many ticks.
+/// The truth as a renderer: a spring to the closest point of the true surface. Refers to it. Caches the last
+/// answer, since encoders hold a HIP in place for many ticks.
 class TruthRenderer final : public render::SceneFreeRenderer {
  public:
   TruthRenderer(const metrics::TruthSurface& truth, double stiffness_n_per_mm)
@@ -45,13 +43,13 @@ class TruthRenderer final : public render::SceneFreeRenderer {
   [[nodiscard]] render::Frame answer(const Vec3& hip_mm) const noexcept;
   const metrics::TruthSurface& truth_;
   double stiffness_n_per_mm_;
-  Vec3 last_hip_mm_ = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());  // equal to none
+  Vec3 last_hip_mm_ = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());  // NaN equals no position
   render::Frame last_;
 };
 
 inline constexpr double kMillisecondsPerS = 1e3;
 
-/// The device and the hand of a run.
+/// A run's device and hand.
 struct Bench {
   std::optional<device::ArmOptions> arm;  ///< or the admittance device
   device::Hand hand;
@@ -61,27 +59,27 @@ struct Bench {
   [[nodiscard]] std::string device_name() const;
 };
 
-/// "omni", .., "admittance" and a hand by name. Errors list the names.
+/// Device "omni", .., "admittance", and a hand by name. Errors list the names.
 [[nodiscard]] Result<Bench> bench_of(const std::string& device, const std::string& hand);
 
-/// How long a run lasts, and after how long at rest its end is known; 0: it is simulated all the same.
+/// A run's duration, and the time at rest after which it ends early; 0: never.
 struct RunLength {
   double duration_s = 0.0, still_s = 0.0;
 };
 
-/// Runs the script, which is in coordinates about `origin_mm` of the world.
+/// Runs the script, whose coordinates are relative to `origin_mm`, world frame.
 [[nodiscard]] Result<device::LoopRun> run_on(const Bench& bench, const device::HandScript& script,
                                              render::HapticRenderer& renderer, const Vec3& origin_mm,
                                              const RunLength& length);
 
-/// Where tasks are done; world frame.
+/// Places for tasks; world frame.
 struct Places {
-  device::TaskPlace flat;  ///< where the truth's contact is
+  device::TaskPlace flat;  ///< at the truth's contact
   bool has_edge = false;   ///< the normal turns within a few mm somewhere
   device::TaskPlace edge;  ///< where it turns most
   device::TaskSizes sizes;
 };
-/// Errors: the stage has no truth, or its path never touches it.
+/// Errors: no truth, or a path without contact.
 [[nodiscard]] Result<Places> places_on(const Stage& stage);
 
 }  // namespace palpate::experiments

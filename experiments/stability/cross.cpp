@@ -1,11 +1,11 @@
-#include "experiments/stability/cross.h"
+#include "experiments/stability/stability.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -13,7 +13,7 @@ namespace {
 constexpr const char* kCrossed = "cross";
 
 struct ControlLook {
-  const char *name, *words, *colour;  // Okabe and Ito
+  const char *name, *words, *colour;  // colours of Okabe and Ito
 };
 constexpr std::array<ControlLook, 3> kControlLooks = {{{"none", "no control", "#0072b2"},
                                                        {"coupling", "passive coupling", "#009e73"},
@@ -26,7 +26,7 @@ const ControlLook& look_of(const std::string& control) {
   return at == kControlLooks.end() ? kControlLooks.front() : *at;
 }
 
-/// Different values in the order in which they come.
+/// Distinct values in order of appearance.
 template <class Value, class Of>
 std::vector<Value> crossed_values(const StabilityDocument& document, const Of& of) {
   std::vector<Value> values;
@@ -36,7 +36,7 @@ std::vector<Value> crossed_values(const StabilityDocument& document, const Of& o
   return values;
 }
 
-/// The crossed points of one renderer, hand, control and delay, by rate.
+/// One renderer's cross points for a hand, control and delay, by rate.
 std::vector<const StabilityPoint*> along_rates(const StabilityDocument& document, const std::string& renderer,
                                                const std::string& hand, const std::string& control,
                                                double delay_ms) {
@@ -48,7 +48,6 @@ std::vector<const StabilityPoint*> along_rates(const StabilityDocument& document
   return points;
 }
 
-/// Whose values the tables and charts have as rows, columns and lines.
 struct CrossedAxes {
   std::vector<std::string> renderers, hands, controls;
   std::vector<double> delays, rates;
@@ -78,7 +77,7 @@ Table cross_table(const StabilityDocument& document, const CrossedAxes& axes, co
     for (const double delay : axes.delays) {
       std::vector<Cell> row = {{fmt::format("{}, plane, linear, {:g} ms", hand, delay)}};
       for (const StabilityPoint* const point : along_rates(document, renderer, hand, "none", delay))
-        row.push_back({point->theory_n_per_mm ? short_number(*point->theory_n_per_mm) : kNoNumber});
+        row.push_back({point->theory_n_per_mm ? format_number(*point->theory_n_per_mm) : kMissingNumber});
       table.rows.push_back(std::move(row));
     }
   table.notes.emplace_back("Plane, linear: the loop of a plane without friction and encoder, exactly.");
@@ -122,8 +121,8 @@ Chart cross_chart(const StabilityDocument& document, const CrossedAxes& axes, co
 }  // namespace
 
 std::string limit_text(const StabilityPoint& point) {
-  if (point.unlimited) return "over " + short_number(point.largest_stable_n_per_mm);
-  return point.largest_stable_n_per_mm > 0.0 ? short_number(point.largest_stable_n_per_mm) : "none";
+  if (point.unlimited) return "over " + format_number(point.largest_stable_n_per_mm);
+  return point.largest_stable_n_per_mm > 0.0 ? format_number(point.largest_stable_n_per_mm) : "none";
 }
 
 std::vector<Table> cross_tables(const StabilityDocument& document) {

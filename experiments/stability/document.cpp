@@ -2,37 +2,41 @@
 
 #include <algorithm>
 #include <map>
-#include <nlohmann/json.hpp>
 
-#include "experiments/stability/cross.h"
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/stability/stability.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StabilityPoint, renderer, hand, varied, control, rate_hz, delay_ms,
+                                   damping_n_s_per_mm, largest_stable_n_per_mm, unlimited, theory_n_per_mm,
+                                   passive_n_per_mm, lost, limit_cycle_mm, limit_cycle_hz, generated_mj)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TaskResult, renderer, task, stable, contour_rms_mm, contour_max_mm,
+                                   generated_mj, largest_step_n, largest_excess_n, truth_largest_excess_n)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopScores::Side, force_rms_percent, direction_p99_deg,
+                                   indistinguishable_percent, ripple_ratio, ripple_shown_ratio, frames,
+                                   contact_frames)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopScores, renderer, open, closed)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MeasuredLoop, points, tasks, scores)
+
 namespace {
 
-using StabilityJson = nlohmann::ordered_json;
-
-StabilityJson number_or_null(const std::optional<double>& number) {
-  return number ? StabilityJson(*number) : StabilityJson(nullptr);
-}
-
-StabilityJson side_json(const LoopScores::Side& side) {
+DocumentJson side_json(const LoopScores::Side& side) {
   return {{"frames", side.frames},
           {"contact_frames", side.contact_frames},
-          {"force_rms_percent", number_or_null(side.force_rms_percent)},
-          {"direction_p99_deg", number_or_null(side.direction_p99_deg)},
-          {"indistinguishable_percent", number_or_null(side.indistinguishable_percent)},
-          {"ripple_ratio", number_or_null(side.ripple_ratio)},
-          {"ripple_shown_ratio", number_or_null(side.ripple_shown_ratio)}};
+          {"force_rms_percent", side.force_rms_percent},
+          {"direction_p99_deg", side.direction_p99_deg},
+          {"indistinguishable_percent", side.indistinguishable_percent},
+          {"ripple_ratio", side.ripple_ratio},
+          {"ripple_shown_ratio", side.ripple_shown_ratio}};
 }
 
 std::string shown_number(const std::optional<double>& number) {
-  return number ? short_number(*number) : kNoNumber;
+  return number ? format_number(*number) : kMissingNumber;
 }
 
-/// What is turned, in words.
 std::string turned_text(const StabilityPoint& point) {
   if (point.varied == "rate") return fmt::format("{:g} Hz", point.rate_hz);
   if (point.varied == "delay") return fmt::format("{:g} ms of delay", point.delay_ms);
@@ -40,7 +44,7 @@ std::string turned_text(const StabilityPoint& point) {
   return point.control == "none" ? "no control" : point.control;
 }
 
-/// Rows: what is turned, for each hand; columns: renderers.
+/// Rows: varied quantity per hand; columns: renderers.
 Table limits_table(const StabilityDocument& document) {
   Table table;
   table.title = "Largest stable stiffness, N/mm";
@@ -53,11 +57,11 @@ Table limits_table(const StabilityDocument& document) {
   table.columns.insert(table.columns.end(), {"plane, linear", "any hand"});
   std::vector<std::pair<std::string, std::vector<Cell>>> rows;
   for (const StabilityPoint& point : document.points) {
-    if (point.varied == "cross") continue;  // has tables of its own
+    if (point.varied == "cross") continue;  // has its own tables
     const std::string name = point.hand + ", " + turned_text(point);
     auto row = std::find_if(rows.begin(), rows.end(), [&](const auto& r) { return r.first == name; });
     if (row == rows.end()) {
-      std::vector<Cell> cells(table.columns.size(), Cell{kNoNumber});
+      std::vector<Cell> cells(table.columns.size(), Cell{kMissingNumber});
       cells.front() = Cell{name};
       cells[cells.size() - 2] = Cell{shown_number(point.theory_n_per_mm)};
       cells.back() = Cell{shown_number(point.passive_n_per_mm)};
@@ -83,9 +87,9 @@ Table cycles_table(const StabilityDocument& document) {
   for (const StabilityPoint& point : document.points)
     if (point.varied == "control" && !point.unlimited)
       table.rows.push_back({{fmt::format("{}, {}, {}", point.renderer, point.hand, turned_text(point))},
-                            {short_number(point.limit_cycle_mm)},
-                            {short_number(point.limit_cycle_hz)},
-                            {short_number(point.generated_mj)},
+                            {format_number(point.limit_cycle_mm)},
+                            {format_number(point.limit_cycle_hz)},
+                            {format_number(point.generated_mj)},
                             {point.lost ? "no" : "yes"}});
   return table;
 }
@@ -98,12 +102,12 @@ Table tasks_table(const StabilityDocument& document) {
   for (const TaskResult& task : document.tasks)
     table.rows.push_back({{task.renderer},
                           {task.task},
-                          {short_number(task.contour_rms_mm)},
-                          {short_number(task.contour_max_mm)},
-                          {short_number(task.generated_mj)},
-                          {short_number(task.steps.step().n)},
-                          {short_number(task.steps.excess().n)},
-                          {short_number(task.truth_steps.excess().n)},
+                          {format_number(task.contour_rms_mm)},
+                          {format_number(task.contour_max_mm)},
+                          {format_number(task.generated_mj)},
+                          {format_number(task.largest_step_n)},
+                          {format_number(task.largest_excess_n)},
+                          {format_number(task.truth_largest_excess_n)},
                           {task.stable ? "yes" : "no"}});
   table.notes.push_back(fmt::format("At the scene's {:g} N/mm, 1 kHz, the hand '{}' on '{}'.",
                                     document.stiffness_n_per_mm, document.hand, document.device));
@@ -137,7 +141,7 @@ double abscissa(const StabilityPoint& point, const std::string& varied) {
   return varied == "rate" ? point.rate_hz : varied == "delay" ? point.delay_ms : point.damping_n_s_per_mm;
 }
 
-/// One hand, one axis: a line for each renderer, and theory.
+/// One hand, one axis: a line per renderer, and theory.
 Chart limit_chart(const StabilityDocument& document, const std::string& varied, const std::string& hand) {
   Chart chart;
   chart.name = fmt::format("limit-{}-{}", varied, hand);
@@ -182,6 +186,68 @@ Chart limit_chart(const StabilityDocument& document, const std::string& varied, 
   return chart;
 }
 
+}  // namespace
+
+std::string to_text(const MeasuredLoop& loop) {
+  return to_line(loop);
+}
+bool from_text(const std::string& text, MeasuredLoop& loop) {
+  return from_line(text, loop);
+}
+
+std::string to_json(const StabilityDocument& document) {
+  DocumentJson json = begin_json(kStabilitySchema, document.head);
+  json["scene"] = document.scene;
+  json["path"] = document.path;
+  json["truth"] = document.truth;
+  json["device"] = document.device;
+  json["hand"] = document.hand;
+  json["stiffness_n_per_mm"] = document.stiffness_n_per_mm;
+  json["truth_stable"] = document.truth_stable;
+  json["warnings"] = document.warnings;
+  json["notes"] = document.notes;
+  json["points"] = DocumentJson::array();
+  for (const StabilityPoint& p : document.points)
+    json["points"].push_back({{"renderer", p.renderer},
+                              {"hand", p.hand},
+                              {"varied", p.varied},
+                              {"control", p.control},
+                              {"rate_hz", p.rate_hz},
+                              {"delay_ms", p.delay_ms},
+                              {"damping_n_s_per_mm", p.damping_n_s_per_mm},
+                              {"largest_stable_n_per_mm", p.largest_stable_n_per_mm},
+                              {"unlimited", p.unlimited},
+                              {"theory_n_per_mm", p.theory_n_per_mm},
+                              {"passive_n_per_mm", p.passive_n_per_mm},
+                              {"lost", p.lost},
+                              {"limit_cycle_mm", p.limit_cycle_mm},
+                              {"limit_cycle_hz", p.limit_cycle_hz},
+                              {"generated_mj", p.generated_mj}});
+  json["tasks"] = DocumentJson::array();
+  for (const TaskResult& t : document.tasks)
+    json["tasks"].push_back({{"renderer", t.renderer},
+                             {"task", t.task},
+                             {"stable", t.stable},
+                             {"contour_rms_mm", t.contour_rms_mm},
+                             {"contour_max_mm", t.contour_max_mm},
+                             {"generated_mj", t.generated_mj},
+                             {"largest_step_n", t.largest_step_n},
+                             {"largest_excess_n", t.largest_excess_n},
+                             {"truth_largest_excess_n", t.truth_largest_excess_n}});
+  json["scores"] = DocumentJson::array();
+  for (const LoopScores& s : document.scores)
+    json["scores"].push_back(
+        {{"renderer", s.renderer}, {"open", side_json(s.open)}, {"closed", side_json(s.closed)}});
+  return document_text(json);
+}
+
+std::vector<Table> stability_tables(const StabilityDocument& document) {
+  std::vector<Table> tables = {limits_table(document), tasks_table(document), scores_table(document)};
+  for (Table& table : cross_tables(document)) tables.push_back(std::move(table));
+  if (Table cycles = cycles_table(document); !cycles.rows.empty()) tables.push_back(std::move(cycles));
+  return tables;
+}
+
 Page stability_page(const StabilityDocument& document, const OutputFolder& folder) {
   Page page = begin_page("Renderers in the loop with a hand", document.head);
   add_known(page, {{}, document.warnings, document.notes});
@@ -208,67 +274,6 @@ Page stability_page(const StabilityDocument& document, const OutputFolder& folde
   section.facts.push_back({"ground truth", {document.truth}});
   page.sections.push_back(std::move(section));
   return page;
-}
-
-}  // namespace
-
-std::string to_json(const StabilityDocument& document) {
-  StabilityJson json = {{"schema", kStabilitySchema}};
-  json.update(StabilityJson::parse(metrics::head_json(document.head)));
-  json["scene"] = document.scene;
-  json["path"] = document.path;
-  json["truth"] = document.truth;
-  json["device"] = document.device;
-  json["hand"] = document.hand;
-  json["stiffness_n_per_mm"] = document.stiffness_n_per_mm;
-  json["truth_stable"] = document.truth_stable;
-  json["warnings"] = document.warnings;
-  json["notes"] = document.notes;
-  json["points"] = StabilityJson::array();
-  for (const StabilityPoint& p : document.points)
-    json["points"].push_back({{"renderer", p.renderer},
-                              {"hand", p.hand},
-                              {"varied", p.varied},
-                              {"control", p.control},
-                              {"rate_hz", p.rate_hz},
-                              {"delay_ms", p.delay_ms},
-                              {"damping_n_s_per_mm", p.damping_n_s_per_mm},
-                              {"largest_stable_n_per_mm", p.largest_stable_n_per_mm},
-                              {"unlimited", p.unlimited},
-                              {"theory_n_per_mm", number_or_null(p.theory_n_per_mm)},
-                              {"passive_n_per_mm", number_or_null(p.passive_n_per_mm)},
-                              {"lost", p.lost},
-                              {"limit_cycle_mm", p.limit_cycle_mm},
-                              {"limit_cycle_hz", p.limit_cycle_hz},
-                              {"generated_mj", p.generated_mj}});
-  json["tasks"] = StabilityJson::array();
-  for (const TaskResult& t : document.tasks)
-    json["tasks"].push_back({{"renderer", t.renderer},
-                             {"task", t.task},
-                             {"stable", t.stable},
-                             {"contour_rms_mm", t.contour_rms_mm},
-                             {"contour_max_mm", t.contour_max_mm},
-                             {"generated_mj", t.generated_mj},
-                             {"largest_step_n", t.steps.step().n},
-                             {"largest_excess_n", t.steps.excess().n},
-                             {"truth_largest_excess_n", t.truth_steps.excess().n}});
-  json["scores"] = StabilityJson::array();
-  for (const LoopScores& s : document.scores)
-    json["scores"].push_back(
-        {{"renderer", s.renderer}, {"open", side_json(s.open)}, {"closed", side_json(s.closed)}});
-  return json.dump(1, ' ', false, StabilityJson::error_handler_t::replace) + "\n";
-}
-
-std::vector<Table> stability_tables(const StabilityDocument& document) {
-  std::vector<Table> tables = {limits_table(document), tasks_table(document), scores_table(document)};
-  for (Table& table : cross_tables(document)) tables.push_back(std::move(table));
-  if (Table cycles = cycles_table(document); !cycles.rows.empty()) tables.push_back(std::move(cycles));
-  return tables;
-}
-
-Status write_stability(const StabilityDocument& document, const OutputFolder& folder) {
-  PALPATE_TRY(write_page(stability_page(document, folder), folder));
-  return folder.write(kStabilityFile, to_json(document));
 }
 
 }  // namespace palpate::experiments

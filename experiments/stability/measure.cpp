@@ -3,41 +3,42 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/accuracy.h>
+#include <palpate/replay.h>
+#include <palpate/result.h>
 #include "device/simulated/arm_models.h"
-#include "device/simulated/loop_theory.h"
-#include "toolkit/core/try.h"
-#include "toolkit/metrics/accuracy.h"
-#include "toolkit/metrics/closest_reference.h"
-#include "toolkit/metrics/touch.h"
-#include "toolkit/trace/replay.h"
+#include "device/simulated/closed_loop.h"
+#include "toolkit/metrics/closest_point_reference.h"
+#include "toolkit/metrics/force_steps.h"
+#include "toolkit/metrics/vibration_threshold.h"
 
 namespace palpate::experiments {
 namespace {
 
-// Stiffness that is tried: from what a hand of 0.4 N/mm hardly feels to ten times what any device bears.
+// Stiffnesses tried: from barely felt by a hand of 0.4 N/mm to ten times any device's limit.
 constexpr double kLeastNPerMm = 0.05, kMostNPerMm = 100.0;
 constexpr double kTriedStep = 1.5;
 constexpr double kToWithin = 1.03;
-// A released device is pushed by so much more than its friction: it meets the wall at some 150 mm/s, as a tap
-// does, and rests less than a goal's depth twice below it at the least stiffness.
+// Push on a released device beyond its friction. It meets the wall at some 150 mm/s, like a tap, and rests
+// less than twice a goal's depth below it at the least stiffness.
 constexpr double kPushN = 0.3;
 constexpr double kLeastReleasedNPerMm = 0.1;
 constexpr double kUmPerMm = 1e3;
-// Truth and renderer pass the same place at times that differ by up to this.
+// Largest time difference between truth and renderer at the same place.
 constexpr double kApartS = 0.1;
-constexpr double kPressS = 4.3;  // of device::press
-// A press that has been still for so long stays so: the longest delay that may be asked for is 20 ms, and
-// what renderers do with time, dents among it, takes some tens of ms.
+constexpr double kPressS = 4.3;  // duration of device::press
+// Time at rest that ends a press: the longest allowed delay is 20 ms, and renderers' time effects such as
+// dents take some tens of ms.
 constexpr double kStillS = 0.25;
 
 struct PressTrial {
   bool stable = false;
-  bool lost = false;  ///< at rest, and not held: fallen through, or pushed off
+  bool lost = false;  ///< at rest but not held: fell through or was pushed off
   device::Swing swing;
   double generated_mj = 0.0;
 };
 
-/// Whether a run ends in a swing that does not die and that touch notices; `most` is the largest one.
+/// True for a run that ends in a lasting, noticeable swing; `most` is the largest one.
 bool swings(const device::LoopRun& run, const device::TaskPlace& place, device::Swing& most) {
   if (run.fault != device::Fault::kNone) return true;
   bool any = false;
@@ -45,7 +46,7 @@ bool swings(const device::LoopRun& run, const device::TaskPlace& place, device::
     const device::Swing swing = device::swing_of(run.hip, axis, 0.0);
     if (swing.amplitude_mm > most.amplitude_mm) most = swing;
     any = any || (swing.sustained && swing.frequency_hz > 0.0 &&
-                  swing.amplitude_mm * kUmPerMm > metrics::noticed_um(swing.frequency_hz));
+                  swing.amplitude_mm * kUmPerMm > metrics::detection_threshold_um(swing.frequency_hz));
   }
   return any;
 }
@@ -55,7 +56,7 @@ Result<PressTrial> press_with(render::HapticRenderer& unit, double gain,
                               const Bench& bench, const Places& places) {
   std::unique_ptr<render::HapticRenderer> felt = std::make_unique<GainRenderer>(unit, gain);
   if (point.damping_n_s_per_mm > 0.0) {
-    // A coupling that is rigid beside everything: its damper alone is left.
+    // A coupling with a practically rigid spring leaves only its damper.
     constexpr double kRigidNPerMm = 1e12;
     control::ControlOptions damper;
     damper.coupling = control::Coupling{kRigidNPerMm, point.damping_n_s_per_mm};
@@ -80,14 +81,14 @@ Result<PressTrial> press_with(render::HapticRenderer& unit, double gain,
   return trial;
 }
 
-/// The linear loop on a plane, and the bound for any hand.
+/// Adds the linear loop's limit on a plane, and the bound for any hand.
 void add_theory(const Bench& bench, StabilityPoint& point) {
   if (point.control != "none") return;
   if (!bench.arm) {
     if (point.hand != "released") return;
     const device::AdmittanceOptions a = device::admittance_model();
     const double t = bench.period_s(), mass = a.mass_kg * device::kNS2PerMmPerKg;
-    // The sums of the virtual mass leave the unit circle at -1.
+    // The virtual mass's poles leave the unit circle at -1.
     point.theory_n_per_mm =
         (4.0 * mass - 2.0 * (a.damping_n_s_per_mm + 2.0 * point.damping_n_s_per_mm) * t) / (t * t);
     return;
@@ -104,7 +105,7 @@ void add_theory(const Bench& bench, StabilityPoint& point) {
         arm.damping_n_s_per_mm, point.damping_n_s_per_mm, arm.friction_n, arm.encoder_mm, bench.period_s());
 }
 
-/// Distance of every place of `way` from the polyline that `truth` went through at about the same time.
+/// Distance of each place of `way` from the polyline of `truth` at about the same time.
 void contour(const trace::ProbePath& way, const trace::ProbePath& truth, TaskResult& result) {
   double sum = 0.0;
   std::size_t from = 0, to = 0;
@@ -124,7 +125,7 @@ void contour(const trace::ProbePath& way, const trace::ProbePath& truth, TaskRes
   if (way.size() > 0) result.contour_rms_mm = std::sqrt(sum / static_cast<double>(way.size()));
 }
 
-/// What a first-order motor shows of forces that are commanded at the samples: at each, of the earlier ones.
+/// Output of a first-order motor for forces commanded at the samples; each sample shows the earlier ones.
 void lag(const trace::ProbePath& path, double lag_s, std::vector<render::Frame>& frames) {
   if (!(lag_s > 0.0)) return;
   Vec3 shown = Vec3::Zero(), commanded = Vec3::Zero();
@@ -135,13 +136,14 @@ void lag(const trace::ProbePath& path, double lag_s, std::vector<render::Frame>&
   }
 }
 
-/// The scores of a trace against the closest point of the truth along its own path.
+/// Scores a trace against the truth's closest points along its own path.
 Result<LoopScores::Side> side_of(const trace::ProbePath& path, trace::ForceTrace felt, const Stage& stage,
                                  const Bench& bench, Progress& progress) {
   metrics::AccuracyOptions options;
   options.stiffness_n_per_mm = scene_stiffness(stage);
-  PALPATE_ASSIGN(trace::ReferenceTrace reference,
-                 metrics::closest_reference(*stage.truth, path, options.stiffness_n_per_mm, 0.0, progress));
+  PALPATE_ASSIGN(
+      trace::ReferenceTrace reference,
+      metrics::closest_point_reference(*stage.truth, path, options.stiffness_n_per_mm, 0.0, progress));
   LoopScores::Side side;
   PALPATE_ASSIGN(const metrics::Accuracy scores, metrics::score(path, felt, reference, nullptr, options));
   side.frames = scores.frames;
@@ -182,7 +184,7 @@ Result<std::vector<HandTask>> tasks_on(const Stage& stage, const Places& places)
   tasks.push_back({device::press(flat, places.sizes), flat, at});
   tasks.push_back({device::slide(flat, places.sizes), flat, at});
   tasks.push_back({device::tap(flat, places.sizes), flat, at});
-  tasks.push_back({device::let_go(flat, places.sizes), flat, at});
+  tasks.push_back({device::release_contact(flat, places.sizes), flat, at});
   if (places.has_edge) {
     device::TaskPlace edge = places.edge;
     edge.point_mm.setZero();
@@ -265,11 +267,13 @@ Result<std::vector<TaskResult>> do_tasks(render::HapticRenderer& renderer, const
     TaskResult result;
     result.task = task_name(i, places.has_edge);
     device::Swing most;
-    // Only who presses on rests at the end: elsewhere a hand moves, and a swing is its own.
+    // Only a press ends at rest: in other tasks the hand moves, so swings are its own.
     result.stable = run.fault == device::Fault::kNone && (i > 0 || !swings(run, task.place, most));
     contour(run.hip, right.hip, result);
-    result.steps = steps_of(run, scene_stiffness(stage));
-    result.truth_steps = steps_of(right, scene_stiffness(stage));
+    const metrics::ForceSteps steps = steps_of(run, scene_stiffness(stage));
+    result.largest_step_n = steps.step().n;
+    result.largest_excess_n = steps.excess().n;
+    result.truth_largest_excess_n = steps_of(right, scene_stiffness(stage)).excess().n;
     result.generated_mj = -run.least_environment_mj;
     results.push_back(std::move(result));
     done();

@@ -1,23 +1,22 @@
 #include "experiments/stability/stability.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <iterator>
 
+#include <palpate/result.h>
+#include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
-#include "experiments/session/run_key.h"
-#include "experiments/session/terminal.h"
 #include "experiments/stability/measure.h"
-#include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/control/virtual_coupling.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr double kBaseHz = 1000.0;  // the rate of haptics, about which everything else is turned
-// A search is some twelve runs; known better as it goes on.
+constexpr double kBaseHz = 1000.0;  // common haptic rate, from which single axes are varied
+// Estimated runs of a search, refined during measurement.
 constexpr double kRunsOfASearch = 12.0;
 constexpr double kPresses = 8.0;  // tasks and scores, in runs
 
@@ -29,7 +28,6 @@ struct AskedLoop {
   Bench bench;
 };
 
-/// What is searched for one renderer.
 std::vector<StabilityPoint> searches_of(const AskedLoop& asked) {
   const bool impedance = asked.bench.arm.has_value();
   const std::vector<double> at_once = {0.0};
@@ -71,21 +69,21 @@ bool same_run(const StabilityPoint& a, const StabilityPoint& b) {
          a.damping_n_s_per_mm == b.damping_n_s_per_mm;
 }
 
-/// Control as the scene has it, with one thing more.
+/// The scene's control with one addition.
 control::ControlOptions control_of(const StabilityPoint& point, const Bench& bench, const Stage& stage) {
   control::ControlOptions options = stage.scene.control;
   if (point.control == "coupling") {
     const double b =
         bench.arm ? bench.arm->damping_n_s_per_mm : device::AdmittanceOptions{}.damping_n_s_per_mm;
     const double most =
-        control::coupling_stability({1.0, 0.0}, b, 1.0 / point.rate_hz).most_stiffness_n_per_mm;
+        control::coupling_stability({1.0, 0.0}, b, 1.0 / point.rate_hz).max_stiffness_n_per_mm;
     options.coupling = control::Coupling{most, 0.0};
   }
   if (point.control == "passivity") options.passivity = control::PassivityOptions{};
   return options;
 }
 
-/// Increasing numbers of a list.
+/// Parses a list of rising numbers.
 Result<std::vector<double>> rising_numbers(const std::string& option, const std::string& text,
                                            const NumberRange& range) {
   std::vector<double> numbers;
@@ -126,81 +124,82 @@ Result<AskedLoop> asked_of(const StabilityArguments& arguments) {
   return asked;
 }
 
-/// Searches, tasks and scores of the renderers, one after the other.
+/// Runs searches, tasks and scores of one renderer after the other.
 class Measuring {
  public:
-  Measuring(const Stage& stage, const AskedLoop& asked, const Places& places, StabilityDocument& document,
-            Context& context)
-      : stage_(stage), asked_(asked), places_(places), document_(document), context_(context) {}
+  Measuring(const Stage& stage, const AskedLoop& asked, const Places& places, ProgressBar& progress)
+      : stage_(stage), asked_(asked), places_(places), progress_(progress) {}
 
-  Status measure(const RendererRequest& request, const render::Registry& registry, int threads,
-                 std::size_t index, std::size_t of);
-  Status search(const std::string& label, render::HapticRenderer& unit, double unit_n_per_mm, double runs);
+  Result<MeasuredLoop> measure(const RendererRequest& request, const render::Registry& registry, int threads);
+  /// Searches every point of one renderer; points under several headings are searched once.
+  Status search(const std::string& label, render::HapticRenderer& unit, MeasuredLoop& loop);
 
  private:
   const Stage& stage_;
   const AskedLoop& asked_;
   const Places& places_;
-  StabilityDocument& document_;
-  Context& context_;
+  ProgressBar& progress_;
 };
 
-Status Measuring::measure(const RendererRequest& request, const render::Registry& registry, int threads,
-                          std::size_t index, std::size_t of) {
-  context_.progress.set_prefix(fmt::format("[{}/{}] {}: ", index + 1, of, request.label));
-  Result<std::unique_ptr<render::HapticRenderer>> made = registry.make(request.name, request.options);
-  if (!made) return std::move(made).error();
-  // What limits forces here is the device.
+Result<MeasuredLoop> Measuring::measure(const RendererRequest& request, const render::Registry& registry,
+                                        int threads) {
+  MeasuredLoop loop;
+  PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> made,
+                 registry.make(request.name, request.options));
+  // The device limits forces here.
   render::SceneInput scene = stage_.scene.input;
   scene.force_limit_n = 0.0;
-  const Result<render::PrepareReport> ready = (*made)->prepare(scene, {threads, &context_.progress});
-  if (!ready) return ready.error();
+  PALPATE_TRY(made->prepare(scene, {threads, &progress_}));
   double runs = 0.0;
-  const RunDone done = [&] { context_.progress.report("tasks of the hand", ++runs / kPresses); };
+  const RunDone done = [&] { progress_.report("tasks of the hand", ++runs / kPresses); };
   std::unique_ptr<render::HapticRenderer> controlled =
-      control::wrap(std::make_unique<GainRenderer>(**made, 1.0), stage_.scene.control);
-  Result<std::vector<TaskResult>> tasks = do_tasks(*controlled, stage_, asked_.bench, places_, done);
-  if (!tasks) return std::move(tasks).error();
-  for (TaskResult& task : *tasks) {
-    task.renderer = request.label;
-    document_.tasks.push_back(std::move(task));
-  }
-  Result<LoopScores> scores = score_loop(*controlled, stage_, asked_.bench, places_, context_.progress, done);
-  if (!scores) return std::move(scores).error();
-  scores->renderer = request.label;
-  document_.scores.push_back(*std::move(scores));
-  return search(request.label, **made, scene_stiffness(stage_), runs);
+      control::wrap(std::make_unique<GainRenderer>(*made, 1.0), stage_.scene.control);
+  PALPATE_ASSIGN(loop.tasks, do_tasks(*controlled, stage_, asked_.bench, places_, done));
+  for (TaskResult& task : loop.tasks) task.renderer = request.label;
+  PALPATE_ASSIGN(LoopScores scores, score_loop(*controlled, stage_, asked_.bench, places_, progress_, done));
+  scores.renderer = request.label;
+  loop.scores.push_back(std::move(scores));
+  PALPATE_TRY(search(request.label, *made, loop));
+  return loop;
 }
 
-/// Every point of one renderer; what stands under several headings is searched once.
-Status Measuring::search(const std::string& label, render::HapticRenderer& unit, double unit_n_per_mm,
-                         double runs) {
-  std::vector<StabilityPoint> points = searches_of(asked_);
+Status Measuring::search(const std::string& label, render::HapticRenderer& unit, MeasuredLoop& loop) {
+  std::vector<StabilityPoint>& points = loop.points = searches_of(asked_);
   const double all = kRunsOfASearch * static_cast<double>(points.size()) + kPresses;
+  double runs = 0.0;
   const RunDone done = [&] {
     runs += 1.0;
-    context_.progress.report("runs of the loop", std::min(1.0, runs / all));
+    progress_.report("runs of the loop", std::min(1.0, runs / all));
   };
   for (std::size_t i = 0; i < points.size(); ++i) {
     StabilityPoint& point = points[i];
     point.renderer = label;
     runs = kPresses + kRunsOfASearch * static_cast<double>(i);
-    const auto same = std::find_if(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(i),
-                                   [&](const StabilityPoint& p) { return same_run(p, point); });
-    if (same != points.begin() + static_cast<std::ptrdiff_t>(i)) {
+    const auto here = points.begin() + static_cast<std::ptrdiff_t>(i);
+    const auto same =
+        std::find_if(points.begin(), here, [&](const StabilityPoint& p) { return same_run(p, point); });
+    if (same != here) {
       const std::string varied = point.varied;
       point = *same;
       point.varied = varied;
     } else {
-      PALPATE_TRY(find_largest_stable(unit, unit_n_per_mm, control_of(point, asked_.bench, stage_),
+      PALPATE_TRY(find_largest_stable(unit, scene_stiffness(stage_), control_of(point, asked_.bench, stage_),
                                       asked_.bench, places_, point, done));
     }
-    document_.points.push_back(point);
   }
   return Done{};
 }
 
-/// Whether even the truth swings: then the others say nothing of renderers.
+void add_loop(MeasuredLoop loop, StabilityDocument& document) {
+  const auto append = [](auto& to, auto& from) {
+    to.insert(to.end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
+  };
+  append(document.points, loop.points);
+  append(document.tasks, loop.tasks);
+  append(document.scores, loop.scores);
+}
+
+/// Checks whether the truth itself swings: then swings say nothing of renderers.
 Status ask_truth(const Stage& stage, const AskedLoop& asked, const Places& places,
                  StabilityDocument& document) {
   TruthRenderer truth(*stage.truth, scene_stiffness(stage));
@@ -236,85 +235,68 @@ void begin_document(const StabilityArguments& arguments, const Stage& stage, Con
   document.notes = stage.notes;
 }
 
-std::string key_of_run(const StabilityArguments& a, const StageRequest& stage) {
-  RunKey key;
-  for (const std::string& text : {a.run.scene, a.run.renderers, a.run.path, a.run.reference, a.device, a.hand,
-                                  a.rates, a.delays, a.dampings})
-    key.add(text);
-  key.add(a.jitter_ms).add(a.slew_n_per_s).add(static_cast<std::uint64_t>(a.cross));
-  for (const std::string& file : files_read(stage)) key.add_file(file);
-  return key.word();
-}
-
-/// Writes and prints it. The exit status.
-int finish_stability(const StabilityDocument& document, const OutputFolder& folder, bool json, int status,
-                     Context& context) {
-  context.progress.set_prefix("");
-  context.progress.report("drawing the report", -1.0);
-  Status written = write_stability(document, folder);
-  if (written) written = folder.complete();
-  context.progress.clear();
-  if (!written) return fail(written.error(), kExitFellShort);
-  if (json) {
-    fmt::print("{}", to_json(document));
-    return status;
-  }
-  for (const Table& table : stability_tables(document))
-    fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
-  std::fflush(stdout);
-  for (const std::string& warning : document.warnings) tell("palpate: warning: {}\n", warning);
-  fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
-  return status;
-}
-
 }  // namespace
 
-int run_stability(const StabilityArguments& arguments, Context& context) {
+Result<int> run_stability(const StabilityArguments& arguments, Context& context) {
+  Suite suite(context);
   const render::Registry registry = all_renderers();
-  const Result<AskedLoop> asked = asked_of(arguments);
-  if (!asked) return fail(asked.error(), kExitBadInput);
-  Result<CheckedRun> checked = check_run(arguments.run, registry, context.progress);
-  if (!checked) return fail(checked.error(), kExitBadInput);
-  checked->stage.usual_frames = kStabilityFrames;
-  const Result<OutputFolder> folder = OutputFolder::open(
-      arguments.run.out.empty() ? usual_folder("stability", arguments.run.scene) : arguments.run.out);
-  if (!folder) return fail(folder.error(), kExitBadInput);
-  if (const Status apart = folder->check_not_read(files_read(checked->stage)); !apart)
-    return fail(apart.error(), kExitBadInput);
-  const Result<Stage> stage = set_up(checked->stage, all_readers(), context.progress);
-  if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
-  const Result<Places> places = places_on(*stage);
-  if (!places) return fail(places.error(), kExitBadInput, &context.progress);
+  ProgressBar& progress = suite.progress();
+  PALPATE_ASSIGN(const AskedLoop asked, asked_of(arguments));
+  PALPATE_ASSIGN(CheckedRun checked, check_run(arguments.run, registry, progress));
+  checked.stage.usual_frames = kStabilityFrames;
+  PALPATE_TRY(suite.open(
+      arguments.run.out.empty() ? usual_folder("stability", arguments.run.scene) : arguments.run.out,
+      files_read(checked.stage)));
+  PALPATE_ASSIGN(const Stage stage, set_up(checked.stage, all_readers(), progress));
+  PALPATE_ASSIGN(const Places places, places_on(stage));
   StabilityDocument document;
-  begin_document(arguments, *stage, context, document);
-  if (checked->renderers.empty()) {
-    Chosen chosen = usual_renderers(stage->scene.input, checked->own, registry);
-    checked->renderers = std::move(chosen.renderers);
+  begin_document(arguments, stage, context, document);
+  if (checked.renderers.empty()) {
+    Chosen chosen = usual_renderers(stage.scene.input, checked.own, registry);
+    checked.renderers = std::move(chosen.renderers);
     for (std::string& note : chosen.notes) document.notes.push_back(std::move(note));
   }
-  for (const RendererRequest& request : checked->renderers)
-    if (Status able = registry.check_supports(*registry.find(request.name), stage->scene.input); !able)
-      return fail(able.error(), kExitBadInput, &context.progress);
-  if (const Status begun = begin_run(*folder, key_of_run(arguments, checked->stage), context); !begun)
-    return fail(begun.error(), kExitFellShort, &context.progress);
-  if (const Status asked_truth = ask_truth(*stage, *asked, *places, document); !asked_truth)
-    return fail(asked_truth.error(), kExitFellShort, &context.progress);
+  for (const RendererRequest& request : checked.renderers)
+    PALPATE_TRY(registry.check_supports(*registry.find(request.name), stage.scene.input));
+  RunKey key = key_of(arguments.run, checked.stage);
+  for (const std::string& text :
+       {arguments.device, arguments.hand, arguments.rates, arguments.delays, arguments.dampings})
+    key.add(text);
+  key.add(arguments.jitter_ms).add(arguments.slew_n_per_s).add(static_cast<std::uint64_t>(arguments.cross));
+  PALPATE_TRY(suite.begin(key));
+  PALPATE_TRY(ask_truth(stage, asked, places, document));
+  Measuring measuring(stage, asked, places, progress);
+  progress.set_prefix("truth: ");
+  const auto search_truth = [&]() -> Result<MeasuredLoop> {
+    TruthRenderer truth(*stage.truth, document.stiffness_n_per_mm);
+    MeasuredLoop loop;
+    PALPATE_TRY(measuring.search("truth", truth, loop));
+    return loop;
+  };
+  PALPATE_ASSIGN(MeasuredLoop of_truth, suite.once<MeasuredLoop>("truth", "truth", search_truth));
+  add_loop(std::move(of_truth), document);
   int status = kExitOk;
-  Measuring measuring(*stage, *asked, *places, document, context);
-  context.progress.set_prefix("truth: ");
-  TruthRenderer truth(*stage->truth, document.stiffness_n_per_mm);
-  if (const Status searched = measuring.search("truth", truth, document.stiffness_n_per_mm, 0.0); !searched)
-    return fail(searched.error(), kExitBadInput, &context.progress);
-  for (std::size_t i = 0; i < checked->renderers.size(); ++i) {
-    const RendererRequest& request = checked->renderers[i];
-    const Status measured =
-        measuring.measure(request, registry, arguments.run.load.threads, i, checked->renderers.size());
-    if (measured) continue;
+  for (std::size_t i = 0; i < checked.renderers.size(); ++i) {
+    const RendererRequest& request = checked.renderers[i];
+    progress.set_prefix(fmt::format("[{}/{}] {}: ", i + 1, checked.renderers.size(), request.label));
+    Result<MeasuredLoop> loop = suite.once<MeasuredLoop>(request.label, key_of(request), [&] {
+      return measuring.measure(request, registry, arguments.run.load.threads);
+    });
+    if (loop) {
+      add_loop(*std::move(loop), document);
+      continue;
+    }
     status = kExitFellShort;
     document.warnings.push_back(
-        fmt::format("{} was not measured: {}", request.label, measured.error().message()));
+        fmt::format("{} was not measured: {}", request.label, loop.error().message()));
   }
-  return finish_stability(document, *folder, arguments.run.json, status, context);
+  progress.set_prefix("");
+  progress.report("drawing the report", -1.0);
+  const Page page = stability_page(document, suite.folder());
+  PALPATE_TRY(
+      suite.publish({kStabilityFile, to_json(document), stability_tables(document), document.warnings}, page,
+                    arguments.run.json));
+  return status;
 }
 
 }  // namespace palpate::experiments

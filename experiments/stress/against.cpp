@@ -3,22 +3,19 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <nlohmann/json.hpp>
-
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
-using AgainstJson = nlohmann::ordered_json;
-
-// A matrix of all cells has some 2 MB.
+// The matrix of all cells has some 2 MB.
 constexpr std::uint64_t kMostAgainstBytes = std::uint64_t{256} << 20;
 
 Error no_matrix(const std::string& file, const std::string& why) {
   return {fmt::format("{} is no {}: {}", file, kStressFile, why),
-          "give the stress.json of another run of palpate stress",
+          "give the stress.json of another run of palpate test stress",
           {},
           0};
 }
@@ -30,15 +27,15 @@ Result<OtherHashes> read_hashes(const std::string& file) {
   OtherHashes other;
   other.file = file;
   try {
-    const AgainstJson json = AgainstJson::parse(text);
+    const DocumentJson json = DocumentJson::parse(text);
     if (json.at("schema") != kStressSchema)
       return no_matrix(file, fmt::format("its schema is not {}", kStressSchema));
-    const AgainstJson& machine = json.at("machine");
+    const DocumentJson& machine = json.at("machine");
     other.built_by = fmt::format("{}, {}", machine.value("compiler", "an unknown compiler"),
                                  machine.value("cpu", "an unknown processor"));
-    for (const AgainstJson& cell : json.at("cells")) {
+    for (const DocumentJson& cell : json.at("cells")) {
       if (cell.at("status") == "skipped") continue;
-      const AgainstJson& hash = cell.at("trace_hash");
+      const DocumentJson& hash = cell.at("trace_hash");
       other.of_cell[{cell.at("renderer"), cell.at("case")}] = hash.is_null() ? "" : hash.get<std::string>();
     }
   } catch (const nlohmann::json::exception& error) {
@@ -74,8 +71,8 @@ Table hash_table(const std::vector<HashRow>& rows, const OtherHashes& other) {
   table.columns = {"renderer", "the same", "different", "in"};
   for (const HashRow& row : rows)
     table.rows.push_back({{row.renderer},
-                          {count_text(row.same)},
-                          {count_text(row.different.size()), false, !row.different.empty()},
+                          {format_count(row.same)},
+                          {format_count(row.different.size()), false, !row.different.empty()},
                           {row.different.empty() ? "" : fmt::format("{}", fmt::join(row.different, ", "))}});
   table.notes.push_back(fmt::format("The other run: {}. Cells that both ran.", other.built_by));
   return table;
@@ -83,12 +80,13 @@ Table hash_table(const std::vector<HashRow>& rows, const OtherHashes& other) {
 
 std::string with_hashes(const std::string& stress_json, const std::vector<HashRow>& rows,
                         const OtherHashes& other) {
-  AgainstJson json = AgainstJson::parse(stress_json);
-  json["against"] = {{"file", other.file}, {"built_by", other.built_by}, {"renderers", AgainstJson::array()}};
+  DocumentJson json = DocumentJson::parse(stress_json);
+  json["against"] = {
+      {"file", other.file}, {"built_by", other.built_by}, {"renderers", DocumentJson::array()}};
   for (const HashRow& row : rows)
     json["against"]["renderers"].push_back(
         {{"renderer", row.renderer}, {"same", row.same}, {"different", row.different}});
-  return json.dump(1, ' ', false, AgainstJson::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
 }  // namespace palpate::experiments

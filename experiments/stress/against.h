@@ -1,5 +1,5 @@
-// The hashes of another stress.json beside those of a matrix: another compiler, processor, library or number
-// of threads must answer the same bits.
+// Compares a matrix's hashes with another stress.json's. Other compilers, processors, libraries and thread
+// counts must give identical bits.
 #pragma once
 
 #include <map>
@@ -11,18 +11,17 @@
 
 namespace palpate::experiments {
 
-/// What another run answered.
+/// Another run's answers.
 struct OtherHashes {
-  std::string file, built_by;  ///< built_by: compiler and processor, as it says
-  /// By renderer's label and case; empty where the renderer refused or crashed. Cells that it did not run are
-  /// not there.
+  std::string file, built_by;  ///< built_by: compiler and processor
+  /// By renderer label and case; empty for a refusal or crash. Cells not run are absent.
   std::map<std::pair<std::string, std::string>, std::string> of_cell;
 };
 
-/// An Error where the file cannot be read or is no stress.json.
+/// Error: the file cannot be read or is no stress.json.
 [[nodiscard]] Result<OtherHashes> read_hashes(const std::string& file);
 
-/// One renderer, in the cells that both ran.
+/// One renderer in the cells common to both runs.
 struct HashRow {
   std::string renderer;
   render::Role role = render::Role::kOurs;
@@ -32,7 +31,7 @@ struct HashRow {
 [[nodiscard]] std::vector<HashRow> compare_hashes(const StressMatrix& matrix, const OtherHashes& other);
 
 [[nodiscard]] Table hash_table(const std::vector<HashRow>& rows, const OtherHashes& other);
-/// The member "against" of stress.json, added to its text.
+/// Adds the member "against" to the text of stress.json.
 [[nodiscard]] std::string with_hashes(const std::string& stress_json, const std::vector<HashRow>& rows,
                                       const OtherHashes& other);
 

@@ -4,9 +4,9 @@
 #include <limits>
 #include <numbers>
 
+#include <palpate/result.h>
 #include "experiments/stress/setups.h"
 #include "experiments/stress/shapes.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -49,7 +49,7 @@ void add_plates(std::vector<StressCase>& cases) {
 }
 
 void add_sharp(std::vector<StressCase>& cases) {
-  const auto across = [](Way& way) {  // through its middle from the side and back, then on to its tip
+  const auto across = [](Way& way) {  // across the middle and back, then to the tip
     const Vec3 side(8, 0.1, 5);
     way.to({4, 0.1, 5}, 80, Due::kFree).to({-0.3, 0.1, 5}, 100, Due::kAny).to({4, 0.1, 5}, 100, Due::kAny);
     way.to(side, 80, Due::kFree).to({8, 0, 30}, 200, Due::kAny).to({0.02, 0.01, 28}, 100, Due::kAny);

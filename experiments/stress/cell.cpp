@@ -8,21 +8,31 @@
 #include <ctime>
 #include <exception>
 
-#include "toolkit/core/numbers.h"
+#include "experiments/driver/json_document.h"
+#include "experiments/run/child.h"
+#include "toolkit/core/number_format.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/work_bound.h"
 
 namespace palpate::experiments {
+
+NLOHMANN_JSON_SERIALIZE_ENUM(CellStatus, {{CellStatus::kSkipped, "skipped"},
+                                          {CellStatus::kOk, "ok"},
+                                          {CellStatus::kLimit, "limit"},
+                                          {CellStatus::kFailed, "failed"}})
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StressCell, renderer, name, status, check, cause, warnings, trace_hash,
+                                   frames, contact_frames, bound_hits, largest_force_n, twin_difference_n,
+                                   twin_bound_n)
+
 namespace {
 
 using render::Frame;
 
-// Less than this share of the frames in which a force is due may be without one: those at the ends of a
-// contact.
+// Share of due frames that may lack a force, at the ends of a contact.
 constexpr double kMissedShare = 0.01;
-// Passes of which a frame's shortest time counts: the machine interrupts one, hardly three.
+// Passes for a frame's shortest time: an interrupt hits one, rarely three.
 constexpr int kTimedPasses = 3;
-// Scaling a force to the limit: a square root, a division, a product for each axis, and the norm taken of it
+// Rounding operations of limiting a force: a square root, a division, three products, and the norm taken
 // here.
 constexpr int kLimitOperations = 12;
 
@@ -32,7 +42,6 @@ double thread_seconds() noexcept {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// One pass over the path.
 struct Pass {
   trace::ForceTrace trace;
   std::vector<double> frame_s;
@@ -53,7 +62,7 @@ Pass pass_of(render::HapticRenderer& renderer, const trace::ProbePath& path) {
 
 struct Prepared {
   std::unique_ptr<render::HapticRenderer> renderer;
-  std::string refused;  ///< why there is none
+  std::string refused;  ///< reason; empty: not refused
   std::vector<std::string> warnings;
   double read_rounding_mm = 0.0;
 };
@@ -82,7 +91,7 @@ Prepared prepare(const StressSetup& setup, const RendererRequest& request, const
   return prepared;
 }
 
-/// Has an option of each of these names.
+/// True if the renderer has options of all these names.
 bool has_options(const render::RendererInfo& info, const Options& options) {
   return std::all_of(options.all().begin(), options.all().end(), [&](const auto& one) {
     return std::any_of(info.options.begin(), info.options.end(),
@@ -95,7 +104,7 @@ std::string place_text(const trace::ProbePath& path, std::size_t i) {
   return fmt::format("frame {}, HIP ({:g}, {:g}, {:g}) mm", i, h.x(), h.y(), h.z());
 }
 
-/// The frames that break a rule, counted; the first one is told.
+/// Counts the frames that break a rule and describes the first.
 class Breaches {
  public:
   Breaches(const StressSetup& setup, StressCell& cell) : setup_(setup), cell_(cell) {}
@@ -145,9 +154,8 @@ void judge_frames(const StressSetup& setup, const std::vector<Frame>& frames, St
   }
 }
 
-/// Of points that it warned of a renderer may feel another surface than the case has in mind: that is a limit
-/// which its own check of the input stated beforehand. No warning excuses a crash, a force beyond the limit
-/// or another answer to the same question.
+/// A warning about the input downgrades a wrong surface to a limit, as stated beforehand. It excuses no
+/// crash, no force beyond the limit and no different replay.
 void judge_warned(StressCell& cell) {
   if (cell.status != CellStatus::kFailed || cell.warnings.empty()) return;
   if (cell.check != "free" && cell.check != "felt") return;
@@ -155,7 +163,7 @@ void judge_warned(StressCell& cell) {
   cell.cause = fmt::format("it warned: \"{}\"; then {}", fmt::join(cell.warnings, "\", \""), cell.cause);
 }
 
-/// A replay must repeat itself; a frame must end within the tick.
+/// A replay must be identical; a frame must end within the tick.
 void judge_passes(const StressSetup& setup, render::HapticRenderer& renderer, Pass& first, StressCell& cell) {
   std::vector<double> least = first.frame_s;
   for (int pass = 1; pass < kTimedPasses; ++pass) {
@@ -175,14 +183,14 @@ void judge_passes(const StressSetup& setup, render::HapticRenderer& renderer, Pa
   cell.status = stated ? CellStatus::kLimit : CellStatus::kFailed;
   cell.check = "bounded";
   cell.cause =
-      fmt::format("a frame of {} of processor time, {}; its bound says: {}", duration_text(1e3 * *worst),
+      fmt::format("a frame of {} of processor time, {}; its bound says: {}", format_duration(1e3 * *worst),
                   place_text(setup.path, static_cast<std::size_t>(worst - least.begin())), bound);
 }
 
 void judge_twin(const StressSetup& setup, const RendererRequest& request, const render::Registry& registry,
                 const std::vector<Frame>& frames, StressCell& cell) {
   const Prepared twin = prepare(*setup.twin, request, registry);
-  if (!twin.renderer) return;  // refused at unit scale: there is nothing to compare with
+  if (!twin.renderer) return;  // refused at unit scale: no comparison
   const Pass unit = pass_of(*twin.renderer, setup.twin->path);
   cell.twin_bound_n = setup.twin_bound_n + 2.0 * setup.twin_n_per_mm * twin.read_rounding_mm;
   std::size_t beyond = 0, first = 0;
@@ -196,7 +204,7 @@ void judge_twin(const StressSetup& setup, const RendererRequest& request, const 
   cell.check = "twin";
   cell.cause = fmt::format(
       "{} of {} forces differ from the twin's by more than rounding allows ({} N), by up to {} N, first {}",
-      beyond, frames.size(), short_number(cell.twin_bound_n), short_number(cell.twin_difference_n),
+      beyond, frames.size(), format_number(cell.twin_bound_n), format_number(cell.twin_difference_n),
       place_text(setup.path, first));
 }
 
@@ -245,6 +253,13 @@ const char* name_of(CellStatus status) noexcept {
   return "";
 }
 
+std::string to_text(const std::vector<StressCell>& cells) {
+  return to_line(cells);
+}
+bool from_text(const std::string& text, std::vector<StressCell>& cells) {
+  return from_line(text, cells);
+}
+
 StressCell run_cell(const StressCase& one, const RendererRequest& request, const render::Registry& registry) {
   StressCell cell;
   cell.renderer = request.label;
@@ -257,6 +272,30 @@ StressCell run_cell(const StressCase& one, const RendererRequest& request, const
     cell.cause = fmt::format("an exception left it: {}", error.what());
   }
   return cell;
+}
+
+void run_row_apart(const std::vector<StressCase>& cases, const RendererRequest& request,
+                   const render::Registry& registry, const CellLimits& limits,
+                   const std::function<bool(StressCell&&)>& ready) {
+  const auto work = [&](std::uint64_t task, Progress&) -> Result<std::string> {
+    return to_line(run_cell(cases[task], request, registry));
+  };
+  for (std::size_t next = 0; next < cases.size();) {
+    Child child(work, true, {limits.seconds, limits.bytes});
+    for (; child.alive() && next < cases.size(); ++next) {
+      const Result<std::string> line = child.ask(next, no_progress());
+      StressCell cell;
+      if (!line || !from_line(*line, cell)) {
+        cell = {};
+        cell.renderer = request.label;
+        cell.name = cases[next].name;
+        cell.status = CellStatus::kFailed;
+        cell.check = "crash";
+        cell.cause = line ? "its answer is no cell" : line.error().what;
+      }
+      if (!ready(std::move(cell))) return;
+    }
+  }
 }
 
 }  // namespace palpate::experiments

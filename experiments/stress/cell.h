@@ -1,22 +1,22 @@
-// One cell of the stress matrix: a renderer at an extreme, and whether all holds that must.
+// One cell of the stress matrix: a renderer in a case, judged.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include <palpate/registry.h>
 #include "experiments/run/arguments.h"
 #include "experiments/stress/stress_case.h"
-#include "toolkit/render/registry.h"
 
 namespace palpate::experiments {
 
 enum class CellStatus : std::uint8_t {
   kOk,
-  kLimit,    ///< refused before the first frame, with a message; warned of before the first frame, and
-             ///< felt wrongly; or the renderer states that its frame may take
-             ///< longer than a tick: render::may_miss_a_tick
-  kFailed,   ///< something that must hold did not
+  kLimit,    ///< refused with a message before the first frame; warned before it and felt wrongly; or
+             ///< declared render::may_miss_a_tick
+  kFailed,   ///< a requirement was broken
   kSkipped,  ///< not run
 };
 /// "ok", "limit", "failed", "skipped".
@@ -24,21 +24,36 @@ enum class CellStatus : std::uint8_t {
 
 struct StressCell {
   std::string renderer;  ///< label
-  std::string name;      ///< of the case
+  std::string name;      ///< the case's
   CellStatus status = CellStatus::kSkipped;
   std::string
-      check;  ///< what did not hold: "crash", "finite", "limit", "free", "felt", "bounded", "replay", "twin"
-  std::string cause;                  ///< in words; empty where all held
-  std::vector<std::string> warnings;  ///< what the preparation said beforehand, whether it held or not
+      check;  ///< broken requirement: "crash", "finite", "limit", "free", "felt", "bounded", "replay", "twin"
+  std::string cause;                  ///< in words; empty without failure
+  std::vector<std::string> warnings;  ///< of the preparation, in any case
   std::string trace_hash;
   std::uint64_t frames = 0, contact_frames = 0, bound_hits = 0;
   double largest_force_n = 0.0;
   double twin_difference_n = 0.0,
-         twin_bound_n = 0.0;  ///< largest over the frames; both 0 where there is no twin
+         twin_bound_n = 0.0;  ///< largest over the frames; both 0 without a twin
 };
 
-/// Runs it in this process. Never throws.
+/// Cells as one line and back; false for an invalid line.
+[[nodiscard]] std::string to_text(const std::vector<StressCell>& cells);
+[[nodiscard]] bool from_text(const std::string& text, std::vector<StressCell>& cells);
+
+/// Runs a cell in this process. Never throws.
 [[nodiscard]] StressCell run_cell(const StressCase& one, const RendererRequest& request,
                                   const render::Registry& registry);
+
+struct CellLimits {
+  double seconds = 60.0;                ///< processor time of one cell, preparation included
+  std::uint64_t bytes = 6'000'000'000;  ///< private memory
+};
+
+/// Runs the cases in order in a forked process, replaced after each case that ends it: a crash or hang is a
+/// failed cell. Calls `ready` for each cell; false stops the row.
+void run_row_apart(const std::vector<StressCase>& cases, const RendererRequest& request,
+                   const render::Registry& registry, const CellLimits& limits,
+                   const std::function<bool(StressCell&&)>& ready);
 
 }  // namespace palpate::experiments

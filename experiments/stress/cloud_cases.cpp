@@ -1,22 +1,21 @@
-// Spacings far apart in one cloud, and clouds that are hardly surfaces.
+// Clouds of extreme spacings, and clouds that are hardly surfaces.
 #include <fmt/format.h>
 
 #include <cmath>
 #include <limits>
 
+#include <palpate/result.h>
 #include "experiments/stress/setups.h"
 #include "toolkit/core/random.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
 using Points = std::vector<Vec3>;
 
-/// Square rings around the origin in the plane z = 0, each with points twice as far apart as the one inside
-/// it.
+/// Square rings around the origin in the plane z = 0, each with twice the spacing of the one inside it.
 Points graded_plane(double finest_mm, int rings) {
-  constexpr int kHalf = 8;  // of a ring's outer edge, in its spacing
+  constexpr int kHalf = 8;  // half of a ring's outer edge, in its spacing
   Points points;
   double step = finest_mm;
   for (int ring = 0; ring < rings; ++ring, step *= 2.0)
@@ -34,7 +33,7 @@ Points lattice(int half, double step_mm, double z_mm = 0.0) {
   return points;
 }
 
-/// A cloud and a dip through it at one place.
+/// A cloud with a dip through it at one place.
 std::function<Result<StressSetup>()> dipped(std::function<Points()> points, const char* name, Dip way) {
   return [=]() -> Result<StressSetup> {
     PALPATE_ASSIGN(StressSetup setup, setup_of_points(points(), name));
@@ -42,7 +41,7 @@ std::function<Result<StressSetup>()> dipped(std::function<Points()> points, cons
     return setup;
   };
 }
-/// The same where nobody says what is felt: only that it is free above `clear_mm`.
+/// The same without an expected force: only free above `clear_mm`.
 std::function<Result<StressSetup>()> crossed(std::function<Points()> points, const char* name, double out_mm,
                                              double clear_mm, Vec3 at = {0.05, 0.03, 0}) {
   Dip way{at, at + Vec3(0.4, 0.3, 0)};
@@ -189,7 +188,7 @@ void add_degenerate(std::vector<StressCase>& cases) {
       });
 }
 
-/// A plane with one more point far off.
+/// A plane with one distant outlier.
 void add_strays(std::vector<StressCase>& cases) {
   const auto with_stray = [](const Vec3& stray) {
     return [stray] {

@@ -1,19 +1,19 @@
-// What reading the code found likely to break.
+// Cases suspected from reading the code.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include <palpate/result.h>
 #include "experiments/stress/setups.h"
 #include "experiments/stress/shapes.h"
 #include "toolkit/core/random.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
 using Points = std::vector<Vec3>;
 
-/// A plane, felt with an option of the renderer far beyond its usual size.
+/// A plane with a renderer option far beyond its usual range.
 std::function<Result<StressSetup>()> with_option(const char* key, const char* value,
                                                  const char* also = nullptr,
                                                  const char* also_value = nullptr) {
@@ -43,9 +43,9 @@ void add_options(std::vector<StressCase>& cases) {
                    false, with_option("resolution_mm", "1e6")});
 }
 
-/// An open sheet of 1,681 points with so many more anywhere around it, pressed from above and from below.
+/// An open sheet of 1,681 points with `flying` more around it, pressed from above and below.
 Result<StressSetup> flying_sheet(int flying) {
-  constexpr double kWayMm = 2.5;  // no point is thrown where the HIP goes
+  constexpr double kWayMm = 2.5;  // clearance: no added point is where the HIP goes
   Points points = lattice_points({-10, -10, 0}, {0.5, 0, 0}, {0, 0.5, 0}, 41, 41);
   Random random(12);
   const auto length = [&] { return random.uniform(-14.0, 14.0); };
@@ -200,8 +200,8 @@ void add_fast(std::vector<StressCase>& cases) {
                    }});
 }
 
-/// A cylinder with a deep narrow pit: into the pit and around below its bottom, then under the cylinder and
-/// over the middle of its flat end. So many facets meet at the bottom of the pit and in that middle.
+/// A cylinder with a deep narrow pit. The path goes into the pit and around below its bottom, then under the
+/// cylinder and across its flat end; `count` facets meet at each centre.
 Result<StressSetup> turned_setup(int count) {
   constexpr double kStepMm = 1.0, kRoundMm = 1.7, kTurns = 2.0;
   constexpr int kFrames = 300;
@@ -226,7 +226,7 @@ Result<StressSetup> turned_setup(int count) {
   return setup;
 }
 
-/// Renderers without a mesh skip these.
+/// Skipped by renderers without a mesh.
 void add_fans(std::vector<StressCase>& cases) {
   cases.push_back({"fan-400", "likely",
                    "A mesh of a turned body, four hundred facets around each end of its axis.", true, false,

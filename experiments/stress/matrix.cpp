@@ -5,13 +5,15 @@
 
 #include <algorithm>
 #include <map>
-#include <nlohmann/json.hpp>
+
+#include "experiments/driver/json_document.h"
 
 namespace palpate::experiments {
 namespace {
 
 std::string command_of(const RendererRequest& request, const std::string& name) {
-  return fmt::format("palpate stress --renderers {} --cases {} --out out/{}", spelled(request), name, name);
+  return fmt::format("palpate test stress --renderers {} --cases {} --out out/{}", spelled(request), name,
+                     name);
 }
 
 std::string cause_of(const StressMatrix& matrix, std::size_t r, std::size_t c) {
@@ -22,7 +24,7 @@ std::string cause_of(const StressMatrix& matrix, std::size_t r, std::size_t c) {
 }
 
 const char* colour_of(CellStatus status) noexcept {
-  switch (status) {  // Okabe and Ito
+  switch (status) {  // colours of Okabe and Ito
     case CellStatus::kOk:
       return "#009e73";
     case CellStatus::kLimit:
@@ -43,10 +45,9 @@ std::size_t count_of(const std::vector<StressCell>& row, CellStatus status) {
       std::count_if(row.begin(), row.end(), [&](const StressCell& cell) { return cell.status == status; }));
 }
 
-/// The cells of this status, by what did not hold: "felt: CASE, CASE; free: CASE"; "none" where there is
-/// none.
+/// Cells of this status by broken requirement: "felt: CASE, CASE; free: CASE", or "none".
 std::string stress_cells_text(const std::vector<StressCell>& row, CellStatus status) {
-  constexpr std::size_t kMostNamed = 16;  // of one check: whoever fails more fails by its method
+  constexpr std::size_t kMostNamed = 16;  // per requirement; more failures stem from the method itself
   std::map<std::string, std::vector<std::string>> by_check;
   for (const StressCell& cell : row)
     if (cell.status == status) by_check[cell.check].push_back(cell.name);
@@ -62,16 +63,15 @@ std::string stress_cells_text(const std::vector<StressCell>& row, CellStatus sta
   return text.empty() ? "none" : text;
 }
 
-/// A renderer's row in numbers, as tables on pages show it.
-nlohmann::ordered_json stress_row_json(const StressMatrix& matrix, std::size_t r) {
-  nlohmann::ordered_json row = {{"label", matrix.renderers[r].label}, {"role", name_of(matrix.roles[r])}};
+DocumentJson stress_row_json(const StressMatrix& matrix, std::size_t r) {
+  DocumentJson row = {{"label", matrix.renderers[r].label}, {"role", name_of(matrix.roles[r])}};
   for (const CellStatus status : kStatuses) row[name_of(status)] = count_of(matrix.cells[r], status);
   row["failed_cells"] = stress_cells_text(matrix.cells[r], CellStatus::kFailed);
   row["limit_cells"] = stress_cells_text(matrix.cells[r], CellStatus::kLimit);
   return row;
 }
 
-/// Red cells first, then the limits; with the command that shows a red one alone.
+/// Lists failed cells, each with a command to rerun it, then limits.
 Fact fact_of(const StressMatrix& matrix, std::size_t r) {
   Fact fact{matrix.renderers[r].label, {}};
   for (const CellStatus status : {CellStatus::kFailed, CellStatus::kLimit})
@@ -115,7 +115,7 @@ Table stress_table(const StressMatrix& matrix) {
       const StressCell& cell = cells[c];
       const bool failed = cell.status == CellStatus::kFailed;
       row.push_back({failed                                ? cell.check
-                     : cell.status == CellStatus::kSkipped ? kNoNumber
+                     : cell.status == CellStatus::kSkipped ? kMissingNumber
                                                            : name_of(cell.status),
                      false, failed});
     }
@@ -136,7 +136,7 @@ Table stress_summary(const StressMatrix& matrix) {
     std::vector<Cell> row = {{matrix.renderers[r].label}, {std::string(name_of(matrix.roles[r]))}};
     for (const CellStatus status : kStatuses) {
       const std::size_t count = count_of(matrix.cells[r], status);
-      row.push_back({count_text(count), false, status == CellStatus::kFailed && count > 0});
+      row.push_back({format_count(count), false, status == CellStatus::kFailed && count > 0});
     }
     table.rows.push_back(std::move(row));
   }
@@ -184,27 +184,23 @@ std::string stress_picture(const StressMatrix& matrix) {
 }
 
 std::string stress_json(const StressMatrix& matrix) {
-  nlohmann::ordered_json json = {{"schema", kStressSchema}};
-  json.update(nlohmann::ordered_json::parse(metrics::head_json(matrix.head)));
-  json["cases"] = nlohmann::ordered_json::array();
+  DocumentJson json = begin_json(kStressSchema, matrix.head);
+  json["cases"] = DocumentJson::array();
   for (const StressCase& one : matrix.cases)
     json["cases"].push_back({{"name", one.name}, {"group", one.group}, {"text", one.text}});
-  json["renderers"] = nlohmann::ordered_json::array();
+  json["renderers"] = DocumentJson::array();
   for (std::size_t r = 0; r < matrix.cells.size(); ++r)
     json["renderers"].push_back(stress_row_json(matrix, r));
-  json["cells"] = nlohmann::ordered_json::array();
+  json["cells"] = DocumentJson::array();
   for (std::size_t r = 0; r < matrix.cells.size(); ++r)
     for (std::size_t c = 0; c < matrix.cells[r].size(); ++c) {
       const StressCell& cell = matrix.cells[r][c];
-      const auto text = [](const std::string& t) {
-        return t.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(t);
-      };
       json["cells"].push_back({{"renderer", cell.renderer},
                                {"role", name_of(matrix.roles[r])},
                                {"case", cell.name},
                                {"status", name_of(cell.status)},
-                               {"check", text(cell.check)},
-                               {"cause", text(cause_of(matrix, r, c))},
+                               {"check", text_or_null(cell.check)},
+                               {"cause", text_or_null(cause_of(matrix, r, c))},
                                {"warnings", cell.warnings},
                                {"command", command_of(matrix.renderers[r], cell.name)},
                                {"frames", cell.frames},
@@ -213,9 +209,9 @@ std::string stress_json(const StressMatrix& matrix) {
                                {"largest_force_n", cell.largest_force_n},
                                {"twin_difference_n", cell.twin_difference_n},
                                {"twin_bound_n", cell.twin_bound_n},
-                               {"trace_hash", text(cell.trace_hash)}});
+                               {"trace_hash", text_or_null(cell.trace_hash)}});
     }
-  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
 Page stress_page(const StressMatrix& matrix) {

@@ -1,4 +1,4 @@
-// The stress matrix as a table, a picture, a document and a page.
+// The stress matrix as table, picture, document and page.
 #pragma once
 
 #include <string>
@@ -20,20 +20,20 @@ struct StressMatrix {
   std::vector<std::vector<StressCell>> cells;  ///< by renderer, then case
 };
 
-/// Why a renderer fails a check of a case, where that is known: a sentence, else nothing.
+/// Known reason for a renderer's failure in a case, as a sentence; else empty.
 [[nodiscard]] std::string known_reason(const RendererRequest& request, const StressCase& one,
                                        const StressCell& cell);
-/// As on the command line, but for its label: "cloud:refine=1".
+/// The renderer's command-line text without its label: "cloud:refine=1".
 [[nodiscard]] std::string spelled(const RendererRequest& request);
 
-/// Cells of this role that failed.
+/// Number of failed cells of this role.
 [[nodiscard]] std::size_t failures(const StressMatrix& matrix, render::Role role);
 
 /// Cases as rows, renderers as columns.
 [[nodiscard]] Table stress_table(const StressMatrix& matrix);
-/// How many cells of each renderer are what.
+/// Counts of each renderer's cells by status.
 [[nodiscard]] Table stress_summary(const StressMatrix& matrix);
-/// A square for each cell, as SVG.
+/// A square per cell, as SVG.
 [[nodiscard]] std::string stress_picture(const StressMatrix& matrix);
 [[nodiscard]] std::string stress_json(const StressMatrix& matrix);
 [[nodiscard]] Page stress_page(const StressMatrix& matrix);

@@ -1,12 +1,12 @@
-// How the probe moves, how stiff the surface is and what it does, and HIPs that are no places.
+// Extreme probe motions, surfaces and HIPs.
 #include <fmt/format.h>
 
 #include <cmath>
 #include <limits>
 
+#include <palpate/result.h>
 #include "experiments/stress/setups.h"
 #include "toolkit/core/random.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -19,7 +19,7 @@ constexpr double kNoNumberAtAll = std::numeric_limits<double>::quiet_NaN();
 
 using Change = std::function<void(StressSetup&)>;
 
-/// A wave, felt at a hand's pace, and one thing changed.
+/// A wave at hand speed with one change.
 std::function<Result<StressSetup>()> waved(Change change) {
   return [change = std::move(change)]() -> Result<StressSetup> {
     PALPATE_ASSIGN(StressSetup setup, setup_of_generator(kPatch));
@@ -29,7 +29,7 @@ std::function<Result<StressSetup>()> waved(Change change) {
     return setup;
   };
 }
-/// A plane, with a way of its own.
+/// A plane with its own path.
 std::function<Result<StressSetup>()> over(const char* generator, Change way) {
   return [generator, way = std::move(way)]() -> Result<StressSetup> {
     PALPATE_ASSIGN(StressSetup setup, setup_of_generator(generator));
@@ -54,12 +54,12 @@ void add_speeds(std::vector<StressCase>& cases) {
          way.stay(300, Due::kInside).to({0.13, 0.21, 3}, 60, Due::kAny).to({0.13, 0.21, 5}, 20, Due::kFree);
          std::move(way).put_into(setup);
        })});
-  for (const double speed : {0.1, 1.0, 10.0}) {  // m/s: mm in a frame of 1 ms
+  for (const double speed : {0.1, 1.0, 10.0}) {  // m/s, equal to mm per 1 ms frame
     cases.push_back(
         {fmt::format("speed-{:g}", speed), "speed",
          fmt::format("Into a ball and out again at {:g} m/s, and across its middle.", speed), speed == 10.0,
          false, over(kBall, [speed](StressSetup& setup) {
-           // Deep is to be felt for frames that began outside; across, either side may hold.
+           // Deep frames that began outside are due; across, either side may hold.
            Way way({0.3, 0.2, 40});
            const auto steps = [speed](double mm) { return std::max(2, static_cast<int>(mm / speed)); };
            way.to({0.3, 0.2, 16}, steps(24), Due::kFree).to({0.3, 0.2, 5}, steps(11), [](const Vec3& p) {
@@ -159,7 +159,8 @@ void add_surfaces(std::vector<StressCase>& cases) {
     return waved([set, dt_s](StressSetup& setup) {
       set(setup.scene.models.front().surface);
       ticks(dt_s)(setup);
-      if (setup.scene.models.front().surface.dent.any())  // it gives way: what is deep now may be free then
+      if (setup.scene.models.front().surface.dent.any())  // on deformable surfaces what is deep now may be
+                                                          // free then
         for (Due& due : setup.due) due = due == Due::kInside ? Due::kAny : due;
     });
   };
@@ -192,7 +193,7 @@ void add_surfaces(std::vector<StressCase>& cases) {
                    surface(dent(300.0, 50.0))});
 }
 
-/// Every tenth HIP is `bad` on one axis or all of them.
+/// Sets every tenth HIP to `bad` on one axis or all.
 Change bad_hips(double bad) {
   return [bad](StressSetup& setup) {
     for (std::size_t i = 10; i < setup.path.size(); i += 10) {
@@ -202,7 +203,7 @@ Change bad_hips(double bad) {
       else
         setup.path.hip_mm[i][static_cast<Eigen::Index>(axis)] = bad;
       setup.due[i] = Due::kAny;
-      // What a far HIP crossed on its way is anybody's: the frames until the next place that is clear.
+      // A far HIP may have crossed anything: frames up to the next clear place are undecided.
     }
     if (std::isfinite(bad)) std::fill(setup.due.begin(), setup.due.end(), Due::kAny);
   };
@@ -230,7 +231,7 @@ void add_probes(std::vector<StressCase>& cases) {
          way.to({0, 0, 3}, 50, Due::kAny).to({0, 0, 5}, 20, Due::kFree);
          std::move(way).put_into(setup);
        })});
-  // Points stand at multiples of half a millimetre: so do edges, cell borders and the faces of boxes.
+  // Points are at multiples of 0.5 mm; so are edges, cell borders and box faces.
   cases.push_back({"hip-on-points", "probe",
                    "The HIP exactly on points, edges, cell borders and faces of boxes.", true, false,
                    over(kFlat, [](StressSetup& setup) {

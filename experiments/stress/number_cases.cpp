@@ -4,13 +4,13 @@
 #include <cmath>
 #include <numbers>
 
+#include <palpate/result.h>
 #include "experiments/stress/setups.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
-// Points off the grid: where four stand in a square, rounding alone decides which diagonal joins them.
+// Points off the grid: for a square's four points rounding alone would choose the diagonal.
 constexpr const char* kWave =
     "sinusoid:extent_mm=30:amplitude_mm=1:wavelength_mm=20:spacing_mm=0.5:jitter=0.3";
 constexpr const char* kStone = "pebble:extent_mm=20:points=6000:finest=0.6:slope=0.1:jitter=0.3";
@@ -19,8 +19,8 @@ using Unit = std::shared_ptr<const StressSetup>;
 
 Result<Unit> unit_of(const char* generator) {
   PALPATE_ASSIGN(StressSetup setup, setup_of_generator(generator));
-  // Stored as its twins will be, about the middle of the points: a generator stores about that of the
-  // formula's box, and a lattice of voxels that begins elsewhere interpolates otherwise.
+  // Stored about the points' centre, like the twins: generators store about the formula's box, and a shifted
+  // voxel lattice interpolates differently.
   render::ModelInput& model = setup.scene.models.front();
   std::vector<Vec3> points(model.cloud->size());
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = model.cloud->point_mm(i);
@@ -32,7 +32,7 @@ Result<Unit> unit_of(const char* generator) {
   return Unit(std::make_shared<const StressSetup>(std::move(setup)));
 }
 
-/// A slope on a grid, a height field: every diagonal of its squares gives one and the same surface.
+/// A slope on a grid as a height field: both diagonals of a square give the same surface.
 Result<Unit> slope() {
   constexpr int kHalf = 25;
   constexpr double kStep = 0.5, kAlongX = 0.21, kAlongY = -0.13;
@@ -93,9 +93,9 @@ void add_scales(std::vector<StressCase>& cases) {
                    true, false, []() -> Result<StressSetup> {
                      PALPATE_ASSIGN(const Unit wave, unit_of(kWave));
                      auto unit = std::make_shared<StressSetup>(*wave);
-                     unit->scene.models.front().analytic = nullptr;  // no generator scales so far
+                     unit->scene.models.front().analytic = nullptr;  // no generator has this scale
                      PALPATE_ASSIGN(StressSetup setup, stretched(unit, {0x1p-140, Vec3::Zero(), {}}));
-                     setup.twin = nullptr;  // the points themselves lose their digits
+                     setup.twin = nullptr;  // the points themselves lose digits
                      for (Due& due : setup.due) due = due == Due::kInside ? Due::kAny : due;
                      return setup;
                    }});
@@ -132,7 +132,7 @@ void add_offsets(std::vector<StressCase>& cases) {
                    [turned]() -> Result<StressSetup> {
                      PALPATE_ASSIGN(const Unit unit, unit_of(kStone));
                      PALPATE_ASSIGN(StressSetup setup, stretched(unit, {1.0, Vec3::Zero(), turned}));
-                     setup.twin = nullptr;  // forces are turned
+                     setup.twin = nullptr;  // the forces are rotated
                      return setup;
                    }});
   cases.push_back({"offset-closed-1e9", "offset",

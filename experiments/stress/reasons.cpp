@@ -1,4 +1,4 @@
-// Why a cell is red, where that was found: what is inherent in a method is said of it, not mended.
+// Known reasons for failed cells, inherent in a method.
 #include <array>
 #include <string_view>
 
@@ -8,7 +8,7 @@ namespace palpate::experiments {
 namespace {
 
 struct Reason {
-  std::string_view renderer, check, name;  ///< name of a case or group; empty: any
+  std::string_view renderer, check, name;  ///< case or group; empty: any
   std::string_view text;
 };
 
@@ -49,8 +49,6 @@ constexpr std::array kReasons = {
            "Its 0.2 mm rule of shading (section 3.4) is a length that does not scale"},
     Reason{"cloud-literal", "felt", "", "Figure 42 as printed: contact is told by crossings of boxes alone"},
     Reason{"heightfield-literal", "twin", "", "Its 0.2 mm rule of shading is a length that does not scale"},
-    Reason{"brute-force", "free", "", "The oracle of tests takes the nearest point, without a way in"},
-    Reason{"brute-force", "felt", "", "The oracle of tests takes the nearest point, without a way in"},
     Reason{"sphere-proxy", "felt", "", kBetweenCoarse},
     Reason{"stream-proxy", "felt", "", kBetweenCoarse},
     Reason{"variable-proxy", "felt", "", kBetweenCoarse},

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "toolkit/cloud/generate.h"
+#include <palpate/generate.h>
+#include <palpate/result.h>
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -21,7 +21,7 @@ StressSetup setup_of(render::ModelInput model) {
   return setup;
 }
 
-/// A power of two scales every stored coordinate to the last bit; any other stretch stores the points anew.
+/// A power of two scales stored coordinates exactly; other stretches store the points anew.
 Result<cloud::Cloud> moved_cloud(const cloud::Cloud& cloud, const Stretch& stretch, bool exact) {
   if (exact) {
     cloud::Cloud scaled = cloud;
@@ -44,11 +44,9 @@ std::shared_ptr<const geometry::TriangleMesh> moved_mesh(const geometry::Triangl
   return moved;
 }
 
-/// How far a point or the HIP of the stretched scene stands from where exact arithmetic would have it, at
-/// unit scale. Each is rounded when it is formed (u times its size), a point again when it is stored (half
-/// the extent times the unit roundoff of float, at the unit and at the stretched scale), the HIP again when
-/// it is brought into the model's frame (a rotation of nine products and a translation: gamma(6) of its
-/// size).
+/// Bound on the placement error of points and HIP in the stretched scene, at unit scale. Contributions:
+/// forming each (u times its size); storing a point (half the extent times float's unit roundoff, at both
+/// scales); bringing the HIP into the model frame (nine products and a translation: gamma(6) of its size).
 double placement_error(const cloud::Cloud& cloud, const Stretch& stretch, bool stored_anew) {
   const geometry::Aabb box = cloud.box_mm();
   const double reach = std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
@@ -171,12 +169,12 @@ Result<StressSetup> stretched(const std::shared_ptr<const StressSetup>& unit, co
   for (Vec3& hip : setup.path.hip_mm) hip = stretch.pose * Vec3(stretch.scale * hip + stretch.offset_mm);
   setup.twin = unit;
   if (exact && stretch.pose.is_identity()) return setup;
-  // A facet whose corners are each `error` off their place moves by as much and turns by up to twice that
-  // over its least height, which the sampling keeps above a quarter of the spacing; the foot of a HIP at
-  // depth d goes with it: error (1 + 2 d / height), and the HIP itself is as far off its place.
+  // A facet with corners displaced by `error` moves as much and turns by up to twice that over its least
+  // height, which sampling keeps above a quarter of the spacing. The closest point of a HIP at depth d moves
+  // by error (1 + 2 d / height), and the HIP by `error` again.
   const double spacing =
       std::sqrt(cloud.box_mm().extent_mm().head<2>().prod() / static_cast<double>(cloud.size()));
-  constexpr double kLeastHeight = 0.25, kDeepest = 2.0;  // no way that is stretched goes deeper, mm
+  constexpr double kLeastHeight = 0.25, kDeepest = 2.0;  // kDeepest, mm: greatest depth of stretched paths
   setup.twin_n_per_mm = unit->scene.models.front().surface.stiffness_n_per_mm *
                         (2.0 + 2.0 * kDeepest / (kLeastHeight * spacing));
   setup.twin_bound_n = setup.twin_n_per_mm * error;

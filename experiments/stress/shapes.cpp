@@ -8,9 +8,9 @@ namespace palpate::experiments {
 namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
-constexpr int kLeastOnRing = 5;  // fewer are no ring
+constexpr int kLeastOnRing = 5;  // fewer make no ring
 
-/// A ring around `centre`, spanned by two unit vectors; every second one is turned by half a step.
+/// Adds a ring around `centre` spanned by two unit vectors; every second ring is turned by half a step.
 void add_ring(std::vector<Vec3>& points, const Vec3& centre, const Vec3& u, const Vec3& v, double radius,
               double spacing, int turn) {
   const int count = std::max(kLeastOnRing, static_cast<int>(kTurn * radius / spacing));
@@ -20,7 +20,7 @@ void add_ring(std::vector<Vec3>& points, const Vec3& centre, const Vec3& u, cons
   }
 }
 
-/// The corners of a profile and places between them, none further from the next than `step_mm`.
+/// The profile's corners with points between, at most `step_mm` apart.
 std::vector<OnProfile> filled_profile(const std::vector<OnProfile>& corners, double step_mm) {
   std::vector<OnProfile> filled = {corners.front()};
   for (std::size_t i = 1; i < corners.size(); ++i) {

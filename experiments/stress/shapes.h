@@ -1,30 +1,30 @@
-// Points of the bodies in the stress matrix.
+// Points of the stress matrix's bodies.
 #pragma once
 
 #include <vector>
 
-#include "toolkit/core/vec.h"
-#include "toolkit/geometry/triangle_mesh.h"
+#include <palpate/triangle_mesh.h>
+#include <palpate/vec.h>
 
 namespace palpate::experiments {
 
-/// `columns` x `rows` points from `corner` on.
+/// `columns` x `rows` points starting at `corner`.
 [[nodiscard]] std::vector<Vec3> lattice_points(const Vec3& corner, const Vec3& column, const Vec3& row,
                                                int columns, int rows);
-/// Spread evenly over a ball by the golden angle.
+/// Even points on a sphere by the golden angle.
 [[nodiscard]] std::vector<Vec3> ball_points(const Vec3& centre, double radius, int count);
-/// A cone around the z axis from its base of this radius at z = 0 to its tip, open below.
+/// A cone around the z axis, from its base of this radius at z = 0 to its tip, open below.
 [[nodiscard]] std::vector<Vec3> cone_points(double radius, double height, double spacing);
-/// A quarter of a ring of this radius in the plane z = 0 from the x axis to the y axis, thinning to a point
-/// there.
+/// A quarter ring of this radius in the plane z = 0, from the x axis to the y axis, where it tapers to a
+/// point.
 [[nodiscard]] std::vector<Vec3> horn_points(double bend_radius, double thick_radius, double spacing);
 
-/// A place of a profile that is turned about the z axis, mm.
+/// A profile point for rotation about the z axis, mm.
 struct OnProfile {
   double radius_mm, z_mm;
 };
-/// The profile between these corners, with places no further apart than `step_mm`, turned in `count` steps,
-/// outward where it runs up; what is on the axis is one vertex, around which `count` facets meet.
+/// Rotates the profile, resampled to at most `step_mm`, in `count` steps about the z axis; outward where it
+/// runs up. A point on the axis becomes one vertex with `count` facets.
 [[nodiscard]] geometry::TriangleMesh turned_mesh(const std::vector<OnProfile>& corners, double step_mm,
                                                  int count);
 

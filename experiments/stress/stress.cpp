@@ -1,18 +1,15 @@
 #include "experiments/stress/stress.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <optional>
 
-#include "experiments/session/run_key.h"
-#include "experiments/session/terminal.h"
+#include <palpate/clock.h>
+#include <palpate/result.h>
+#include "experiments/driver/suite.h"
 #include "experiments/stress/against.h"
-#include "experiments/stress/apart.h"
 #include "experiments/stress/matrix.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -56,7 +53,7 @@ Result<std::vector<RendererRequest>> chosen_renderers(const std::string& text,
   std::vector<RendererRequest> requests;
   for (const render::RendererInfo& info : registry.all()) {
     requests.push_back({info.name, info.name, {}, {}});
-    // Beside its local frame, what single precision makes of coordinates as the file has them.
+    // Adds the world frame, where single precision holds the file's coordinates.
     if (info.name != kShownInBothFrames) continue;
     Options world;
     world.set("frame", "world");
@@ -65,24 +62,12 @@ Result<std::vector<RendererRequest>> chosen_renderers(const std::string& text,
   return requests;
 }
 
-std::string row_text(const std::vector<StressCell>& row) {
-  std::string text;
-  for (const StressCell& cell : row) text += to_line(cell) + "\n";
-  return text;
-}
-bool row_of(const std::string& text, std::size_t cells, std::vector<StressCell>& row) {
-  row.clear();
-  for (const std::string& line : split_list(text, '\n'))
-    if (!line.empty() && !from_line(line, row.emplace_back())) return false;
-  return row.size() == cells;
-}
-
-/// Runs the rows and keeps each that is complete.
+/// Runs the rows and keeps complete ones.
 class StressRun {
  public:
-  StressRun(const StressArguments& arguments, const render::Registry& registry, const OutputFolder& folder,
-            StressMatrix& matrix, ProgressBar& progress)
-      : arguments_(arguments), registry_(registry), folder_(folder), matrix_(matrix), progress_(progress) {
+  StressRun(const StressArguments& arguments, const render::Registry& registry, const Suite& suite,
+            StressMatrix& matrix)
+      : arguments_(arguments), registry_(registry), suite_(suite), matrix_(matrix) {
     limits_.seconds = arguments.cell_s;
     for (const StressCase& one : matrix.cases)
       if (!one.full || arguments.full) run_.push_back(one);
@@ -91,20 +76,15 @@ class StressRun {
   Status all() {
     for (std::size_t r = 0; r < matrix_.renderers.size(); ++r) {
       const RendererRequest& request = matrix_.renderers[r];
-      progress_.set_prefix(fmt::format("[{}/{}] ", r + 1, matrix_.renderers.size()));
+      suite_.progress().set_prefix(fmt::format("[{}/{}] ", r + 1, matrix_.renderers.size()));
       std::vector<StressCell> row;
-      const bool kept = folder_.take_over(request.label, key_of(request), [&](const std::string& text) {
-        return row_of(text, run_.size(), row);
-      });
-      if (!kept && !spent()) {
-        row.clear();
+      if (!suite_.take(request.label, key_of(request), row) && !spent()) {
         run_row(request, r, row);
-        if (row.size() == run_.size())
-          PALPATE_TRY(folder_.keep(request.label, key_of(request), row_text(row)));
+        if (row.size() == run_.size()) PALPATE_TRY(suite_.keep(request.label, key_of(request), row));
       }
       matrix_.cells.push_back(spread(request, row));
     }
-    progress_.set_prefix("");
+    suite_.progress().set_prefix("");
     return Done{};
   }
 
@@ -118,8 +98,8 @@ class StressRun {
       if (row.size() == run_.size()) return;
       const double done =
           static_cast<double>(r) + static_cast<double>(row.size()) / static_cast<double>(run_.size());
-      progress_.report(fmt::format("{} at the extremes", request.label),
-                       done / static_cast<double>(matrix_.renderers.size()));
+      suite_.progress().report(fmt::format("{} at the extremes", request.label),
+                               done / static_cast<double>(matrix_.renderers.size()));
     };
     say();
     run_row_apart(run_, request, registry_, limits_, [&](StressCell&& cell) {
@@ -129,7 +109,7 @@ class StressRun {
     });
   }
 
-  /// The row with the cells that were not run.
+  /// Expands a row by the cells not run.
   std::vector<StressCell> spread(const RendererRequest& request, const std::vector<StressCell>& row) const {
     std::vector<StressCell> cells;
     for (const StressCase& one : matrix_.cases) {
@@ -146,83 +126,49 @@ class StressRun {
 
   const StressArguments& arguments_;
   const render::Registry& registry_;
-  const OutputFolder& folder_;
+  const Suite& suite_;
   StressMatrix& matrix_;
-  ProgressBar& progress_;
   CellLimits limits_;
-  std::vector<StressCase> run_;  ///< those that are run
+  std::vector<StressCase> run_;  ///< the cases run
   Stopwatch watch_;
 };
 
-/// What stands in the folder, and what is printed.
-struct StressResults {
-  std::string json;
-  std::vector<Table> tables;
-  bool short_of = false;  ///< a cell of ours is red, or answers other bits than it should
-};
-
-StressResults results_of(const StressMatrix& matrix, const std::optional<OtherHashes>& other) {
-  StressResults results{stress_json(matrix),
-                        {stress_table(matrix), stress_summary(matrix)},
-                        failures(matrix, render::Role::kOurs) > 0};
-  if (!other) return results;
-  const std::vector<HashRow> rows = compare_hashes(matrix, *other);
-  results.json = with_hashes(results.json, rows, *other);
-  results.tables.push_back(hash_table(rows, *other));
-  for (const HashRow& row : rows)
-    results.short_of = results.short_of || (row.role == render::Role::kOurs && !row.different.empty());
-  return results;
-}
-
-Status write_results(const StressMatrix& matrix, const StressResults& results, const OutputFolder& folder) {
-  PALPATE_TRY(folder.write(kStressFile, results.json));
-  PALPATE_TRY(folder.write("stress.svg", stress_picture(matrix)));
-  Page page = stress_page(matrix);
-  if (results.tables.size() > 2) page.sections.front().tables.push_back(results.tables.back());
-  PALPATE_TRY(write_page(page, folder));
-  return folder.complete();
-}
-
 }  // namespace
 
-int run_stress(const StressArguments& arguments, Context& context) {
+Result<int> run_stress(const StressArguments& arguments, Context& context) {
+  Suite suite(context);
   const render::Registry registry = all_renderers();
   StressMatrix matrix;
-  Result<std::vector<RendererRequest>> renderers = chosen_renderers(arguments.renderers, registry);
-  if (!renderers) return fail(renderers.error(), kExitBadInput);
-  matrix.renderers = *std::move(renderers);
+  PALPATE_ASSIGN(matrix.renderers, chosen_renderers(arguments.renderers, registry));
   for (const RendererRequest& request : matrix.renderers)
     matrix.roles.push_back(registry.find(request.name)->role);
-  Result<std::vector<StressCase>> cases = chosen_cases(arguments);
-  if (!cases) return fail(cases.error(), kExitBadInput);
-  matrix.cases = *std::move(cases);
+  PALPATE_ASSIGN(matrix.cases, chosen_cases(arguments));
   matrix.head = new_head(context.command_line);
   std::optional<OtherHashes> other;
   if (!arguments.against.empty()) {
-    Result<OtherHashes> read = read_hashes(arguments.against);
-    if (!read) return fail(read.error(), kExitBadInput);
-    other = *std::move(read);
+    PALPATE_ASSIGN(other, read_hashes(arguments.against));
   }
-  const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
-  if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
+  PALPATE_TRY(suite.open(arguments.out));
   RunKey key;
   key.add(arguments.cases).add(arguments.cell_s);
   key.add(static_cast<std::uint64_t>(arguments.full)).add(static_cast<std::uint64_t>(arguments.quick));
-  if (const Status begun = begin_run(*folder, key.word(), context); !begun)
-    return fail(begun.error(), kExitFellShort, &context.progress);
-  Status done = StressRun(arguments, registry, *folder, matrix, context.progress).all();
-  const StressResults results = results_of(matrix, other);
-  if (done) done = write_results(matrix, results, *folder);
-  context.progress.clear();
-  if (!done) return fail(done.error(), kExitFellShort);
-  if (arguments.json) {
-    fmt::print("{}", results.json);
-  } else {
-    for (const Table& table : results.tables)
-      fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
-    fmt::print("report: {}\n", std::filesystem::absolute(folder->file("report.html")).string());
+  PALPATE_TRY(suite.begin(key));
+  PALPATE_TRY(StressRun(arguments, registry, suite, matrix).all());
+  SuiteResults results{kStressFile, stress_json(matrix), {stress_table(matrix), stress_summary(matrix)}};
+  Page page = stress_page(matrix);
+  bool short_of = failures(matrix, render::Role::kOurs) > 0;
+  if (other) {
+    const std::vector<HashRow> rows = compare_hashes(matrix, *other);
+    results.json = with_hashes(results.json, rows, *other);
+    results.tables.push_back(hash_table(rows, *other));
+    page.sections.front().tables.push_back(results.tables.back());
+    short_of = short_of || std::any_of(rows.begin(), rows.end(), [](const HashRow& row) {
+                 return row.role == render::Role::kOurs && !row.different.empty();
+               });
   }
-  return results.short_of ? kExitFellShort : kExitOk;
+  PALPATE_TRY(suite.folder().write("stress.svg", stress_picture(matrix)));
+  PALPATE_TRY(suite.publish(results, page, arguments.json));
+  return short_of ? kExitFellShort : kExitOk;
 }
 
 }  // namespace palpate::experiments

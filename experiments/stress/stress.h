@@ -1,4 +1,4 @@
-// The stress matrix as a command: run, kept, drawn.
+// The stress matrix as a command.
 #pragma once
 
 #include <string>
@@ -8,18 +8,18 @@
 namespace palpate::experiments {
 
 struct StressArguments {
-  std::string renderers;  ///< empty: every renderer
+  std::string renderers;  ///< empty: all
   std::string cases;      ///< names and groups; empty: all
   std::string out;
-  std::string against;    ///< stress.json of another run, whose hashes must be these; empty: none
-  double budget_s = 0.0;  ///< 0: as long as it takes
-  double cell_s = 60.0;   ///< of one cell
+  std::string against;    ///< another run's stress.json with the expected hashes; empty: none
+  double budget_s = 0.0;  ///< 0: unlimited
+  double cell_s = 60.0;   ///< per cell
   bool full = false;
   bool quick = false;
   bool json = false;
 };
 
-/// The exit status: kExitFellShort where a cell of one of ours is red.
-int run_stress(const StressArguments& arguments, Context& context);
+/// Returns the exit status: kExitFellShort if a cell of ours failed.
+[[nodiscard]] Result<int> run_stress(const StressArguments& arguments, Context& context);
 
 }  // namespace palpate::experiments

@@ -11,13 +11,13 @@
 #include <sstream>
 #include <vector>
 
-#include "toolkit/core/at_stop.h"
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/locked_file.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 
@@ -27,7 +27,7 @@ namespace {
 
 constexpr const char* kMarkText = "Results of Palpate: the files below are replaced by the next run.";
 constexpr const char* kProcess = "process ";
-constexpr const char* kUnfinished = "unfinished ";  // and the key of the run
+constexpr const char* kUnfinished = "unfinished ";  // followed by the run's key
 constexpr const char* kFile = "file ";
 constexpr const char* kParts = ".palpate-parts/";
 
@@ -43,7 +43,7 @@ std::string hash_of(const fs::path& path) {
   return hash.hex();
 }
 
-/// A name from the mark must not lead out of the folder.
+/// Rejects names in the mark that lead out of the folder.
 bool is_inside(const std::string& name) {
   const fs::path path = name;
   return !name.empty() && path.is_relative() && std::find(path.begin(), path.end(), "..") == path.end();
@@ -56,7 +56,7 @@ Status write_all(int fd, std::string_view text) {
     if (n < 0) return Error{fmt::format("cannot be written: {}", std::strerror(errno)), {}, {}, 0};
     text.remove_prefix(static_cast<std::size_t>(n));
   }
-  // A file that is on the disk after a power cut must be listed as well.
+  // Syncs the list: it must name every file that survives a power cut.
   if (::fdatasync(fd) != 0 && errno != EINVAL && errno != EROFS)
     return Error{fmt::format("cannot be written: {}", std::strerror(errno)), {}, {}, 0};
   return Done{};
@@ -67,29 +67,29 @@ Status write_all(int fd, std::string_view text) {
 struct OutputFolder::State {
   fs::path root;
   LockedFile mark;
-  bool made_mark = false;      ///< there was none
-  bool no_list = false;        ///< the mark of a version that kept no list
-  std::vector<fs::path> made;  ///< folders that were missing, the outermost first
-  std::string unfinished;      ///< the key of the last run where that is not complete
+  bool made_mark = false;      ///< the mark is new
+  bool no_list = false;        ///< the mark is of a version without a file list
+  std::vector<fs::path> made;  ///< created folders, outermost first
+  std::string unfinished;      ///< key of an incomplete last run
   bool begun = false, resumed = false, completed = false;
-  bool amended = false;            ///< opened again
-  std::set<std::string> ours;      ///< files of earlier runs and of this one
-  std::set<std::string> claimed;   ///< of this one
-  std::vector<std::string> since;  ///< claimed since a part was started
-  std::set<std::string> parts;     ///< that are complete
-  AtStop at_stop;
+  bool amended = false;            ///< reopened
+  std::set<std::string> ours;      ///< files of this and earlier runs
+  std::set<std::string> claimed;   ///< files of this run
+  std::vector<std::string> since;  ///< claimed since the part started
+  std::set<std::string> parts;     ///< completed parts
+  StopCallback stop_callback;
 
   State() = default;
   State(const State&) = delete;
   State& operator=(const State&) = delete;
   ~State() {
-    at_stop.drop();
+    stop_callback.drop();
     if (begun && !completed && !resumed && parts.empty())
       for (const std::string& name : claimed) remove(name);
     give_back();
   }
 
-  /// Where nothing is left here, what was made for it goes too.
+  /// Removes what was created if nothing remains here.
   void give_back() noexcept {
     std::error_code code;
     if (!made_mark || completed || resumed || !parts.empty()) return;
@@ -113,10 +113,10 @@ struct OutputFolder::State {
   }
   Status lock();
   void read_mark();
-  /// The new text over the old one, and only then the old one's end off: names are listed at every moment.
+  /// Overwrites the text first and truncates it second, so names are always listed.
   Status write_mark() const;
   Status append(const std::string& line) const;
-  /// A file of ours, and its folder where that is empty now.
+  /// Removes one of our files, and its folder if empty.
   void remove(const std::string& name) const noexcept;
 };
 
@@ -127,7 +127,7 @@ Status OutputFolder::State::lock() {
     mark = *std::move(locked);
     return Done{};
   }
-  made_mark = false;  // it is the other one's
+  made_mark = false;  // belongs to the other handle
   std::istringstream lines(text_of(root / kFolderMark));
   std::string line, process = "of another process";
   while (std::getline(lines, line))
@@ -183,7 +183,7 @@ Result<OutputFolder> OutputFolder::open(const std::string& folder) {
   if (!root.has_filename()) root = root.parent_path();  // "out/"
   if (fs::exists(root, code) && !fs::is_directory(root, code))
     return state->wrong("is a file, and the results need a folder", "give --out another name");
-  const auto hold = hold_stop();
+  const auto hold = block_stop();
   for (fs::path missing = root; !missing.empty() && !fs::exists(missing, code);
        missing = missing.parent_path())
     state->made.insert(state->made.begin(), missing);
@@ -196,7 +196,7 @@ Result<OutputFolder> OutputFolder::open(const std::string& folder) {
   PALPATE_TRY(state->lock());
   state->read_mark();
   PALPATE_TRY(state->write_mark());
-  state->at_stop = AtStop([s = state.get()] { return s->say_stopped(); });
+  state->stop_callback = StopCallback([s = state.get()] { return s->say_stopped(); });
   return OutputFolder(std::move(state), {});
 }
 
@@ -230,7 +230,7 @@ Status OutputFolder::check_not_read(std::span<const std::string> files) const {
 }
 
 Result<OutputFolder::Begun> OutputFolder::begin(const std::string& key) const {
-  const auto hold = hold_stop();
+  const auto hold = block_stop();
   State& s = *state_;
   s.begun = true;
   for (const std::string& name : s.ours)
@@ -262,7 +262,7 @@ Status OutputFolder::keep(const std::string& part, const std::string& key, const
   if (s.ours.insert(name).second) PALPATE_TRY(s.append(kFile + name));
   const std::string all = kept.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
   PALPATE_TRY(palpate::write_file((s.root / name).string(), all));
-  const auto hold = hold_stop();
+  const auto hold = block_stop();
   s.parts.insert(part);
   return Done{};
 }
@@ -279,13 +279,13 @@ bool OutputFolder::take_over(const std::string& part, const std::string& key,
   for (const auto& [name, hash] : kept["files"].items())
     if (!s.ours.contains(name) || hash != hash_of(s.root / name)) return false;
   if (!use(text("text"))) return false;
-  const auto hold = hold_stop();
+  const auto hold = block_stop();
   for (const auto& [name, hash] : kept["files"].items()) s.claimed.insert(name);
   return true;
 }
 
 Status OutputFolder::complete() const {
-  const auto hold = hold_stop();
+  const auto hold = block_stop();
   State& s = *state_;
   s.unfinished.clear();
   PALPATE_TRY(s.write_mark());

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 namespace {
@@ -16,17 +16,17 @@ Status score_run(Study& study, std::size_t i) {
   if (run.trace.frames.empty()) return Done{};
   metrics::RendererResult& result = study.document.renderers[i];
   const std::optional<metrics::Energy> measured = result.energy;
-  const std::optional<metrics::SurfaceAnswers> answers = run.per_frame.surface;
+  const std::optional<metrics::TruthSamples> answers = run.per_frame.surface;
   const metrics::ScoreBasis& basis = *study.document.scoring;
   PALPATE_TRY(score_trace(study.path, run.trace,
                           {study.reference ? &*study.reference : nullptr, nullptr, &answers}, basis, result,
                           run.per_frame));
-  // A trace that was read does not say which of several models was touched.
+  // A trace does not tell which of several models was touched.
   if (!all_alike(basis.felt_stiffness_n_per_mm)) result.energy = measured;
   return Done{};
 }
 
-/// Energy, by episodes too where forces are compared with a truth; nothing where it cannot be.
+/// Energy, also by episodes if forces have a truth; empty if impossible.
 std::optional<metrics::Energy> energy_of(const trace::ProbePath& path, const trace::ForceTrace& trace,
                                          const trace::ReferenceTrace* reference,
                                          const metrics::ScoreBasis& basis) {
@@ -59,13 +59,13 @@ Status score_trace(const trace::ProbePath& path, const trace::ForceTrace& trace,
     return Done{};
   }
   const metrics::AccuracyOptions options = options_of(basis);
-  const std::optional<metrics::SurfaceAnswers> none;
+  const std::optional<metrics::TruthSamples> none;
   PALPATE_ASSIGN(
       metrics::Accuracy accuracy,
       truth.surface != nullptr
           ? metrics::score(path, trace, *truth.reference, truth.surface, options, &per_frame)
-          : metrics::score_again(path, trace, *truth.reference,
-                                 truth.answers != nullptr ? *truth.answers : none, options, &per_frame));
+          : metrics::rescore(path, trace, *truth.reference, truth.answers != nullptr ? *truth.answers : none,
+                             options, &per_frame));
   if (!basis.forces_comparable) metrics::keep_contact_scores(accuracy, per_frame);
   result.energy = energy;
   result.accuracy = std::move(accuracy);

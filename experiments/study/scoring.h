@@ -1,4 +1,4 @@
-// The scores of a study from its traces and its truth: no renderer runs.
+// Scores a study from traces and truth, without renderers.
 #pragma once
 
 #include "experiments/study/study.h"
@@ -7,21 +7,21 @@ namespace palpate::experiments {
 
 [[nodiscard]] metrics::AccuracyOptions options_of(const metrics::ScoreBasis& basis);
 
-/// A truth, and what its surface answers about the trace or the surface to ask; null where there is none.
+/// A truth, and its surface's answers about the trace or the surface itself; null: none.
 struct ScoreAgainst {
   const trace::ReferenceTrace* reference = nullptr;
   const metrics::TruthSurface* surface = nullptr;
-  const std::optional<metrics::SurfaceAnswers>* answers = nullptr;  ///< used where there is no surface
+  const std::optional<metrics::TruthSamples>* answers = nullptr;  ///< used without a surface
 };
 
-/// The one place where a trace becomes energy and accuracy: both, in `result`, with the scores frame by frame
-/// in `per_frame`. An Error leaves neither.
+/// Computes energy and accuracy of a trace into `result`, with scores per frame in `per_frame`. The only such
+/// place. An Error changes neither.
 [[nodiscard]] Status score_trace(const trace::ProbePath& path, const trace::ForceTrace& trace,
                                  const ScoreAgainst& truth, const metrics::ScoreBasis& basis,
                                  metrics::RendererResult& result, metrics::AccuracyFrames& per_frame);
 
-/// Scores every run of the study again: accuracy and per-frame scores where there is a truth, energy where
-/// the models feel alike (a trace does not say which of several was touched). An Error names the run.
+/// Rescores every run: accuracy and per-frame scores with a truth, energy if the models feel alike (a trace
+/// does not tell which was touched). Error: names the run.
 [[nodiscard]] Status score_study(Study& study);
 
 }  // namespace palpate::experiments

@@ -7,12 +7,12 @@
 #include <iterator>
 #include <span>
 
-#include "toolkit/cloud/sample.h"
+#include <palpate/result.h>
+#include <palpate/trace.h>
+#include "toolkit/cloud/cloud_subset.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 #include "toolkit/metrics/score_io.h"
 #include "toolkit/trace/csv_rows.h"
-#include "toolkit/trace/trace_io.h"
 
 namespace palpate::experiments {
 
@@ -23,12 +23,11 @@ namespace {
 constexpr const char* kSampleHeader = "x_mm,y_mm,z_mm";
 constexpr std::uint64_t kSampleSeed = 1;
 
-/// Whether a name that stands in a document is a file of the folder and of no other.
+/// True if a document's name is of a file directly in the folder.
 bool is_plain(const std::string& name) {
   return !name.empty() && name != "." && name != ".." && name.find('/') == std::string::npos;
 }
 
-/// Reads the files of one study.
 class Reading {
  public:
   Reading(const fs::path& folder, Study& study) : folder_(folder), study_(study) {}
@@ -78,7 +77,7 @@ class Reading {
   }
 
  private:
-  /// What brings back what the folder lacks.
+  /// How to recreate missing files.
   [[nodiscard]] std::string again() const {
     const std::string& command = study_.document.command;
     return "copy the whole folder" +
@@ -104,7 +103,7 @@ class Reading {
     return Done{};
   }
 
-  /// The first path is that of the study, and all are the same.
+  /// The first path is the study's; all must be equal.
   Status take_path(trace::ProbePath path, const std::string& file) {
     if (study_.path.size() == 0) {
       study_.path = std::move(path);
@@ -119,7 +118,7 @@ class Reading {
   Study& study_;
 };
 
-/// Why a folder without a result.json is no study.
+/// Reason why a folder without result.json is no study.
 Error no_study(const fs::path& folder) {
   std::string inside;
   std::error_code code;
@@ -155,10 +154,10 @@ Result<metrics::ResultDocument> read_document(const fs::path& folder) {
   return document;
 }
 
-/// Digits that tell apart places a hundred-thousandth of the model's size from each other.
+/// Digits that resolve a hundred-thousandth of the model's size.
 int digits_for(const geometry::Aabb& box) {
   constexpr double kShare = 1e-5;
-  constexpr int kMost = 17;  // no double has more
+  constexpr int kMost = 17;  // the most of a double
   const double largest = std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
   const double extent = box.extent_mm().maxCoeff();
   if (!(extent > 0.0)) return kMost;
@@ -178,7 +177,7 @@ std::string scores_name(const std::string& label, bool alone) {
 
 Result<std::string> write_sample(const cloud::Cloud& points, const geometry::RigidTransform& world_from_model,
                                  std::size_t number, const OutputFolder& folder) {
-  const cloud::Cloud some = cloud::sample_of(points, kSamplePoints, kSampleSeed);
+  const cloud::Cloud some = cloud::random_subset(points, kSamplePoints, kSampleSeed);
   geometry::Aabb box;
   std::vector<Vec3> world;
   for (std::size_t i = 0; i < some.size(); ++i) {

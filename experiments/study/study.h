@@ -1,5 +1,5 @@
-// A study: renderers on one scene along one path. Its folder suffices: result.json names every other file,
-// and report and scores are made of nothing else. docs/studies.md describes it.
+// A study: renderers on one scene along one path. result.json names the folder's other files; reports and
+// scores need nothing else. Format: docs/reference/documents.md.
 #pragma once
 
 #include <filesystem>
@@ -7,51 +7,51 @@
 #include <string>
 #include <vector>
 
+#include <palpate/accuracy.h>
+#include <palpate/cloud.h>
+#include <palpate/result.h>
+#include <palpate/rigid_transform.h>
+#include <palpate/trace.h>
 #include "experiments/study/output_folder.h"
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/rigid_transform.h"
-#include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/result_json.h"
-#include "toolkit/trace/trace.h"
 
 namespace palpate::experiments {
 
 inline constexpr const char* kResultFile = "result.json";
 inline constexpr const char* kReferenceFile = "reference.csv";
 inline constexpr const char* kReportFile = "report.html";
-/// Points of a model that a picture shows: more would lie on each other.
+/// Points of a model in a picture; more would overlap.
 inline constexpr std::size_t kSamplePoints = 20000;
 
-/// Some points of a model in the world frame, where it stands at the start.
+/// Sample of a model's points, world frame, at the start.
 struct ModelSample {
   std::string name;
-  cloud::Cloud points;  ///< empty where the study has none
+  cloud::Cloud points;  ///< empty: none in the study
 };
 
-/// What the folder holds of one renderer.
+/// One renderer's files.
 struct StudyRun {
-  trace::ForceTrace trace;            ///< empty where it has not run to its end
+  trace::ForceTrace trace;            ///< empty if it did not finish
   metrics::AccuracyFrames per_frame;  ///< empty without a truth
 };
 
 struct Study {
   metrics::ResultDocument document;
-  trace::ProbePath path;  ///< empty where there is neither a truth nor a trace
+  trace::ProbePath path;  ///< empty without truth or trace
   std::optional<trace::ReferenceTrace> reference;
-  std::vector<ModelSample> models;  ///< one for each of document.models
-  std::vector<StudyRun> runs;       ///< one for each of document.renderers
+  std::vector<ModelSample> models;  ///< one per document.models
+  std::vector<StudyRun> runs;       ///< one per document.renderers
 };
 
-/// Reads a folder that replay, compare or reproduce has written. Errors name the file that is missing, half
-/// written or of another study, and what to do.
+/// Reads a folder of replay, compare or reproduce. Errors name a missing, incomplete or foreign file, with a
+/// remedy.
 [[nodiscard]] Result<Study> read_study(const std::filesystem::path& folder);
 
-/// trace-LABEL.csv, or trace.csv of one that is alone; scores-LABEL.csv in the same way.
+/// trace-LABEL.csv, or trace.csv if alone; likewise scores-LABEL.csv.
 [[nodiscard]] std::string trace_name(const std::string& label, bool alone);
 [[nodiscard]] std::string scores_name(const std::string& label, bool alone);
 
-/// model-NUMBER.csv, counted from 1: at most kSamplePoints of `points`, moved by `world_from_model`.
+/// Writes model-NUMBER.csv, counted from 1: at most kSamplePoints of `points`, moved by `world_from_model`.
 [[nodiscard]] Result<std::string> write_sample(const cloud::Cloud& points,
                                                const geometry::RigidTransform& world_from_model,
                                                std::size_t number, const OutputFolder& folder);

@@ -1,120 +1,96 @@
+// Tables 7 to 10, 12 and 13: the printed frame times beside ours, each a study of its own.
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "experiments/tables/reproduction.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
-
-void give_up(Reproduction& r, const std::string& what, const Error& error) {
-  r.missing.push_back(fmt::format("{}: {}", what, error.message()));
-  check_done(r, false);
-}
-
-void leave_out(Reproduction& r, const std::string& what, const Error& error) {
-  r.missing.push_back(fmt::format("{}: {}", what, error.message()));
-}
-
-void check_done(Reproduction& r, bool anything) {
-  if (!anything && !r.arguments.tables.empty()) r.fell_short = true;
-}
-
-void set_passes(RunOptions& options, const Reproduction& r) {
-  constexpr double kFullBudgetS = 60.0;
-  constexpr std::uint64_t kQuickPasses = 3;
-  if (r.arguments.quick) options.passes = kQuickPasses;
-  if (r.arguments.full) options.budget_s = kFullBudgetS;
-}
-
-void add_warnings(std::vector<std::string>& warnings, const std::string& model,
-                  const scene::LoadedScene& loaded) {
-  for (const scene::Provenance& p : loaded.provenance)
-    for (const std::string& warning : p.warnings) warnings.push_back(model + ": " + warning);
-}
-
 namespace {
 
-constexpr std::uint64_t kPacedFrames = 5000;  // five seconds a renderer
+constexpr std::uint64_t kPacedFrames = 5000;  // five seconds per renderer
 constexpr std::uint64_t kQuickPacedFrames = 20;
-// A preparation that takes longer is no baseline for a ten-minute run.
-constexpr double kPrepareLimitS = 180.0, kFullPrepareLimitS = 3600.0;
+constexpr double kFramesPrepareLimitS = 180.0;
 constexpr double kUsPerMs = 1000.0;
+constexpr const char* kStandIn = ", on a STAND-IN";
 
 using R = metrics::RendererResult;
-using Value = std::optional<double>;
-using Count = std::optional<std::uint64_t>;
 
-auto frame_value(Value trace::FrameStatistics::*member) {
-  return [member](const R& r) { return r.frame ? (*r.frame).*member : std::nullopt; };
-}
-auto all_value(Value trace::FrameStatistics::*member) {
-  return [member](const R& r) { return r.frame_all ? (*r.frame_all).*member : std::nullopt; };
-}
-auto score_value(Value metrics::Accuracy::*member) {
-  return [member](const R& r) { return settled_score(r, member); };
-}
-auto score_count(Count metrics::Accuracy::*member) {
-  return [member](const R& r) { return r.accuracy ? (*r.accuracy).*member : Count(); };
-}
-auto defect_count(std::uint64_t metrics::Accuracy::*member) {
-  return [member](const R& r) { return r.accuracy ? Count((*r.accuracy).*member) : Count(); };
+/// The first that ran of those for which `is` holds.
+template <class Is>
+const R* first_of(const metrics::ResultDocument& document, const Is& is) {
+  for (const R& r : document.renderers)
+    if (r.status == metrics::RunStatus::kOk && r.frame && r.frame->mean_us && is(r)) return &r;
+  return nullptr;
 }
 
-/// Rows of a name, what is printed, and a value of every renderer.
-class BesideThesis {
- public:
-  BesideThesis(Table& table, const metrics::ResultDocument& document) : table_(table), document_(document) {}
+Judged judged(bool yes) {
+  return yes ? Judged::kYes : Judged::kNo;
+}
+Judged contact_judged(const R* r) {
+  return r == nullptr || !r->accuracy ? Judged::kNot : judged(contact_faults(*r).empty());
+}
 
-  template <class Of>
-  void counts(const std::string& name, const std::string& printed, const Of& value) {
-    std::vector<std::string> texts;
-    for (const R& r : document_.renderers) {
-      const Count n = value(r);
-      texts.push_back(n ? count_text(*n) : kNoNumber);
-    }
-    put(name, printed, std::move(texts));
-  }
-  template <class Of>
-  void numbers(const std::string& name, const std::string& printed, const Of& value) {
-    put(name, printed, aligned_numbers(values(value)));
-  }
-  template <class Of>
-  void texts(const std::string& name, const Of& text) {
-    std::vector<std::string> all;
-    for (const R& r : document_.renderers) all.push_back(text(r));
-    put(name, kNoNumber, std::move(all));
-  }
-  template <class Of>
-  void times(const std::string& name, const Of& value_ms) {
-    AlignedTimes aligned = aligned_times(values(value_ms));
-    put(name + ", " + aligned.unit, kNoNumber, std::move(aligned.texts));
-  }
+/// "13,141 frames of wrong contact", or the first other fault.
+std::string short_fault(const R& r) {
+  const std::uint64_t wrong = r.accuracy->missed_contact_frames + r.accuracy->false_contact_frames;
+  if (wrong > 0) return format_count(wrong) + " frames of wrong contact";
+  const std::string faults = contact_faults(r);
+  return faults.substr(0, faults.find(", "));
+}
 
- private:
-  template <class Of>
-  std::vector<Value> values(const Of& value) const {
-    std::vector<Value> all;
-    for (const R& r : document_.renderers) all.push_back(value(r));
-    return all;
-  }
-  void put(const std::string& name, const std::string& printed, std::vector<std::string> texts) {
-    std::vector<Cell> cells = {plain(name), plain(printed)};
-    for (std::size_t i = 0; i < texts.size(); ++i) {
-      const metrics::RunStatus status = document_.renderers[i].status;
-      if (status == metrics::RunStatus::kOk)
-        cells.push_back(plain(std::move(texts[i])));
-      else
-        cells.push_back({status == metrics::RunStatus::kFailed ? "failed" : "did not finish", false, true});
-    }
-    table_.rows.push_back(std::move(cells));
-  }
+std::string error_text(const R* r) {
+  const std::optional<double> percent =
+      r == nullptr ? std::nullopt : settled_score(*r, &metrics::Accuracy::force_rms_percent);
+  return percent ? format_number(*percent) + " %" : kMissingNumber;
+}
 
-  Table& table_;
-  const metrics::ResultDocument& document_;
-};
+std::string status_of(const Answer& answer, const R* literal, const R& ours) {
+  if (answer.as_fast == Judged::kNo) return "not reproduced: slower than printed";
+  if (answer.ours_right == Judged::kNo) return "in part: contact is wrong, " + short_fault(ours);
+  if (answer.literal_right == Judged::kNo)
+    return "in part: as fast; as printed " + short_fault(*literal) + ", made right none";
+  return "reproduced";
+}
 
 }  // namespace
+
+Answer frames_answer(const Manifest& manifest, const metrics::ResultDocument& document) {
+  const auto role = [](render::Role wanted) { return [wanted](const R& r) { return r.role == wanted; }; };
+  const R* literal = first_of(document, role(render::Role::kLiteral));
+  const R* ours = first_of(document, role(render::Role::kOurs));
+  const R* mesh = first_of(document, [](const R& r) { return r.works_on == render::Geometry::kMesh; });
+  const double printed_us = manifest.printed_mean_ms * kUsPerMs;
+  Answer answer;
+  answer.table = fmt::format("{}", manifest.table);
+  answer.page = manifest.id() + ".html";
+  answer.says = manifest.title.substr(manifest.title.find(": ") + 1) + ": mean frame in contact";
+  answer.printed = fmt::format("{:.1f} µs, {}", printed_us, manifest.hardware);
+  answer.status = "not measured";
+  if (ours == nullptr) return answer;
+  const auto text = [](const R& r) { return r.label + " " + format_number(*r.frame->mean_us) + " µs"; };
+  if (literal != nullptr) answer.literal = text(*literal);
+  answer.ours = text(*ours);
+  answer.error = error_text(ours);
+  answer.mesh_error = error_text(mesh);
+  answer.take = choice_of(document).label;
+  answer.literal_right = contact_judged(literal);
+  answer.ours_right = contact_judged(ours);
+  // A quick trial uses a small part of the model: nothing to hold against the printed time.
+  if (!ours->model || ours->model->points < manifest.printed_points / 2) {
+    answer.status = "tried on a small model only";
+    answer.literal_right = answer.ours_right = Judged::kNot;
+    answer.take.clear();
+    return answer;
+  }
+  answer.ratio = printed_us / *ours->frame->mean_us;
+  answer.as_fast = judged(*(literal != nullptr ? literal : ours)->frame->mean_us <= printed_us);
+  answer.status = status_of(answer, literal, *ours);
+  answer.reproduced = judged(answer.status == "reproduced");
+  if (document.title.ends_with(kStandIn)) answer.status += ", on a stand-in";
+  return answer;
+}
 
 Table frames_table(const Manifest& manifest, const metrics::ResultDocument& document) {
   using F = trace::FrameStatistics;
@@ -123,129 +99,125 @@ Table frames_table(const Manifest& manifest, const metrics::ResultDocument& docu
   table.title = manifest.title;
   table.columns = {"", "thesis"};
   for (const R& r : document.renderers) table.columns.push_back(r.label);
-  // As many digits as are printed, moved by three places.
+  const auto row = [&](const std::string& name, const std::string& printed, Show show, const ScoreGet& get) {
+    std::vector<std::optional<double>> values;
+    for (const R& r : document.renderers) values.push_back(get(r));
+    std::vector<Cell> cells = score_row(name, values, show);
+    for (std::size_t i = 0; i < values.size(); ++i)
+      if (const metrics::RunStatus status = document.renderers[i].status; status != metrics::RunStatus::kOk)
+        cells[i + 1] = {status == metrics::RunStatus::kFailed ? "failed" : "did not finish", false, true};
+    cells.insert(cells.begin() + 1, plain(printed));
+    table.rows.push_back(std::move(cells));
+  };
+  // Prints as many digits as the thesis, shifted by three places.
   const auto us = [](double ms) { return fmt::format("{:.1f}", ms * kUsPerMs); };
-  BesideThesis rows(table, document);
-  rows.counts("points", count_text(manifest.printed_points),
-              [](const R& r) { return r.model ? Count(r.model->points) : Count(); });
-  const std::string all = frames_text(document);
-  rows.counts("frames in contact" + (all.empty() ? "" : ", ours " + all), count_text(manifest.printed_frames),
-              [](const R& r) { return r.frame ? Count(r.frame->timed_frames) : Count(); });
-  rows.numbers("fastest frame, µs", us(manifest.printed_min_ms), frame_value(&F::min_us));
-  rows.numbers("slowest frame, µs", us(manifest.printed_max_ms), frame_value(&F::max_us));
-  rows.numbers("average frame, µs", us(manifest.printed_mean_ms), frame_value(&F::mean_clocked_us));
+  const std::string all = frames_text(document), none = kMissingNumber;
+  row("points", format_count(manifest.printed_points), Show::kCounts, [](const R& r) {
+    return r.model ? std::optional(static_cast<double>(r.model->points)) : std::nullopt;
+  });
+  row("frames in contact" + (all.empty() ? "" : ", ours " + all), format_count(manifest.printed_frames),
+      Show::kCounts, [](const R& r) {
+        return r.frame ? std::optional(static_cast<double>(r.frame->timed_frames)) : std::nullopt;
+      });
+  row("fastest frame, µs", us(manifest.printed_min_ms), Show::kNumbers, frame_score(&R::frame, &F::min_us));
+  row("slowest frame, µs", us(manifest.printed_max_ms), Show::kNumbers, frame_score(&R::frame, &F::max_us));
+  row("average frame, µs", us(manifest.printed_mean_ms), Show::kNumbers,
+      frame_score(&R::frame, &F::mean_clocked_us));
   table.rows.push_back({plain("Not in the thesis")});
-  rows.numbers("average without the clock, µs", kNoNumber, frame_value(&F::mean_us));
-  rows.texts("its interval, 95 %", [](const R& r) {
-    return r.frame ? interval_text(r.frame->mean_interval_us) : std::string(kNoNumber);
-  });
-  rows.numbers("average of all frames without the clock, µs", kNoNumber, all_value(&F::mean_us));
-  rows.texts("its interval, 95 %, of all frames", [](const R& r) {
-    return r.frame_all ? interval_text(r.frame_all->mean_interval_us) : std::string(kNoNumber);
-  });
-  rows.numbers("99.9 % of frames within, µs", kNoNumber, frame_value(&F::p999_us));
-  rows.numbers("99.9 % of all frames within, µs", kNoNumber, all_value(&F::p999_us));
-  rows.times("preparation", [](const R& r) { return r.prepare ? Value(r.prepare->total_ms) : Value(); });
-  rows.counts("missed contact, frames", kNoNumber, defect_count(&A::missed_contact_frames));
-  rows.counts("false contact, frames", kNoNumber, defect_count(&A::false_contact_frames));
-  rows.counts("longest stick, frames", kNoNumber, defect_count(&A::longest_stick_frames));
-  rows.numbers("frames that no hand tells from the truth, %", kNoNumber,
-               score_value(&A::indistinguishable_percent));
-  rows.numbers("force error, RMS, %", kNoNumber, score_value(&A::force_rms_percent));
-  rows.numbers("force error, median, %", kNoNumber, score_value(&A::force_p50_percent));
-  rows.numbers("force error, 95 %, %", kNoNumber, score_value(&A::force_p95_percent));
-  rows.numbers("frames where history decides, % of contact", kNoNumber, score_value(&A::history_percent));
-  rows.counts("missed beyond 0.1 mm, frames", kNoNumber, score_count(&A::missed_tenth_mm_frames));
-  rows.counts("false beyond 0.1 mm, frames", kNoNumber, score_count(&A::false_tenth_mm_frames));
-  rows.numbers("force direction, 99 % within, degrees", kNoNumber, score_value(&A::direction_p99_deg));
-  rows.numbers("god object error, RMS, mm", kNoNumber, score_value(&A::god_object_rms_mm));
+  row("average without the clock, µs", none, Show::kNumbers, frame_score(&R::frame, &F::mean_us));
+  row("average of all frames without the clock, µs", none, Show::kNumbers,
+      frame_score(&R::frame_all, &F::mean_us));
+  row("99.9 % of all frames within, µs", none, Show::kNumbers, frame_score(&R::frame_all, &F::p999_us));
+  row("preparation", none, Show::kTimes, prepare_ms);
+  row("missed contact, frames", none, Show::kCounts, accuracy_score(&A::missed_contact_frames));
+  row("false contact, frames", none, Show::kCounts, accuracy_score(&A::false_contact_frames));
+  row("frames that no hand tells from the truth, %", none, Show::kNumbers,
+      accuracy_score(&A::indistinguishable_percent));
+  row("force error, RMS, %", none, Show::kNumbers,
+      [](const R& r) { return settled_score(r, &A::force_rms_percent); });
   table.caption = "Thesis: " + manifest.hardware +
                   ". Ours: single frames, each with the cost of reading the clock in it, but for the average "
                   "without the clock, which is of whole stretches of frames. All renderers over the same "
-                  "frames, those of the ground truth's contact.";
+                  "frames, those of the ground truth's contact. Every other score stands below.";
   table.turns = true;
   table.bad_means = "did not run to its end";
   table.notes = manifest.notes;
   return table;
 }
 
-Table add_frames(Page& page, const Manifest& manifest, const Study& study, const OutputFolder& folder) {
+Part frames_part(const Manifest& manifest, const Study& study, const OutputFolder& folder) {
+  Page page;
   add_study(page, study, manifest.id(),
             fmt::format("Table {} ({})", manifest.table, manifest.models.front().name), folder);
-  page.headlines.back().lines.push_back(
-      {"The thesis", fmt::format("mean frame in contact {} µs, on a {}",
-                                 short_number(manifest.printed_mean_ms * kUsPerMs), manifest.hardware)});
-  Table table = frames_table(manifest, study.document);
   Section& section = page.sections.back();
-  section.tables.insert(section.tables.begin(), table);
-  return table;
+  section.found.push_back(
+      {"The thesis", fmt::format("mean frame in contact {} µs, on a {}",
+                                 format_number(manifest.printed_mean_ms * kUsPerMs), manifest.hardware)});
+  section.tables.insert(section.tables.begin(), frames_table(manifest, study.document));
+  return {page.known, page.sections, {frames_answer(manifest, study.document)}, {}, false};
 }
 
 void reproduce_frames(const Manifest& manifest, Reproduction& r) {
   const std::string what = fmt::format("table {}", manifest.table);
   const bool quick = r.arguments.quick;
   const ManifestModel& model = manifest.models.front();
-  const std::size_t stand_ins = r.stand_ins.size();
-  Result<scene::SceneFile> scene = scene_of(model, r);
+  Result<ModelScene> scene = scene_of(model, r);
   if (!scene) return give_up(r, what, scene.error());
-  const bool stand_in = r.stand_ins.size() > stand_ins;
+  const bool stand_in = !scene->stand_in.empty();
   StageRequest request;
   request.scene_name = model.generate.empty() && model.scene.empty()
                            ? fmt::format("{} (unit {}, scale {})", model.scan, model.unit, model.scale)
-                           : scene->path;
-  const bool scanned = !scene->models.front().scan.empty() && !manifest.scan_path.empty();
-  request.scene = *std::move(scene);
+                           : scene->file.path;
+  const bool scanned = !scene->file.models.front().scan.empty() && !manifest.scan_path.empty();
+  request.scene = std::move(scene->file);
   request.path = quick ? manifest.quick_path : scanned ? manifest.scan_path : manifest.path;
   request.threads = r.arguments.threads;
   request.contact_frames = quick ? 0 : manifest.contact_frames;
   StagedStudy study;
   study.document = new_document(r.context.command_line);
-  study.document.title = manifest.title + (stand_in ? ", on a STAND-IN" : "");
+  study.document.title = manifest.title + (stand_in ? kStandIn : "");
   study.document.about = manifest.text;
-  if (stand_in)
+  if (stand_in) {
     study.document.about +=
         fmt::format(" The scan could not be had: this ran on a stand-in of the same size and spacing, {}.",
                     request.scene_name);
-  if (stand_in) r.missing.push_back("stand-in instead of " + r.stand_ins.back());
+    leave_out(r, "stand-in instead of " + scene->stand_in);
+  }
   Result<Stage> stage = set_up(request, r.readers, r.context.progress);
   if (!stage) return give_up(r, what, stage.error());
   study.stage = *std::move(stage);
-
-  RunOptions options;
-  options.threads = r.arguments.threads;
-  options.paced_frames = quick ? kQuickPacedFrames : manifest.paced || r.arguments.full ? kPacedFrames : 0;
-  options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
-  set_passes(options, r);
   std::vector<RendererRequest> wanted;
   for (const ManifestRun& run : manifest.runs) {
     const std::string& text = quick && !run.quick.empty() ? run.quick : run.renderer;
-    Result<std::vector<RendererRequest>> requests = parse_renderers(text, r.registry);
-    if (!requests) {
-      give_up(r, what + ", " + text, requests.error());
-      continue;
-    }
-    wanted.push_back(std::move(requests->front()));
-    limit_reconstruction(wanted.back(), r);
+    if (Result<RendererRequest> one = request_of(text, r))
+      wanted.push_back(*std::move(one));
+    else
+      give_up(r, what + ", " + text, one.error());
   }
-  Result<std::vector<Run>> runs = run_renderers(study.stage, wanted, r.registry, options, r.context.progress,
-                                                study.document.conditions.emplace(), {});
+  RunOptions options = run_options(r, kFramesPrepareLimitS);
+  const bool wanted_paced = manifest.paced || r.arguments.full;
+  options.paced_frames = quick ? kQuickPacedFrames : wanted_paced && !waits_for_full(r) ? kPacedFrames : 0;
+  if (wanted_paced && waits_for_full(r)) leave_out(r, what + ", frames paced at 1 kHz: run with --full");
+  Result<std::vector<Run>> runs = run_on(study.stage, wanted, options, r, study.document);
   if (!runs) return give_up(r, what, runs.error());
-  add_program(*study.document.conditions);
   study.runs = *std::move(runs);
   for (const Run& run : study.runs) {
     if (run.result.status == metrics::RunStatus::kOk) continue;
-    r.missing.push_back(fmt::format("{}, {}: {}", what, run.result.label, run.result.reason));
-    r.fell_short = true;
+    leave_out(r, fmt::format("{}, {}: {}", what, run.result.label, run.result.reason));
+    r.part.fell_short = true;
   }
   const Result<OutputFolder> folder = r.folder.inside(manifest.id());
   const Status written = folder ? write_study(study, *folder) : Status(folder.error());
   const Result<Study> whole = written ? read_study(folder->path()) : Result<Study>(written.error());
   if (!whole) {
-    r.fell_short = true;
+    r.part.fell_short = true;
     return give_up(r, what, whole.error());
   }
   r.context.progress.report("drawing the figures", -1.0);
-  r.tables.push_back(add_frames(r.page, manifest, *whole, r.folder));
+  Part drawn = frames_part(manifest, *whole, r.folder);
+  drawn.missing = std::move(r.part.missing);
+  drawn.fell_short = r.part.fell_short;
+  r.part = std::move(drawn);
 }
 
 }  // namespace palpate::experiments

@@ -1,132 +1,87 @@
+// What the thesis calls "largely insensitive" to the number of points (section 3.6.2), measured.
 #include <fmt/format.h>
 
 #include "experiments/tables/reproduction.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
 
-// Without --full the largest model starts only where the ten minutes of the default run leave room for it.
-constexpr double kRoomForLargestMs = 330'000.0;
 constexpr double kGrowthLimitS = 900.0;
-constexpr double kMsPerSecond = 1000.0;
+/// A mean frame that grows no more over a hundred times the points is insensitive to them, by our own goal.
+constexpr double kInsensitive = 2.0;
 
-struct Row {
+using R = metrics::RendererResult;
+
+struct GrowthRow {
   std::uint64_t points;
-  std::vector<metrics::RendererResult> results;
+  std::vector<R> results;
 };
 
-Result<Row> measure(const Manifest& manifest, const ManifestModel& model, Reproduction& r,
-                    metrics::ResultDocument& document) {
-  Result<scene::SceneFile> scene = scene_of(model, r);
-  if (!scene) return std::move(scene).error();
+Result<GrowthRow> measure(const Manifest& manifest, const ManifestModel& model, Reproduction& r,
+                          metrics::ResultDocument& document) {
+  PALPATE_ASSIGN(ModelScene scene, scene_of(model, r));
   StageRequest request;
-  request.scene_name = scene->path;
-  request.scene = *std::move(scene);
+  request.scene_name = scene.file.path;
+  request.scene = std::move(scene.file);
   request.path = r.arguments.quick ? manifest.quick_path : manifest.path;
   request.reference = ReferenceChoice::kNone;
   request.threads = r.arguments.threads;
-  const Result<Stage> stage = set_up(request, r.readers, r.context.progress);
-  if (!stage) return stage.error();
-  document.path = stage->path.name;
-  Row row{stage->scene.input.models.front().cloud->size(), {}};
-  RunOptions options;
-  options.threads = r.arguments.threads;
-  options.prepare_limit_s = kGrowthLimitS;
-  set_passes(options, r);
-  std::vector<RendererRequest> requests;
-  for (const ManifestRun& wanted : manifest.runs) {
-    Result<std::vector<RendererRequest>> one = parse_renderers(wanted.renderer, r.registry);
-    if (!one) return one.error();
-    requests.push_back(std::move(one->front()));
-    limit_reconstruction(requests.back(), r);
-  }
-  metrics::Conditions conditions;
-  Result<std::vector<Run>> runs =
-      run_renderers(*stage, requests, r.registry, options, r.context.progress, conditions, {});
-  if (!runs) return std::move(runs).error();
-  add_program(conditions);
-  document.conditions = std::move(conditions);
-  for (Run& run : *runs) {
-    metrics::RendererResult named = run.result;
-    named.label = fmt::format("{}-{}", named.label, row.points);
-    document.renderers.push_back(std::move(named));
+  PALPATE_ASSIGN(const Stage stage, set_up(request, r.readers, r.context.progress));
+  document.path = stage.path.name;
+  GrowthRow row{stage.scene.input.models.front().cloud->size(), {}};
+  PALPATE_ASSIGN(const std::vector<RendererRequest> requests, requests_of(manifest, r));
+  PALPATE_ASSIGN(std::vector<Run> runs, run_on(stage, requests, run_options(r, kGrowthLimitS), r, document));
+  for (Run& run : runs) {
+    document.renderers.push_back(run.result);
+    document.renderers.back().label += fmt::format("-{}", row.points);
     row.results.push_back(std::move(run.result));
   }
   return row;
 }
 
-/// The renderers, one line of each figure.
-std::vector<std::string> labels_of(const std::vector<Row>& rows) {
-  std::vector<std::string> labels;
-  if (!rows.empty())
-    for (const metrics::RendererResult& result : rows.front().results) labels.push_back(result.label);
-  return labels;
-}
-
-/// `value` of one renderer, over all rows.
-std::vector<std::optional<double>> column(const std::vector<Row>& rows, std::size_t renderer,
-                                          std::optional<double> (*value)(const metrics::RendererResult&)) {
+/// One renderer's `value` over all rows.
+std::vector<std::optional<double>> column(const std::vector<GrowthRow>& rows, std::size_t renderer,
+                                          const ScoreGet& value) {
   std::vector<std::optional<double>> values;
-  for (const Row& row : rows)
+  for (const GrowthRow& row : rows)
     values.push_back(renderer < row.results.size() ? value(row.results[renderer]) : std::nullopt);
   return values;
 }
-std::optional<double> mean_us(const metrics::RendererResult& r) {
-  return r.frame ? r.frame->mean_us : std::nullopt;
-}
-std::optional<double> clocked_us(const metrics::RendererResult& r) {
-  return r.frame ? r.frame->mean_clocked_us : std::nullopt;
-}
-std::optional<double> contact_frames(const metrics::RendererResult& r) {
-  return r.frame ? std::optional<double>(static_cast<double>(r.frame->timed_frames)) : std::nullopt;
-}
-std::optional<double> all_mean_us(const metrics::RendererResult& r) {
-  return r.frame_all ? r.frame_all->mean_us : std::nullopt;
-}
-std::optional<double> all_p999_us(const metrics::RendererResult& r) {
-  return r.frame_all ? r.frame_all->p999_us : std::nullopt;
-}
-std::optional<double> p999_us(const metrics::RendererResult& r) {
-  return r.frame ? r.frame->p999_us : std::nullopt;
-}
-std::optional<double> prepare_s(const metrics::RendererResult& r) {
-  return r.prepare ? std::optional<double>(r.prepare->total_ms / kMsPerSecond) : std::nullopt;
-}
 
-/// A column a size, a group of rows a renderer.
-Table growth_table(const Manifest& manifest, const std::vector<Row>& rows,
-                   const metrics::ResultDocument& document) {
+/// Columns are sizes; each renderer has a group of rows.
+Table growth_table(const Manifest& manifest, const std::vector<GrowthRow>& rows) {
   Table table;
   table.title = manifest.title;
   table.columns = {"points"};
-  for (const Row& row : rows) table.columns.push_back(count_text(row.points));
-  const std::string frames = frames_text(document);
-  const std::vector<std::string> labels = labels_of(rows);
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    table.rows.push_back({{labels[i], false, false}});
-    for (const auto& [name, value] :
-         {std::pair{"frames in contact" + (frames.empty() ? "" : ", " + frames), &contact_frames},
-          {"mean frame without the clock, µs", &mean_us},
-          {"mean of all frames without the clock, µs", &all_mean_us},
-          {"mean frame with the clock, µs", &clocked_us},
-          {"99.9 % with the clock, µs", &p999_us},
-          {"99.9 % of all frames with the clock, µs", &all_p999_us},
-          {"preparation, s", &prepare_s}}) {
-      table.rows.push_back({{name, false, false}});
-      const std::vector<std::string> texts = aligned_numbers(column(rows, i, value));
-      for (std::size_t k = 0; k < rows.size(); ++k) {
-        const bool ok = i < rows[k].results.size() && rows[k].results[i].status == metrics::RunStatus::kOk;
-        table.rows.back().push_back({ok ? texts[k] : "did not finish", false, !ok});
-      }
-    }
+  for (const GrowthRow& row : rows) table.columns.push_back(format_count(row.points));
+  const std::pair<const char*, ScoreGet> scores[] = {
+      {"mean frame in contact without the clock, µs",
+       frame_score(&R::frame, &trace::FrameStatistics::mean_us)},
+      {"mean of all frames without the clock, µs",
+       frame_score(&R::frame_all, &trace::FrameStatistics::mean_us)},
+      {"mean frame in contact with the clock, µs",
+       frame_score(&R::frame, &trace::FrameStatistics::mean_clocked_us)},
+      {"99.9 % in contact with the clock, µs", frame_score(&R::frame, &trace::FrameStatistics::p999_us)},
+      {"99.9 % of all frames with the clock, µs",
+       frame_score(&R::frame_all, &trace::FrameStatistics::p999_us)}};
+  for (std::size_t i = 0; !rows.empty() && i < rows.front().results.size(); ++i) {
+    table.rows.push_back({plain(rows.front().results[i].label)});
+    for (const auto& [name, value] : scores)
+      table.rows.push_back(score_row(name, column(rows, i, value), Show::kNumbers));
+    table.rows.push_back(score_row("preparation", column(rows, i, prepare_ms), Show::kTimes));
+    for (std::size_t k = 0; k < rows.size(); ++k)
+      if (i >= rows[k].results.size() || rows[k].results[i].status != metrics::RunStatus::kOk)
+        for (std::size_t back = 1; back <= std::size(scores) + 1; ++back)
+          table.rows[table.rows.size() - back][k + 1] = {"did not finish", false, true};
   }
   table.bad_means = "did not run to its end";
-  for (const std::string& note : manifest.notes) table.notes.push_back(note);
+  table.notes = manifest.notes;
   return table;
 }
 
-Chart growth_chart(const std::vector<Row>& rows, const char* name, const char* title, const char* y_label,
-                   std::optional<double> (*value)(const metrics::RendererResult&)) {
+Chart growth_chart(const std::vector<GrowthRow>& rows, const char* name, const char* title,
+                   const char* y_label, const ScoreGet& value) {
   Chart chart;
   chart.name = name;
   chart.title = title;
@@ -138,7 +93,9 @@ Chart growth_chart(const std::vector<Row>& rows, const char* name, const char* t
   chart.extra =
       "set xtics ('10^4' 1e4, '10^5' 1e5, '10^6' 1e6, '10^7' 1e7)\nset yrange [*:*]\n"
       "set offsets graph 0.03, graph 0.03, graph 0.05, graph 0.05\n";
-  const std::vector<std::string> labels = labels_of(rows);
+  std::vector<std::string> labels;
+  if (!rows.empty())
+    for (const R& result : rows.front().results) labels.push_back(result.label);
   const std::vector<Look> looks = looks_of(labels);
   for (std::size_t i = 0; i < labels.size(); ++i) {
     Series series{labels[i], looks[i].colour, {}, {}, looks[i].dash};
@@ -153,22 +110,37 @@ Chart growth_chart(const std::vector<Row>& rows, const char* name, const char* t
   return chart;
 }
 
-/// "cloud's mean frame grows 2.33 times, from 0.148 to 0.344 µs", for each renderer.
-std::vector<Headline> growth_headlines(const std::vector<Row>& rows) {
-  std::vector<Headline> lines;
-  if (rows.size() < 2) return lines;
-  const std::vector<std::string> labels = labels_of(rows);
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    const auto mean = column(rows, i, &mean_us), prepare = column(rows, i, &prepare_s);
+/// What grows how often from the first size to the last, in words, and as a line of the first page.
+void conclude_growth(const Manifest& manifest, const std::vector<GrowthRow>& rows, bool quick,
+                     Section& section, std::vector<Answer>& answers) {
+  if (rows.size() < 2) return;
+  const ScoreGet frame = frame_score(&R::frame, &trace::FrameStatistics::mean_us);
+  std::vector<std::string> grown;
+  Answer answer;
+  for (std::size_t i = 0; i < rows.front().results.size(); ++i) {
+    const auto mean = column(rows, i, frame), prepare = column(rows, i, prepare_ms);
     if (!mean.front() || !mean.back() || !prepare.front() || !prepare.back()) continue;
-    lines.push_back(
-        {labels[i], fmt::format("mean frame {} times, from {} to {} µs; preparation {} times, from {} to {}",
-                                short_number(*mean.back() / *mean.front()), short_number(mean.front()),
-                                short_number(mean.back()), short_number(*prepare.back() / *prepare.front()),
-                                duration_text(*prepare.front() * kMsPerSecond),
-                                duration_text(*prepare.back() * kMsPerSecond))});
+    const std::string& label = rows.front().results[i].label;
+    const double times = *mean.back() / *mean.front();
+    section.found.push_back(
+        {label, fmt::format("mean frame {} times, from {} to {} µs; preparation {} times, from {} to {}",
+                            format_number(times), format_number(mean.front()), format_number(mean.back()),
+                            format_number(*prepare.back() / *prepare.front()),
+                            format_duration(*prepare.front()), format_duration(*prepare.back()))});
+    grown.push_back(fmt::format("{} {} times", label, format_number(times)));
+    if (grown.size() == 1) answer.reproduced = times <= kInsensitive ? Judged::kYes : Judged::kNo;
   }
-  return lines;
+  answer.table = "3.6.2";
+  answer.page = manifest.id() + ".html";
+  answer.says = fmt::format("growth of the mean frame from {} to {} points",
+                            format_count(rows.front().points), format_count(rows.back().points));
+  answer.printed = "\"largely insensitive\"";
+  answer.ours = joined(grown);
+  answer.status = quick                               ? "tried on small models only"
+                  : answer.reproduced == Judged::kYes ? "reproduced"
+                                                      : "in part: it grows, if less than the points";
+  if (quick) answer.reproduced = Judged::kNot;
+  answers.push_back(std::move(answer));
 }
 
 }  // namespace
@@ -177,40 +149,37 @@ void reproduce_growth(const Manifest& manifest, Reproduction& r) {
   metrics::ResultDocument document = new_document(r.context.command_line);
   document.title = manifest.title;
   document.scene = "sinusoid over 100 x 100 mm, by number of points";
-  std::vector<Row> rows;
+  std::vector<GrowthRow> rows;
   for (const ManifestModel& model : manifest.models) {
-    if (model.if_room && !r.arguments.full && r.watch.ms() > kRoomForLargestMs) {
-      r.missing.push_back(
-          fmt::format("growth at {} points: no room within ten minutes; run with --full", model.name));
+    if (model.long_run && waits_for_full(r)) {
+      leave_out(r, fmt::format("growth at {} points: it needs minutes; run with --full", model.name));
       break;
     }
-    Result<Row> row = measure(manifest, model, r, document);
+    Result<GrowthRow> row = measure(manifest, model, r, document);
     if (!row) {
-      r.missing.push_back(fmt::format("growth at {} points: {}", model.name, row.error().message()));
+      leave_out(r, fmt::format("growth at {} points: {}", model.name, row.error().message()));
       break;
     }
     rows.push_back(*std::move(row));
   }
-  if (const Result<OutputFolder> folder = r.folder.inside(manifest.id()))
-    if (const Status written = folder->write("result.json", metrics::to_json(document)); !written)
-      r.missing.push_back("growth/result.json: " + written.error().message());
-  add_known(r.page, known_of("Growth", document));
-  Table table = growth_table(manifest, rows, document);
-  Section section{manifest.id(), "Growth with the number of points", {}, {manifest.text}, {table}, {}, {}};
-  if (const Result<OutputFolder> figures = r.folder.inside("figures")) {
-    section.figures.push_back(
-        draw(growth_chart(rows, "growth", "Mean frame by number of points", "mean frame, µs", &mean_us),
-             *figures));
-    section.figures.push_back(draw(growth_chart(rows, "growth-preparation", "Preparation by number of points",
-                                                "preparation, s", &prepare_s),
-                                   *figures));
-  }
-  r.page.sections.push_back(std::move(section));
-  if (rows.size() > 1)
-    r.page.headlines.push_back({fmt::format("Growth from {} to {} points", count_text(rows.front().points),
-                                            count_text(rows.back().points)),
-                                growth_headlines(rows)});
-  r.tables.push_back(std::move(table));
+  write_beside(r, manifest, "result.json", metrics::to_json(document));
+  add_known(r.part, known_of("Growth", document));
+  Section section{manifest.id(),
+                  "Growth with the number of points",
+                  {},
+                  {manifest.text},
+                  {growth_table(manifest, rows)},
+                  {},
+                  {}};
+  if (const Result<OutputFolder> figures = r.folder.inside("figures"))
+    section.figures = {draw(growth_chart(rows, "growth", "Mean frame by number of points", "mean frame, µs",
+                                         frame_score(&R::frame, &trace::FrameStatistics::mean_us)),
+                            *figures),
+                       draw(growth_chart(rows, "growth-preparation", "Preparation by number of points",
+                                         "preparation, ms", prepare_ms),
+                            *figures)};
+  conclude_growth(manifest, rows, r.arguments.quick, section, r.part.answers);
+  r.part.sections.push_back(std::move(section));
 }
 
 }  // namespace palpate::experiments

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <tuple>
 
+#include <palpate/options.h>
+#include <palpate/result.h>
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
 #include "toolkit/scene/toml_fields.h"
 
 namespace palpate::experiments {
@@ -44,7 +44,7 @@ Fields fields_of(ManifestModel& m, const std::string& /*kind*/) {
           field("quick_sample", m.quick_sample).of(kProtocols),
           field("reference", m.reference).of(kProtocols),
           field("seeds", m.seeds).of(kProtocols),
-          field("if_room", m.if_room).of({"growth"}),
+          field("long", m.long_run).of({"growth"}),
           field("printed_min", m.printed_min).of({"neighbours"}),
           field("slow", m.slow).of({"neighbours", "methods"}),
           field("only", m.only).of({"methods"}),
@@ -120,8 +120,8 @@ Field tables(const std::string& key, std::vector<T>& into, const std::string& ki
       key, into, [](T& one, const std::string& its_kind) { return fields_of(one, its_kind); }, kind);
 }
 
-/// Which kind a manifest is of decides what else it may hold.
-Result<Manifest::Kind> read_kind(const toml::table& root, const scene::InFile& in_file) {
+/// The kind decides which other keys are valid.
+Result<Manifest::Kind> read_kind(const toml::table& root, const scene::TomlFile& in_file) {
   const toml::node* node = root.get("kind");
   if (node == nullptr)
     return in_file.at(root.source(), "a manifest needs 'kind'",
@@ -134,7 +134,7 @@ Result<Manifest::Kind> read_kind(const toml::table& root, const scene::InFile& i
                                  fmt::format("it is one of {}", fmt::join(kKinds, ", "))));
 }
 
-/// A manifest that a user has written, by the name of its file.
+/// A user's manifest, named after its file.
 Result<Manifest> manifest_of_file(const std::string& file) {
   Result<std::string> text = read_file(file, kMemoryLimitBytes);
   if (!text) return std::move(text).error();
@@ -165,7 +165,7 @@ std::string Manifest::id() const {
 Result<Manifest> parse_manifest(std::string_view text, const std::string& name) {
   try {
     const toml::table root = toml::parse(text, name);
-    const scene::InFile in_file{name};
+    const scene::TomlFile in_file{name};
     const Result<Manifest::Kind> kind = read_kind(root, in_file);
     if (!kind) return kind.error();
     Manifest manifest;
@@ -189,7 +189,7 @@ Result<std::vector<Manifest>> manifests_for(const std::string& tables) {
     if (!manifest) return std::move(manifest).error();
     all.push_back(*std::move(manifest));
   }
-  // What is no table comes last, by name.
+  // Manifests without a table come last, by name.
   std::sort(all.begin(), all.end(), [](const Manifest& a, const Manifest& b) {
     return std::tuple(a.table == 0, a.table, a.id()) < std::tuple(b.table == 0, b.table, b.id());
   });

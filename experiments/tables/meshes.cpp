@@ -1,31 +1,33 @@
-// Table 3: every reconstruction on every model, and the printed times beside them.
+// Table 3: every reconstruction on every model, beside the printed times.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "baselines/reconstruct/oriented_normals.h"
 #include "baselines/reconstruct/reconstruct.h"
 #include "baselines/reference/mesh_distance.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/cloud/sample.h"
+#include "toolkit/cloud/cloud_subset.h"
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/neighbourhood/knn.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/search/knn.h"
 
 namespace palpate::experiments {
 
 namespace {
 
 constexpr double kMsPerMinute = 60000.0;
-constexpr std::size_t kSamples = 20000;  // places whose distance is measured, either way
-constexpr std::uint64_t kSeed = 1;       // of the points that a thinned model keeps
+constexpr std::size_t kSamples = 20000;  // points measured in each direction
+constexpr std::uint64_t kSeed = 1;       // for thinning a model
 
 /// One method on one model.
 struct MeshRow {
   std::string method, model;
   std::size_t points = 0;
   double spacing_mm = 0.0;
-  double rounding_mm = 0.0;  ///< of a stored point: a mesh through the points is no nearer to them
+  double rounding_mm = 0.0;  ///< of a stored point: no mesh through the points is more accurate
   std::optional<baselines::Reconstruction> made;
   std::optional<baselines::MeshDistance> distance;
   Error failure;
@@ -44,7 +46,7 @@ MeshRow run(const baselines::Method& method, const ManifestModel& model, const c
   row.method = method.name;
   row.model = model.name;
   row.points = cloud.size();
-  row.spacing_mm = neighbourhood::mean_spacing_mm(cloud);
+  row.spacing_mm = search::mean_spacing_mm(cloud);
   row.rounding_mm = cloud::stored_rounding_mm(cloud);
   baselines::ReconstructRequest request;
   request.method = method.name;
@@ -66,12 +68,19 @@ MeshRow run(const baselines::Method& method, const ManifestModel& model, const c
   return row;
 }
 
-/// Every method on one model: those that this build has, and that take its points.
-std::vector<MeshRow> run_all(const ManifestModel& model, const cloud::Cloud& cloud,
+/// Runs the methods of this build that accept the model's points; without --full the kin of printed ones.
+std::vector<MeshRow> run_all(const Manifest& manifest, const ManifestModel& model, const cloud::Cloud& cloud,
                              baselines::MeshCache* cache, Reproduction& r) {
   std::vector<MeshRow> rows;
+  std::vector<std::string> waiting;
   for (const baselines::Method& method : baselines::methods()) {
     if (method.raster_only && !cloud.raster) continue;
+    const bool is_kin = std::any_of(manifest.printed_meshes.begin(), manifest.printed_meshes.end(),
+                                    [&](const PrintedMesh& printed) { return printed.kin == method.name; });
+    if (!is_kin && waits_for_full(r)) {
+      waiting.push_back(method.name);
+      continue;
+    }
     if (method.not_built.empty()) {
       rows.push_back(run(method, model, cloud, cache, r));
     } else {
@@ -82,39 +91,42 @@ std::vector<MeshRow> run_all(const ManifestModel& model, const cloud::Cloud& clo
     const MeshRow& row = rows.back();
     if (!row.made) leave_out(r, fmt::format("table 3, {}, {}", model.name, row.method), row.failure);
   }
+  if (!waiting.empty())
+    leave_out(r, fmt::format("table 3, {}, {}: no kin of a printed one; run with --full", model.name,
+                             joined(waiting)));
   return rows;
 }
 
 std::string spacings(double mm, const MeshRow& row) {
-  return short_number(settled(mm, row.rounding_mm) / row.spacing_mm);
+  return format_number(zero_if_rounding(mm, row.rounding_mm) / row.spacing_mm);
 }
 
 Table model_table(const ManifestModel& model, const std::vector<MeshRow>& rows) {
   constexpr double kMegabyte = 1e6;
   Table table;
   const std::size_t points = rows.empty() ? 0 : rows.front().points;
-  table.title = fmt::format("Reconstruction of the {}, {} points", model.name, count_text(points));
+  table.title = fmt::format("Reconstruction of the {}, {} points", model.name, format_count(points));
   table.columns = {"method",      "time",         "of it normals", "faces",      "peak memory, MB",
                    "points, RMS", "points, most", "mesh, RMS",     "mesh, most", "made"};
   for (const MeshRow& row : rows) {
     if (!row.made) {
       table.rows.push_back(
           {plain(row.method), {row.failure.gave_up ? "did not finish" : "failed", false, true}});
-      table.rows.back().resize(table.columns.size(), plain(kNoNumber));
+      table.rows.back().resize(table.columns.size(), plain(kMissingNumber));
       table.notes.push_back(fmt::format("{}: {}.", row.method, row.failure.message()));
       continue;
     }
     const double normals_ms = row.normals_ms();
-    table.rows.push_back({plain(row.method), plain(duration_text(row.made->made.total_ms)),
-                          plain(normals_ms > 0.0 ? duration_text(normals_ms) : kNoNumber),
-                          plain(count_text(row.made->mesh.triangles.size())),
-                          plain(count_text(static_cast<std::uint64_t>(
-                              static_cast<double>(row.made->peak_bytes) / kMegabyte)))});
+    table.rows.push_back(plain_row(
+        {row.method, format_duration(row.made->made.total_ms),
+         normals_ms > 0.0 ? format_duration(normals_ms) : kMissingNumber,
+         format_count(row.made->mesh.triangles.size()),
+         format_count(static_cast<std::uint64_t>(static_cast<double>(row.made->peak_bytes) / kMegabyte))}));
     std::vector<Cell>& cells = table.rows.back();
     if (const auto& d = row.distance)
       for (const double mm : {d->points_rms_mm, d->points_max_mm, d->mesh_rms_mm, d->mesh_max_mm})
         cells.push_back(plain(spacings(mm, row)));
-    cells.resize(table.columns.size() - 1, plain(kNoNumber));
+    cells.resize(table.columns.size() - 1, plain(kMissingNumber));
     cells.push_back(plain(row.made->recorded ? row.made->made_on : "now"));
   }
   table.bad_means = "no mesh came of it: see below";
@@ -123,8 +135,8 @@ Table model_table(const ManifestModel& model, const std::vector<MeshRow>& rows) 
       "nearest point; places between points are themselves half a spacing from them. 0: no more than the "
       "rounding of a stored point. Time: all phases in a "
       "process of its own. Made: a mesh from the cache shows the time of the day it was made.",
-      rows.empty() ? kNoNumber : short_number(rows.front().spacing_mm),
-      count_text(std::min(kSamples, points)));
+      rows.empty() ? kMissingNumber : format_number(rows.front().spacing_mm),
+      format_count(std::min(kSamples, points)));
   return table;
 }
 
@@ -140,17 +152,17 @@ Table printed_table(const Manifest& manifest, const std::vector<MeshRow>& rows) 
   table.title = manifest.title;
   table.columns = {"thesis", "its model", "its time", "its machine", "nearest kin", "our model", "our time"};
   for (const PrintedMesh& printed : manifest.printed_meshes) {
-    table.rows.push_back({plain(printed.method), plain(printed.model), plain(printed.time),
-                          plain(printed.machine), plain(printed.kin)});
+    table.rows.push_back(
+        plain_row({printed.method, printed.model, printed.time, printed.machine, printed.kin}));
     std::vector<Cell>& cells = table.rows.back();
     if (const MeshRow* row = kin_of(printed, rows)) {
-      cells.push_back(plain(fmt::format("{}, {}", row->model, count_text(row->points))));
+      cells.push_back(plain(fmt::format("{}, {}", row->model, format_count(row->points))));
       if (row->made)
-        cells.push_back(plain(duration_text(row->made->made.total_ms)));
+        cells.push_back(plain(format_duration(row->made->made.total_ms)));
       else
         cells.push_back({row->failure.gave_up ? "did not finish" : "failed", false, true});
     }
-    cells.resize(table.columns.size(), plain(kNoNumber));
+    cells.resize(table.columns.size(), plain(kMissingNumber));
   }
   table.bad_means = "no mesh came of it";
   table.caption = "Thesis: " + manifest.hardware + ". Ours: this machine, normals included.";
@@ -158,7 +170,7 @@ Table printed_table(const Manifest& manifest, const std::vector<MeshRow>& rows) 
   return table;
 }
 
-/// docs/meshes.schema.json describes it.
+/// Format: docs/schemas/meshes.schema.json.
 nlohmann::ordered_json to_json(const std::vector<MeshRow>& rows, const std::vector<std::string>& warnings,
                                const metrics::DocumentHead& head) {
   nlohmann::ordered_json document = {{"schema", "palpate-meshes/1"}};
@@ -193,27 +205,34 @@ nlohmann::ordered_json to_json(const std::vector<MeshRow>& rows, const std::vect
   return document;
 }
 
-void add_headlines(const Manifest& manifest, const std::vector<MeshRow>& rows, Reproduction& r) {
-  HeadlineGroup found{manifest.title, {}};
+/// What each printed method takes here, and a line of the first page that is not judged: models and machines
+/// differ.
+void conclude_meshes(const Manifest& manifest, const std::vector<MeshRow>& rows, Section& section,
+                     std::vector<Answer>& answers) {
+  double first = HUGE_VAL, last = 0.0, first_min = HUGE_VAL, last_min = 0.0;
   for (const PrintedMesh& printed : manifest.printed_meshes) {
     const MeshRow* row = kin_of(printed, rows);
     if (row == nullptr || !row->made || printed.minutes.empty()) continue;
-    found.lines.push_back({fmt::format("{} as {}", printed.method, row->method),
-                           fmt::format("{} for {} points of the {}; the thesis: {} for {}, on {}",
-                                       duration_text(row->made->made.total_ms), count_text(row->points),
-                                       row->model, printed.time, printed.model, printed.machine)});
+    const double ms = row->made->made.total_ms;
+    section.found.push_back(
+        {fmt::format("{} as {}", printed.method, row->method),
+         fmt::format("{} for {} points of the {}; the thesis: {} for {}, on {}", format_duration(ms),
+                     format_count(row->points), row->model, printed.time, printed.model, printed.machine)});
+    first = std::min(first, ms);
+    last = std::max(last, ms);
+    first_min = std::min(first_min, printed.minutes.front());
+    last_min = std::max(last_min, printed.minutes.back());
   }
-  if (!found.lines.empty()) r.page.headlines.push_back(std::move(found));
-}
-
-void write_results(const Manifest& manifest, const std::vector<MeshRow>& rows,
-                   const std::vector<std::string>& warnings, Reproduction& r) {
-  add_known(r.page, {fmt::format("Table {}", manifest.table), warnings, {}});
-  const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table));
-  const auto text = to_json(rows, warnings, r.page.about)
-                        .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-  const Status written = folder ? folder->write("meshes.json", text + "\n") : Status(folder.error());
-  if (!written) give_up(r, fmt::format("the results of table {}", manifest.table), written.error());
+  if (section.found.empty()) return;
+  Answer answer;
+  answer.table = fmt::format("{}", manifest.table);
+  answer.page = section.id + ".html";
+  answer.says = "surface reconstruction takes minutes";
+  answer.printed =
+      fmt::format("{} to {} min, {}", format_number(first_min), format_number(last_min), manifest.hardware);
+  answer.ours = fmt::format("{} to {}", format_duration(first), format_duration(last));
+  answer.status = "not judged: other machines and sizes";
+  answers.push_back(std::move(answer));
 }
 
 }  // namespace
@@ -224,12 +243,12 @@ void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
   std::vector<MeshRow> rows;
   std::vector<Table> tables;
   for (const ManifestModel& model : manifest.models) {
-    const Result<scene::SceneFile> scene = scene_of(model, r);
+    const Result<ModelScene> scene = scene_of(model, r);
     if (!scene) {
       leave_out(r, fmt::format("table {}, {}", manifest.table, model.name), scene.error());
       continue;
     }
-    const Result<scene::LoadedScene> loaded = scene::load(*scene, r.readers, {}, r.context.progress);
+    const Result<scene::LoadedScene> loaded = scene::load(scene->file, r.readers, {}, r.context.progress);
     if (!loaded) {
       give_up(r, fmt::format("table {}, {}", manifest.table, model.name), loaded.error());
       continue;
@@ -238,24 +257,27 @@ void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
     const cloud::Cloud& whole = *loaded->input.models.front().cloud;
     const bool thin = !r.arguments.full && model.points_in_time > 0 && model.points_in_time < whole.size();
     std::vector<MeshRow> some =
-        run_all(model, thin ? cloud::sample_of(whole, model.points_in_time, kSeed) : whole,
+        run_all(manifest, model, thin ? cloud::random_subset(whole, model.points_in_time, kSeed) : whole,
                 cache ? &*cache : nullptr, r);
     tables.push_back(model_table(model, some));
     if (thin)
       tables.back().notes.push_back(fmt::format("{} of the {}'s {} points, at random; --full takes all.",
-                                                count_text(model.points_in_time), model.name,
-                                                count_text(whole.size())));
+                                                format_count(model.points_in_time), model.name,
+                                                format_count(whole.size())));
     std::move(some.begin(), some.end(), std::back_inserter(rows));
   }
   check_done(r,
              std::any_of(rows.begin(), rows.end(), [](const MeshRow& row) { return row.made.has_value(); }));
-  write_results(manifest, rows, warnings, r);
+  add_known(r.part, {fmt::format("Table {}", manifest.table), warnings, {}});
+  write_beside(
+      r, manifest, "meshes.json",
+      to_json(rows, warnings, r.head).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) +
+          "\n");
   tables.insert(tables.begin(), printed_table(manifest, rows));
-  add_headlines(manifest, rows, r);
-  Section section{fmt::format("table{}", manifest.table), manifest.title, {}, {}, tables, {}, {}};
+  Section section{manifest.id(), manifest.title, {}, {}, std::move(tables), {}, {}};
   if (!manifest.text.empty()) section.paragraphs.push_back(manifest.text);
-  r.page.sections.push_back(std::move(section));
-  std::move(tables.begin(), tables.end(), std::back_inserter(r.tables));
+  conclude_meshes(manifest, rows, section, r.part.answers);
+  r.part.sections.push_back(std::move(section));
 }
 
 }  // namespace palpate::experiments

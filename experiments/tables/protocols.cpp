@@ -1,14 +1,14 @@
-// The three protocols of accuracy: coarser versions of a scan, points off a mesh's vertices, a simulated
-// scanner. Their truth is a formula or a finer mesh, which no renderer sees; the path follows the truth.
+// Three accuracy protocols: coarser versions of a scan, points off a mesh's vertices, a simulated scanner.
+// The truth, a formula or finer mesh, is hidden from renderers; the path follows it.
 #include <fmt/format.h>
 
 #include <algorithm>
 
+#include <palpate/result.h>
 #include "experiments/data/locate.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/percentiles.h"
 
 namespace palpate::experiments {
 namespace {
@@ -16,32 +16,29 @@ namespace {
 using metrics::Accuracy;
 using metrics::RendererResult;
 
-// Frames are not what is measured here: one pass of each kind.
+// One pass of each kind: frame times are not measured here.
 constexpr double kProtocolBudgetS = 1.0;
-constexpr double kProtocolPrepareLimitS = 120.0, kFullProtocolPrepareLimitS = 3600.0;
-/// Of the ten minutes of a run of everything: a model that begins later waits for --full, or to be asked for.
-constexpr double kRoomForProtocolsMs = 540'000.0;
+constexpr double kProtocolPrepareLimitS = 120.0;
 constexpr const char* kSeedHere = "@";
 
-/// One renderer on one model: a result a seed.
+/// One renderer on one model, with a result per seed.
 struct ProtocolRow {
   std::string model, label;
   std::vector<RendererResult> seeds;
 };
 
-/// `text` with the seed where the manifest has an @.
+/// `text` with each @ replaced by the seed.
 std::string with_seed(std::string text, int seed) {
   for (std::size_t at = text.find(kSeedHere); at != std::string::npos; at = text.find(kSeedHere))
     text.replace(at, 1, fmt::format("{}", seed));
   return text;
 }
 
-/// The file of a scan that is the truth: found, or fetched.
 Result<std::string> truth_file(const std::string& scan, Reproduction& r) {
   ManifestModel alone;
   alone.scan = scan;
-  PALPATE_ASSIGN(const scene::SceneFile scene, scene_of(alone, r));
-  return scene.models.front().cloud;
+  PALPATE_ASSIGN(const ModelScene scene, scene_of(alone, r));
+  return scene.file.models.front().cloud;
 }
 
 Result<StageRequest> request_for(const Manifest& manifest, const ManifestModel& model, int seed,
@@ -51,7 +48,8 @@ Result<StageRequest> request_for(const Manifest& manifest, const ManifestModel& 
   one.generate = with_seed(model.generate, seed);
   one.quick = with_seed(model.quick, seed);
   StageRequest request;
-  PALPATE_ASSIGN(request.scene, scene_of(one, r));
+  PALPATE_ASSIGN(ModelScene scene, scene_of(one, r));
+  request.scene = std::move(scene.file);
   if (!model.sample.empty()) {
     PALPATE_ASSIGN(request.scene.models.front().sample,
                    parse_named_options(with_seed(
@@ -72,29 +70,17 @@ Status measure_model(const Manifest& manifest, const ManifestModel& model, int s
   PALPATE_ASSIGN(const StageRequest request, request_for(manifest, model, seed, r));
   PALPATE_ASSIGN(const Stage stage, set_up(request, r.readers, r.context.progress));
   document.path = stage.path.name;
-  RunOptions options;
-  options.threads = r.arguments.threads;
+  RunOptions options = run_options(r, kProtocolPrepareLimitS);
   options.passes = 1;
   options.budget_s = kProtocolBudgetS;
-  options.prepare_limit_s = r.arguments.full ? kFullProtocolPrepareLimitS : kProtocolPrepareLimitS;
-  std::vector<RendererRequest> requests;
-  for (const ManifestRun& run : manifest.runs) {
-    PALPATE_ASSIGN(std::vector<RendererRequest> named, parse_renderers(run.renderer, r.registry));
-    requests.push_back(std::move(named.front()));
-    limit_reconstruction(requests.back(), r);
-  }
-  metrics::Conditions conditions;
-  PALPATE_ASSIGN(std::vector<Run> runs,
-                 run_renderers(stage, requests, r.registry, options, r.context.progress, conditions, {}));
-  add_program(conditions);
-  document.conditions = std::move(conditions);
+  PALPATE_ASSIGN(const std::vector<RendererRequest> requests, requests_of(manifest, r));
+  PALPATE_ASSIGN(std::vector<Run> runs, run_on(stage, requests, options, r, document));
   for (Run& run : runs) {
     if (run.result.status != metrics::RunStatus::kOk)
-      r.missing.push_back(
-          fmt::format("{}, {} on {}: {}", manifest.id(), run.result.label, model.name, run.result.reason));
-    RendererResult named = run.result;
-    named.label = fmt::format("{}-{}-{}", model.name, seed, named.label);
-    document.renderers.push_back(std::move(named));
+      leave_out(
+          r, fmt::format("{}, {} on {}: {}", manifest.id(), run.result.label, model.name, run.result.reason));
+    document.renderers.push_back(run.result);
+    document.renderers.back().label = fmt::format("{}-{}-{}", model.name, seed, run.result.label);
     auto row = std::find_if(rows.begin(), rows.end(), [&](const ProtocolRow& one) {
       return one.model == model.name && one.label == run.result.label;
     });
@@ -104,38 +90,31 @@ Status measure_model(const Manifest& manifest, const ManifestModel& model, int s
   return Done{};
 }
 
-using ProtocolValue = std::optional<double>;
-
-template <class Member>
-std::vector<double> over_seeds(const ProtocolRow& row, Member member) {
+std::vector<double> over_seeds(const ProtocolRow& row, const ScoreGet& get) {
   std::vector<double> values;
-  for (const RendererResult& result : row.seeds) {
-    if (!result.accuracy) continue;
-    if (const auto value = (*result.accuracy).*member) values.push_back(static_cast<double>(*value));
-  }
+  for (const RendererResult& result : row.seeds)
+    if (const std::optional<double> value = get(result)) values.push_back(*value);
   return values;
 }
 
-template <class Member>
-ProtocolValue middle(const ProtocolRow& row, Member member) {
-  std::vector<double> values = over_seeds(row, member);
-  return values.empty() ? ProtocolValue() : upper_median(std::move(values));
+std::optional<double> middle(const ProtocolRow& row, const ScoreGet& get) {
+  std::vector<double> values = over_seeds(row, get);
+  return values.empty() ? std::nullopt : std::optional(upper_median(std::move(values)));
 }
 
 std::string range_text(const ProtocolRow& row) {
-  const std::vector<double> values = over_seeds(row, &Accuracy::force_rms_percent);
-  if (values.size() < 2) return kNoNumber;
+  const std::vector<double> values = over_seeds(row, accuracy_score(&Accuracy::force_rms_percent));
+  if (values.size() < 2) return kMissingNumber;
   const auto [low, high] = std::minmax_element(values.begin(), values.end());
-  return fmt::format("{} to {}", short_number(*low), short_number(*high));
+  return fmt::format("{} to {}", format_number(*low), format_number(*high));
 }
 
-/// A row a renderer and model; medians over the seeds.
+/// A row per renderer and model; medians over the seeds.
 Table protocol_table(const Manifest& manifest, const std::vector<ProtocolRow>& rows) {
   Table table;
   table.title = manifest.title;
   table.columns = {"model", "renderer"};
-  for (const ProtocolRow& row : rows)
-    table.rows.push_back({{row.model, false, false}, {row.label, false, false}});
+  for (const ProtocolRow& row : rows) table.rows.push_back(plain_row({row.model, row.label}));
   const auto add = [&](const char* name, const auto& text_of) {
     table.columns.emplace_back(name);
     for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -145,11 +124,12 @@ Table protocol_table(const Manifest& manifest, const std::vector<ProtocolRow>& r
       table.rows[i].push_back({ran ? text_of(rows[i]) : std::string("did not finish"), false, !ran});
     }
   };
-  const auto number = [&](const char* name, auto member) {
-    add(name, [member](const ProtocolRow& row) { return short_number(middle(row, member)); });
+  const auto number = [&](const char* name, const auto& member) {
+    add(name, [&](const ProtocolRow& row) { return format_number(middle(row, accuracy_score(member))); });
   };
   add("points", [](const ProtocolRow& row) {
-    return row.seeds.front().model ? count_text(row.seeds.front().model->points) : std::string(kNoNumber);
+    return row.seeds.front().model ? format_count(row.seeds.front().model->points)
+                                   : std::string(kMissingNumber);
   });
   number("history decides, % of contact", &Accuracy::history_percent);
   number("force error, median, %", &Accuracy::force_p50_percent);
@@ -160,16 +140,8 @@ Table protocol_table(const Manifest& manifest, const std::vector<ProtocolRow>& r
   number("false beyond 0.055 mm", &Accuracy::false_device_frames);
   number("missed beyond 0.1 mm", &Accuracy::missed_tenth_mm_frames);
   number("false beyond 0.1 mm", &Accuracy::false_tenth_mm_frames);
-  const auto count = [&](const char* name, std::uint64_t Accuracy::*member) {
-    add(name, [member](const ProtocolRow& row) {
-      std::vector<double> all;
-      for (const RendererResult& one : row.seeds)
-        if (one.accuracy) all.push_back(static_cast<double>((*one.accuracy).*member));
-      return all.empty() ? std::string(kNoNumber) : short_number(upper_median(std::move(all)));
-    });
-  };
-  count("missed beyond a spacing", &Accuracy::missed_contact_frames);
-  count("false beyond a spacing", &Accuracy::false_contact_frames);
+  number("missed beyond a spacing", &Accuracy::missed_contact_frames);
+  number("false beyond a spacing", &Accuracy::false_contact_frames);
   table.bad_means = "did not run to its end";
   table.caption =
       "Frames and percent are medians over the seeds. The truth is the formula, or a mesh that no "
@@ -179,17 +151,19 @@ Table protocol_table(const Manifest& manifest, const std::vector<ProtocolRow>& r
   return table;
 }
 
-/// "cloud 0.82 % (median 0.1 %, 95 % 1.2 %), floor 0.7 %" for each model.
+/// Per model: "cloud 0.82 % (median 0.1 %, 95 % 1.2 %), floor 0.7 %".
 std::vector<Headline> protocol_headlines(const std::vector<ProtocolRow>& rows) {
   std::vector<Headline> lines;
   for (const ProtocolRow& row : rows) {
-    const ProtocolValue rms = middle(row, &Accuracy::force_rms_percent);
-    if (!rms) continue;
+    const auto text = [&](std::optional<double> Accuracy::*member) {
+      return format_number(middle(row, accuracy_score(member)));
+    };
+    if (!middle(row, accuracy_score(&Accuracy::force_rms_percent))) continue;
     if (lines.empty() || lines.back().lead != row.model) lines.push_back({row.model, ""});
     lines.back().text +=
         fmt::format("{}{} {} % (median {}, 95 % {})", lines.back().text.empty() ? "force error, RMS: " : "; ",
-                    row.label, short_number(*rms), short_number(middle(row, &Accuracy::force_p50_percent)),
-                    short_number(middle(row, &Accuracy::force_p95_percent)));
+                    row.label, text(&Accuracy::force_rms_percent), text(&Accuracy::force_p50_percent),
+                    text(&Accuracy::force_p95_percent));
   }
   return lines;
 }
@@ -203,12 +177,6 @@ void reproduce_protocol(const Manifest& manifest, Reproduction& r) {
   std::vector<ProtocolRow> rows;
   for (const ManifestModel& model : manifest.models) {
     if (model.full && !r.arguments.full) continue;
-    if (r.arguments.tables.empty() && !r.arguments.full && r.watch.ms() > kRoomForProtocolsMs) {
-      r.missing.push_back(
-          fmt::format("{}, from {} on: no room within ten minutes; run with --full, or --tables {}",
-                      manifest.id(), model.name, manifest.id()));
-      break;
-    }
     const std::uint64_t seeds = r.arguments.quick ? 1 : std::max<std::uint64_t>(1, model.seeds);
     for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
       const Status done = measure_model(manifest, model, static_cast<int>(seed), r, document, rows);
@@ -219,13 +187,15 @@ void reproduce_protocol(const Manifest& manifest, Reproduction& r) {
   }
   check_done(r, !rows.empty());
   if (rows.empty()) return;
-  if (const Result<OutputFolder> folder = r.folder.inside(manifest.id()))
-    if (const Status written = folder->write("result.json", metrics::to_json(document)); !written)
-      r.missing.push_back(manifest.id() + "/result.json: " + written.error().message());
-  Table table = protocol_table(manifest, rows);
-  r.page.sections.push_back({manifest.id(), manifest.title, {}, {manifest.text}, {table}, {}, {}});
-  r.page.headlines.push_back({manifest.title, protocol_headlines(rows)});
-  r.tables.push_back(std::move(table));
+  write_beside(r, manifest, "result.json", metrics::to_json(document));
+  r.part.sections.push_back({manifest.id(),
+                             manifest.title,
+                             {},
+                             {manifest.text},
+                             {protocol_table(manifest, rows)},
+                             {},
+                             {},
+                             protocol_headlines(rows)});
 }
 
 }  // namespace palpate::experiments

@@ -1,9 +1,11 @@
+// `palpate reproduce`: which tables run, and what their runs have in common.
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
 
+#include <palpate/result.h>
 #include "experiments/behaviours/matrix.h"
 #include "experiments/data/locate.h"
 #include "experiments/data/scene_scans.h"
@@ -11,53 +13,64 @@
 #include "experiments/session/terminal.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
-std::filesystem::path whole_path(const std::filesystem::path& path) {
-  return std::filesystem::absolute(path).lexically_normal();
+constexpr const char* kMeshLimit = "mesh_time_limit_s";
+
+std::vector<Part> parts_of(const std::vector<Step>& steps) {
+  std::vector<Part> parts;
+  for (const Step& step : steps) parts.push_back(step.part);
+  return parts;
 }
 
-void finish(Reproduction& r) {
+/// Writes the report, and prints the tables: of a study the one beside the thesis.
+int finish(Reproduction& r) {
   r.context.progress.set_prefix("");
   r.context.progress.report("writing the report", -1.0);
-  finish_page(r.page, r.missing);
-  Status written = r.folder.write(kReproductionFile, reproduction_json(r.page.title, r.page.about, r.steps));
-  if (written) written = write_page(r.page, r.folder);
+  const Page page = page_of(r.head, parts_of(r.steps));
+  bool fell_short = false;
+  Status written = r.folder.write(kReproductionFile, reproduction_json(r.head, r.steps));
+  if (written) written = write_page(page, r.folder);
   if (written) written = r.folder.complete();
   if (!written) {
     fail(written.error(), kExitFellShort, &r.context.progress);
-    r.fell_short = true;
+    fell_short = true;
   }
   r.context.progress.clear();
-  for (const Table& table : r.tables) fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
-  for (const Known& known : r.page.known)
+  const std::size_t columns = terminal_columns(STDOUT_FILENO);
+  for (const Step& step : r.steps) {
+    fell_short = fell_short || step.part.fell_short;
+    for (const Section& section : step.part.sections)
+      for (const Table& table : section.tables) {
+        fmt::print("{}\n", to_text(table, columns));
+        if (step.manifest.kind == Manifest::Kind::kFrames) break;
+      }
+  }
+  for (const Table& table : page.tables) fmt::print("{}\n", to_text(table, columns));
+  for (const Known& known : page.known)
     for (const std::string& warning : known.warnings)
       tell("palpate: warning: {}: {}\n", known.about, warning);
-  for (const std::string& what : r.missing) fmt::print("not done: {}\n", what);
-  fmt::print("took {}\nreport: {}\n", duration_text(r.watch.ms()),
-             whole_path(r.folder.file("report.html")).string());
+  for (const Step& step : r.steps)
+    for (const std::string& what : step.part.missing) fmt::print("not done: {}\n", what);
+  for (const Headline& answer : page.answers) fmt::print("{} {}\n", answer.lead, answer.text);
+  fmt::print("took {}\nreport: {}\n", format_duration(r.watch.ms()),
+             std::filesystem::absolute(r.folder.file(kReportFile)).lexically_normal().string());
+  return fell_short ? kExitFellShort : kExitOk;
 }
 
-}  // namespace
-
-namespace {
-
-constexpr const char* kMeshLimit = "mesh_time_limit_s";
-
-/// Whether anything is reconstructed for the table.
+/// True if the table needs reconstructions.
 bool reconstructs(const Manifest& manifest, const render::Registry& registry) {
   if (manifest.kind == Manifest::Kind::kMeshes || manifest.kind == Manifest::Kind::kMethods) return true;
   return std::any_of(manifest.runs.begin(), manifest.runs.end(), [&](const ManifestRun& run) {
     const Result<NamedOptions> named = parse_named_options(run.renderer);
     const render::RendererInfo* info = named ? registry.find(named->name) : nullptr;
-    return info != nullptr && option_acts(kMeshLimit, named->options, info->options);
+    return info != nullptr && option_applies(kMeshLimit, named->options, info->options);
   });
 }
 
-/// What is said about reconstructions does nothing where none is made.
+/// Rejects reconstruction options that no table uses.
 Status check_mesh_arguments(const ReproduceArguments& arguments, const std::vector<Manifest>& manifests,
                             const render::Registry& registry) {
   const bool given = arguments.mesh_limit_s >= 0.0 || arguments.no_cache;
@@ -76,12 +89,9 @@ Result<scene::SceneFile> embedded_scene(const std::string& name) {
   return Error{fmt::format("there is no scene '{}'", name), {}, {}, 0};
 }
 
-/// A quick trial keeps the scene and takes a small model.
 Status make_quick(scene::SceneFile& scene, const std::string& generator) {
-  Result<NamedOptions> named = parse_named_options(generator);
-  if (!named) return std::move(named).error();
   scene::SceneModel& model = scene.models.front();
-  model.generate = *std::move(named);
+  PALPATE_ASSIGN(model.generate, parse_named_options(generator));
   model.name = model.generate->name;
   model.cloud.clear();
   model.scan.clear();
@@ -90,74 +100,32 @@ Status make_quick(scene::SceneFile& scene, const std::string& generator) {
   return Done{};
 }
 
-}  // namespace
-
-double mesh_limit_s(const Reproduction& r) {
-  constexpr double kInTimeS = 120.0;  // a run of minutes
-  if (r.arguments.mesh_limit_s >= 0.0) return r.arguments.mesh_limit_s;
-  return r.arguments.full ? 0.0 : kInTimeS;
-}
-
-void limit_reconstruction(RendererRequest& request, const Reproduction& r) {
-  if (option_acts(kMeshLimit, request.options, r.registry.find(request.name)->options))
-    request.options.set(kMeshLimit, fmt::format("{}", mesh_limit_s(r)));
-}
-
-Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r) {
-  Result<scene::SceneFile> scene = Error{};
-  if (!model.scene.empty()) {
-    scene = embedded_scene(model.scene);
-  } else if (!model.generate.empty()) {
-    scene = scene::open_scene(model.in_time.empty() || r.arguments.full ? model.generate : model.in_time);
-  } else {
-    scene = scene::SceneFile{};
-    scene->path = model.scan;
-    scene->models.emplace_back();
-    scene->models.front().name = scene->models.front().scan = model.scan;
-    scene->models.front().scale = model.scale;
-  }
-  if (!scene) return scene;
-  if (r.arguments.quick && !model.quick.empty()) {
-    PALPATE_TRY(make_quick(*scene, model.quick));
-    return scene;
-  }
-  FetchOptions fetch;
-  fetch.cache = cache_folder();
-  fetch.readers = &r.readers;
-  std::vector<std::string> notes;
-  const Status found = find_scans(*scene, &fetch, r.context.progress, notes);
-  for (const std::string& note : notes) tell("palpate: note: {}\n", note);
-  if (found) return scene;
-  if (model.stand_in.empty()) return found.error();
-  r.stand_ins.push_back(fmt::format("{}: {}", model.name, found.error().message()));
-  return embedded_scene(model.stand_in);
-}
-
-namespace {
-
-/// The renderers of the manifest, or every method, on the behaviour suite.
+/// Runs the manifest's renderers, or every method, on the behaviour suite.
 void reproduce_behaviours(const Manifest& manifest, Reproduction& r) {
+  const std::string what = "the behaviour suite";
   std::vector<RendererRequest> renderers = methods_of(r.registry);
-  if (!manifest.runs.empty()) renderers.clear();
-  for (const ManifestRun& run : manifest.runs) {
-    Result<std::vector<RendererRequest>> named = parse_renderers(run.renderer, r.registry);
-    if (!named) return give_up(r, "the behaviour suite", named.error());
-    renderers.push_back(std::move(named->front()));
+  if (!manifest.runs.empty()) {
+    Result<std::vector<RendererRequest>> named = requests_of(manifest, r);
+    if (!named) return give_up(r, what, named.error());
+    renderers = *std::move(named);
   }
   Result<std::vector<Behaviour>> suite = behaviour_suite(r.context.progress);
-  if (!suite) return give_up(r, "the behaviour suite", suite.error());
+  if (!suite) return give_up(r, what, suite.error());
   const Result<BehaviourMatrix> matrix = run_behaviours(*std::move(suite), std::move(renderers), r.registry,
                                                         r.arguments.threads, r.context.progress);
-  if (!matrix) return give_up(r, "the behaviour suite", matrix.error());
+  if (!matrix) return give_up(r, what, matrix.error());
   r.context.progress.report("drawing the figures", -1.0);
-  add_behaviours(r.page, *matrix, r.folder);
-  r.page.sections.back().title = manifest.title;
-  r.tables.push_back(matrix_table(*matrix));
+  Page page;
+  add_behaviours(page, *matrix, r.folder);
+  Section& section = page.sections.back();
+  section.title = manifest.title;
+  section.found = page.headlines.back().lines;
+  r.part.sections = std::move(page.sections);
   if (const Status written = r.folder.write("behaviours.json", matrix_json(*matrix)); !written)
     give_up(r, "behaviours.json", written.error());
 }
 
-/// Everything that the results of every step depend on; the scans by their names, sizes and times.
+/// Everything that affects any step's results; scans by name, size and time.
 std::string key_of(const ReproduceArguments& arguments) {
   [[maybe_unused]] const auto& [tables, out, threads, full, no_cache, mesh_limit_s, quick] = arguments;
   RunKey key;
@@ -195,31 +163,151 @@ void reproduce_part(const Manifest& manifest, Reproduction& r) {
   }
 }
 
+/// Whether a manifest answers the first page's questions; the others wait for --full or their names.
+bool on_first_page(const Manifest& manifest, bool quick) {
+  return manifest.table > 0 || (manifest.kind == Manifest::Kind::kGrowth && !quick);
+}
+
 }  // namespace
+
+void give_up(Reproduction& r, const std::string& what, const Error& error) {
+  leave_out(r, what, error);
+  check_done(r, false);
+}
+
+void leave_out(Reproduction& r, const std::string& what_and_why) {
+  r.part.missing.push_back(what_and_why);
+}
+
+void leave_out(Reproduction& r, const std::string& what, const Error& error) {
+  leave_out(r, what + ": " + error.message());
+}
+
+void check_done(Reproduction& r, bool anything) {
+  if (!anything && !r.arguments.tables.empty()) r.part.fell_short = true;
+}
+
+bool waits_for_full(const Reproduction& r) {
+  return !r.arguments.full && !r.arguments.quick && r.arguments.tables.empty();
+}
+
+void add_known(Part& part, Known known) {
+  if (!known.warnings.empty() || !known.notes.empty()) part.known.push_back(std::move(known));
+}
+
+void add_warnings(std::vector<std::string>& warnings, const std::string& model,
+                  const scene::LoadedScene& loaded) {
+  for (const scene::Provenance& p : loaded.provenance)
+    for (const std::string& warning : p.warnings) warnings.push_back(model + ": " + warning);
+}
+
+double mesh_limit_s(const Reproduction& r) {
+  constexpr double kInTimeS = 120.0;  // a run of minutes
+  if (r.arguments.mesh_limit_s >= 0.0) return r.arguments.mesh_limit_s;
+  return r.arguments.full ? 0.0 : kInTimeS;
+}
+
+Result<RendererRequest> request_of(const std::string& renderer, const Reproduction& r) {
+  PALPATE_ASSIGN(std::vector<RendererRequest> requests, parse_renderers(renderer, r.registry));
+  RendererRequest& request = requests.front();
+  if (option_applies(kMeshLimit, request.options, r.registry.find(request.name)->options))
+    request.options.set(kMeshLimit, fmt::format("{}", mesh_limit_s(r)));
+  return std::move(request);
+}
+
+Result<std::vector<RendererRequest>> requests_of(const Manifest& manifest, const Reproduction& r) {
+  std::vector<RendererRequest> requests;
+  for (const ManifestRun& run : manifest.runs) {
+    PALPATE_ASSIGN(RendererRequest request, request_of(run.renderer, r));
+    requests.push_back(std::move(request));
+  }
+  return requests;
+}
+
+RunOptions run_options(const Reproduction& r, double prepare_limit_s) {
+  constexpr double kFullBudgetS = 60.0, kFullPrepareLimitS = 3600.0;
+  constexpr std::uint64_t kQuickPasses = 3;
+  RunOptions options;
+  options.threads = r.arguments.threads;
+  options.prepare_limit_s =
+      r.arguments.full ? std::max(kFullPrepareLimitS, prepare_limit_s) : prepare_limit_s;
+  if (r.arguments.quick) options.passes = kQuickPasses;
+  if (r.arguments.full) options.budget_s = kFullBudgetS;
+  return options;
+}
+
+Result<std::vector<Run>> run_on(const Stage& stage, const std::vector<RendererRequest>& requests,
+                                const RunOptions& options, Reproduction& r,
+                                metrics::ResultDocument& document) {
+  metrics::MeasurementConditions conditions;
+  PALPATE_ASSIGN(std::vector<Run> runs,
+                 run_renderers(stage, requests, r.registry, options, r.context.progress, conditions, {}));
+  add_program(conditions);
+  document.conditions = std::move(conditions);
+  return runs;
+}
+
+void write_beside(Reproduction& r, const Manifest& manifest, const std::string& file,
+                  const std::string& text) {
+  const Result<OutputFolder> folder = r.folder.inside(manifest.id());
+  const Status written = folder ? folder->write(file, text) : Status(folder.error());
+  if (!written) give_up(r, manifest.id() + "/" + file, written.error());
+}
+
+Result<ModelScene> scene_of(const ManifestModel& model, Reproduction& r) {
+  Result<scene::SceneFile> scene = scene::SceneFile{};
+  if (!model.scene.empty()) {
+    scene = embedded_scene(model.scene);
+  } else if (!model.generate.empty()) {
+    scene = scene::open_scene(model.in_time.empty() || r.arguments.full ? model.generate : model.in_time);
+  } else {
+    scene->path = model.scan;
+    scene->models.emplace_back();
+    scene->models.front().name = scene->models.front().scan = model.scan;
+    scene->models.front().scale = model.scale;
+  }
+  if (!scene) return std::move(scene).error();
+  if (r.arguments.quick && !model.quick.empty()) {
+    PALPATE_TRY(make_quick(*scene, model.quick));
+    return ModelScene{*std::move(scene), {}};
+  }
+  FetchOptions fetch;
+  fetch.cache = cache_folder();
+  fetch.readers = &r.readers;
+  std::vector<std::string> notes;
+  const Status found = find_scans(*scene, &fetch, r.context.progress, notes);
+  for (const std::string& note : notes) tell("palpate: note: {}\n", note);
+  if (found) return ModelScene{*std::move(scene), {}};
+  if (model.stand_in.empty()) return found.error();
+  PALPATE_ASSIGN(scene::SceneFile stand_in, embedded_scene(model.stand_in));
+  return ModelScene{std::move(stand_in), model.name + ": " + found.error().message()};
+}
 
 int reproduce(const ReproduceArguments& arguments, Context& context) {
   Result<std::vector<Manifest>> manifests = manifests_for(arguments.tables);
   if (!manifests) return fail(manifests.error(), kExitBadInput);
-  // What is no table of the thesis is part of the whole alone, or asked for by name.
-  if (arguments.tables.empty() && arguments.quick)
-    std::erase_if(*manifests, [](const Manifest& m) { return m.table == 0; });
+  std::vector<Step> waiting;
+  if (arguments.tables.empty() && !arguments.full)
+    std::erase_if(*manifests, [&](const Manifest& m) {
+      if (on_first_page(m, arguments.quick)) return false;
+      if (!arguments.quick)
+        waiting.push_back(
+            {m,
+             {{},
+              {},
+              {},
+              {fmt::format("{}: no table of the thesis; run with --full, or --tables {}", m.id(), m.id())},
+              false}});
+      return true;
+    });
   if (const Status acts = check_mesh_arguments(arguments, *manifests, all_renderers()); !acts)
     return fail(acts.error(), kExitBadInput);
   const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
   if (!folder) return fail(folder.error(), kExitBadInput);
   if (const Status begun = begin_run(*folder, key_of(arguments), context); !begun)
     return fail(begun.error(), kExitFellShort);
-  if (arguments.no_cache) ::setenv("PALPATE_MESH_CACHE", "off", 1);  // for the renderers too
-  Reproduction r{arguments,
-                 context,
-                 *folder,
-                 all_renderers(),
-                 all_readers(),
-                 begin_page("The thesis's tables, measured again", new_head(context.command_line)),
-                 {},
-                 {},
-                 {},
-                 false,
+  if (arguments.no_cache) ::setenv("PALPATE_MESH_CACHE", "off", 1);  // also for the renderers
+  Reproduction r{arguments, context, *folder, all_renderers(), all_readers(), new_head(context.command_line),
                  {}};
   std::size_t step = 0;
   for (const Manifest& manifest : *manifests) {
@@ -228,8 +316,8 @@ int reproduce(const ReproduceArguments& arguments, Context& context) {
                     manifest.table > 0 ? fmt::format("table {}", manifest.table) : manifest.id()));
     do_step(r, manifest, [&] { reproduce_part(manifest, r); });
   }
-  finish(r);
-  return r.fell_short ? kExitFellShort : kExitOk;
+  r.steps.insert(r.steps.end(), waiting.begin(), waiting.end());
+  return finish(r);
 }
 
 }  // namespace palpate::experiments

@@ -1,113 +1,148 @@
-// The parts of `palpate reproduce`.
+// Declares the parts of `palpate reproduce`.
 #pragma once
 
 #include <functional>
-#include <map>
-#include <memory>
 
+#include <palpate/clock.h>
 #include "experiments/report/page.h"
 #include "experiments/run/run.h"
 #include "experiments/session/session.h"
 #include "experiments/tables/manifest.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::experiments {
 
 struct ReproduceArguments {
-  std::string tables;  ///< "6,7,mine.toml"; empty: all there are
+  std::string tables;  ///< "6,7,mine.toml"; empty: all
   std::string out;
   int threads = 0;
   bool full = false;
-  bool no_cache = false;     ///< reconstructions are made anew, and not kept
-  double mesh_limit_s = -1;  ///< of one reconstruction; 0: none; negative: 120, and none with --full
-  bool quick = false;        ///< small models and short paths: a trial of the machinery, no measurement
+  bool no_cache = false;     ///< rebuilds reconstructions without storing them
+  double mesh_limit_s = -1;  ///< per reconstruction; 0: none; negative: 120, or none with --full
+  bool quick = false;        ///< small models and short paths: tests the program, measures nothing
 };
 
-/// The tables, one after the other, and the page of them all. The exit status.
+/// Runs the tables in order and writes their page. Returns the exit status.
 int reproduce(const ReproduceArguments& arguments, Context& context);
 
-/// What one step has put on the page.
-struct Yield {
+enum class Judged { kNot, kYes, kNo };
+
+/// A line of the first page: what the thesis says beside what is measured.
+struct Answer {
+  std::string table, page;  ///< "7", "table7.html"
+  std::string says, printed;
+  std::string literal, ours;      ///< measured: the thesis's algorithm as printed; the same made right
+  double ratio = 0.0;             ///< the printed time by that of `ours`; 0: nothing to compare
+  std::string error, mesh_error;  ///< of force
+  std::string status;
+  Judged reproduced{}, as_fast{}, literal_right{}, ours_right{};  ///< `right`: in contact
+  std::string take;                                               ///< the renderer to take here; may be empty
+};
+
+/// What a step adds to the report.
+struct Part {
   std::vector<Known> known;
-  std::vector<HeadlineGroup> headlines;
   std::vector<Section> sections;
-  std::vector<Table> tables;
-  std::vector<std::string> missing, stand_ins;
-  bool fell_short = false;
+  std::vector<Answer> answers;
+  std::vector<std::string> missing;  ///< what was not done, with reasons
+  bool fell_short = false;           ///< something requested failed
 };
 
 struct Step {
   Manifest manifest;
-  Yield yield;
+  Part part;
 };
 
-/// What the parts share.
+/// State shared by the steps.
 struct Reproduction {
   const ReproduceArguments& arguments;
   Context& context;
   const OutputFolder& folder;
   render::Registry registry;
   io::Readers readers;
-  Page page;
-  std::vector<Table> tables;           ///< in the order they are printed at the end
-  std::vector<std::string> missing;    ///< what could not be done, and why
-  std::vector<std::string> stand_ins;  ///< models that ran as stand-ins, and why
-  bool fell_short = false;             ///< something that was asked for failed
+  metrics::DocumentHead head;
   Stopwatch watch;
-  std::vector<Step> steps{};  ///< that are done
+  Part part{};                ///< of the step that runs
+  std::vector<Step> steps{};  ///< completed
 };
 
-/// The scene of a manifest's model: generated, or a scan found or fetched.
-[[nodiscard]] Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r);
+/// A model's scene; `stand_in` says why it is a stand-in, where it is one.
+struct ModelScene {
+  scene::SceneFile file;
+  std::string stand_in;
+};
+/// Scene of a manifest's model: generated, or a scan, fetched if necessary.
+[[nodiscard]] Result<ModelScene> scene_of(const ManifestModel& model, Reproduction& r);
 
-/// How long one reconstruction may take, s; 0: no limit.
+/// Time limit of one reconstruction, s; 0: none.
 [[nodiscard]] double mesh_limit_s(const Reproduction& r);
-/// The same for a renderer that reconstructs; any other stays as it is.
-void limit_reconstruction(RendererRequest& request, const Reproduction& r);
+/// A renderer with its options, and with that limit where it reconstructs.
+[[nodiscard]] Result<RendererRequest> request_of(const std::string& renderer, const Reproduction& r);
+/// The manifest's renderers.
+[[nodiscard]] Result<std::vector<RendererRequest>> requests_of(const Manifest& manifest,
+                                                               const Reproduction& r);
+/// Options of a default run, which keeps to minutes: passes, threads, and how long a preparation may take
+/// without --full.
+[[nodiscard]] RunOptions run_options(const Reproduction& r, double prepare_limit_s);
+/// Runs them, and says in the document under which conditions.
+[[nodiscard]] Result<std::vector<Run>> run_on(const Stage& stage,
+                                              const std::vector<RendererRequest>& requests,
+                                              const RunOptions& options, Reproduction& r,
+                                              metrics::ResultDocument& document);
+/// Writes `text` as `file` of the manifest's folder; reports a failure.
+void write_beside(Reproduction& r, const Manifest& manifest, const std::string& file,
+                  const std::string& text);
 
-/// How often frames are timed, so that a run by default keeps to its ten minutes.
-void set_passes(RunOptions& options, const Reproduction& r);
-
-/// Does a part of the work, or takes over what an interrupted run has kept of it under the same key.
+/// Runs a part of the work, or takes over an interrupted run's result with the same key.
 void do_step(Reproduction& r, const Manifest& manifest, const std::function<void()>& work);
 
-/// All that is on the page and does not stand in the folder as a study: what report.html is drawn from.
+/// Contents of the report that are no study in the folder; with those the source of report.html.
 inline constexpr const char* kReproductionFile = "reproduction.json";
-[[nodiscard]] std::string reproduction_json(const std::string& title, const metrics::DocumentHead& head,
+inline constexpr const char* kReproductionTitle = "The thesis's tables, measured again";
+[[nodiscard]] std::string reproduction_json(const metrics::DocumentHead& head,
                                             const std::vector<Step>& steps);
-/// report.html of a folder that `palpate reproduce` has written, drawn from it and put into it. What is wrong
-/// with the folder is an Error that names the file.
+/// Draws report.html and its pages of a `palpate reproduce` folder from its files. Error: names the faulty
+/// file.
 [[nodiscard]] Status draw_reproduction(const OutputFolder& folder);
-/// The same page, before it is drawn.
-void finish_page(Page& page, const std::vector<std::string>& missing);
+/// The whole report of these parts.
+[[nodiscard]] Page page_of(const metrics::DocumentHead& head, const std::vector<Part>& parts);
+/// The first page's table, and what follows: whether the thesis is reproduced, and whom to take.
+[[nodiscard]] Table answers_table(const std::vector<Answer>& answers);
+[[nodiscard]] std::vector<Headline> verdicts_of(const std::vector<Answer>& answers);
 
-/// What was doubtful in loading a model goes with the results, under the model's name.
+/// Takes over warnings and notes, where there are any.
+void add_known(Part& part, Known known);
+/// Adds a model's loading warnings under its name.
 void add_warnings(std::vector<std::string>& warnings, const std::string& model,
                   const scene::LoadedScene& loaded);
 
-/// Says what is missing. It is a failure only where it was asked for by name.
+/// Reports something missing: a failure if it was requested by name.
 void give_up(Reproduction& r, const std::string& what, const Error& error);
-/// Says that one of several models could not be had: no failure of what was done on the others.
+/// Whether long runs wait for --full: nobody named the table, and no quick trial makes them short.
+[[nodiscard]] bool waits_for_full(const Reproduction& r);
+/// Reports something not done, in a line that says why.
+void leave_out(Reproduction& r, const std::string& what_and_why);
+/// Reports that one of several models is unavailable, which is no failure for the others.
 void leave_out(Reproduction& r, const std::string& what, const Error& error);
-/// Unless anything was done of a table that was asked for by name, that is a failure.
+/// Fails a table that was requested by name and produced nothing.
 void check_done(Reproduction& r, bool anything);
 
-/// Table 6: the modified kNN as the thesis timed it, and every builder beside it.
+/// Table 6: the modified kNN timed as in the thesis, and every builder.
 void reproduce_neighbours(const Manifest& manifest, Reproduction& r);
 /// Table 3: every reconstruction on every model, beside the printed times.
 void reproduce_meshes(const Manifest& manifest, Reproduction& r);
-/// Tables 7 and 9, each with its comparison.
+/// Tables 7 to 10, 12 and 13, with comparisons.
 void reproduce_frames(const Manifest& manifest, Reproduction& r);
-/// What the study in the folder puts on the page; the table beside the thesis's is the answer.
-Table add_frames(Page& page, const Manifest& manifest, const Study& study, const OutputFolder& folder);
-/// Table 11: every method at the sizes at which they were published.
+/// A study's part of the report.
+[[nodiscard]] Part frames_part(const Manifest& manifest, const Study& study, const OutputFolder& folder);
+/// Table 11: every method at the published sizes.
 void reproduce_methods(const Manifest& manifest, Reproduction& r);
 /// Mean frame and preparation from ten thousand to ten million points.
 void reproduce_growth(const Manifest& manifest, Reproduction& r);
-/// Ladder, off-vertex and scanner: error against a truth that no renderer sees.
+/// Ladder, off-vertex and scanner: errors against a hidden truth.
 void reproduce_protocol(const Manifest& manifest, Reproduction& r);
 
-/// The thesis's column beside ours. A pure function of manifest and results.
+/// The thesis's column beside ours, and what is concluded. Pure functions.
 [[nodiscard]] Table frames_table(const Manifest& manifest, const metrics::ResultDocument& document);
+[[nodiscard]] Answer frames_answer(const Manifest& manifest, const metrics::ResultDocument& document);
 
 }  // namespace palpate::experiments

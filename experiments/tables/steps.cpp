@@ -1,43 +1,46 @@
-// The steps of `palpate reproduce`: each is kept as soon as it is complete, with all that it has put on the
-// page, and the page is drawn again from what is kept.
+// Steps of `palpate reproduce`. Each is stored when complete, with its part of the report, and the report is
+// drawn again from storage.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
 #include "experiments/session/run_key.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 #include "toolkit/metrics/result_keys.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// Every member is written and read: one that is added does not compile here until it is named below.
-[[maybe_unused]] void name_all_members(Cell& c, Table& t, Figure& f, Fact& a, Headline& h, HeadlineGroup& g,
-                                       Known& k, Section& s) {
-  [[maybe_unused]] const auto& [c1, c2, c3] = c;
+/// Fails to compile when a member is added: store and read it below, then count it here.
+[[maybe_unused]] void name_all_members(Cell& c, Table& t, Figure& f, Fact& a, Headline& h, Known& k,
+                                       Section& s, Answer& w, Part& p) {
+  [[maybe_unused]] const auto& [c1, c2, c3, c4] = c;
   [[maybe_unused]] const auto& [t1, t2, t3, t4, t5, t6, t7, t8] = t;
   [[maybe_unused]] const auto& [f1, f2, f3, f4, f5] = f;
   [[maybe_unused]] const auto& [a1, a2] = a;
   [[maybe_unused]] const auto& [h1, h2] = h;
-  [[maybe_unused]] const auto& [g1, g2] = g;
   [[maybe_unused]] const auto& [k1, k2, k3] = k;
-  [[maybe_unused]] const auto& [s1, s2, s3, s4, s5, s6, s7] = s;
+  [[maybe_unused]] const auto& [s1, s2, s3, s4, s5, s6, s7, s8] = s;
+  [[maybe_unused]] const auto& [w1, w2, w3, w4, w5, w6, w7, w8, w9, w10, w11, w12, w13, w14, w15] = w;
+  [[maybe_unused]] const auto& [p1, p2, p3, p4, p5] = p;
 }
 
 }  // namespace
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Cell, text, best, bad)
+// With defaults: documents of earlier versions lack what came later.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Cell, text, best, bad, link)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Table, title, caption, columns, rows, notes, turns, best_means, bad_means)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figure, name, title, caption, svg, wide)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Fact, about, sentences)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Headline, lead, text)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(HeadlineGroup, title, lines)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Known, about, warnings, notes)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Section, id, title, opening, paragraphs, tables, figures, facts)
-
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Yield, known, headlines, sections, tables, missing, stand_ins, fell_short)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Section, id, title, opening, paragraphs, tables, figures,
+                                                facts, found)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Answer, table, page, says, printed, literal, ours, ratio, error,
+                                   mesh_error, status, reproduced, as_fast, literal_right, ours_right, take)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Part, known, sections, answers, missing, fell_short)
 
 namespace {
 
@@ -50,40 +53,9 @@ std::string text_of(const J& json, int indent) {
   return json.dump(indent, ' ', false, J::error_handler_t::replace);
 }
 
-/// The lists that a step adds to, and how long they were before.
-template <class T>
-std::vector<T> added(const std::vector<T>& all, std::size_t before) {
-  return {all.begin() + static_cast<std::ptrdiff_t>(before), all.end()};
-}
-template <class T>
-void add(std::vector<T>& all, const std::vector<T>& more) {
-  all.insert(all.end(), more.begin(), more.end());
-}
-
-void add_to_page(Page& page, const Yield& step) {
-  add(page.known, step.known);
-  add(page.headlines, step.headlines);
-  add(page.sections, step.sections);
-}
-
-bool add_kept(const std::string& text, const Manifest& manifest, Reproduction& r) {
-  try {
-    const Yield step = nlohmann::json::parse(text).get<Yield>();
-    add_to_page(r.page, step);
-    add(r.tables, step.tables);
-    add(r.missing, step.missing);
-    add(r.stand_ins, step.stand_ins);
-    r.fell_short = r.fell_short || step.fell_short;
-    r.steps.push_back({manifest, step});
-    return true;
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  }
-}
-
-/// Whether the step's part of the page is drawn from its study.
+/// True if the step's part is drawn from its study.
 bool has_study(const Step& step) {
-  return step.manifest.kind == Manifest::Kind::kFrames && !step.yield.sections.empty();
+  return step.manifest.kind == Manifest::Kind::kFrames && !step.part.sections.empty();
 }
 
 metrics::DocumentHead head_from(const Json& document) {
@@ -98,101 +70,86 @@ metrics::DocumentHead head_from(const Json& document) {
   return head;
 }
 
-/// One step onto the page again: from its study, or from what is kept of it and the figures' own scripts.
-Status draw_step(Page& page, const Json& step, std::vector<std::string>& missing,
-                 const OutputFolder& folder) {
-  Yield yield = step.at("page").get<Yield>();
-  add(missing, yield.missing);
+/// A step's part again: from its study, or from storage and the figures' scripts.
+Result<Part> part_again(const Json& step, const OutputFolder& folder) {
+  Part part = step.at("page").get<Part>();
   if (!step.at("study").get<bool>()) {
-    const Result<OutputFolder> figures = folder.inside("figures");
-    if (!figures) return figures.error();
-    for (Section& section : yield.sections)
+    PALPATE_ASSIGN(const OutputFolder figures, folder.inside("figures"));
+    for (Section& section : part.sections)
       for (Figure& figure : section.figures)
-        if (!figure.svg.empty()) figure = drawn_again(std::move(figure), *figures);
-    add_to_page(page, yield);
-    return Done{};
+        if (!figure.svg.empty()) figure = drawn_again(std::move(figure), figures);
+    return part;
   }
-  const std::string file = folder.file(kReproductionFile).string();
-  const Result<Manifest> manifest = parse_manifest(step.at("manifest").get<std::string>(), file);
-  if (!manifest) return manifest.error();
-  const Result<Study> study = read_study(folder.file(manifest->id()));
-  if (!study) return study.error();
-  add_frames(page, *manifest, *study, folder);
-  return Done{};
+  PALPATE_ASSIGN(const Manifest manifest, parse_manifest(step.at("manifest").get<std::string>(),
+                                                         folder.file(kReproductionFile).string()));
+  PALPATE_ASSIGN(const Study study, read_study(folder.file(manifest.id())));
+  Part drawn = frames_part(manifest, study, folder);
+  drawn.missing = std::move(part.missing);
+  return drawn;
 }
 
 }  // namespace
 
-std::string reproduction_json(const std::string& title, const metrics::DocumentHead& head,
-                              const std::vector<Step>& steps) {
+std::string reproduction_json(const metrics::DocumentHead& head, const std::vector<Step>& steps) {
   Json document = {{"schema", kSchema}};
   document.update(Json::parse(metrics::head_json(head)));
-  document["title"] = title;
+  document["title"] = kReproductionTitle;
   document["steps"] = Json::array();
   for (const Step& step : steps) {
-    Yield yield = step.yield;
-    // What stands in the folder already is not said twice.
-    if (has_study(step)) yield = {{}, {}, {}, {}, yield.missing, yield.stand_ins, yield.fell_short};
-    for (Section& section : yield.sections)
+    Part part = step.part;
+    // Files in the folder provide these parts.
+    if (has_study(step)) part = {{}, {}, {}, part.missing, part.fell_short};
+    for (Section& section : part.sections)
       for (Figure& figure : section.figures)
         if (!figure.svg.empty()) figure.svg = "figures/" + figure.name + ".gp";
     document["steps"].push_back({{"id", step.manifest.id()},
                                  {"manifest", step.manifest.source},
                                  {"study", has_study(step)},
-                                 {"page", Json(nlohmann::json(yield))}});
+                                 {"page", Json(nlohmann::json(part))}});
   }
   return text_of(document, 1) + "\n";
 }
 
 Status draw_reproduction(const OutputFolder& folder) {
   const std::string file = folder.file(kReproductionFile).string();
-  const Result<std::string> text = read_file(file, kMemoryLimitBytes);
-  if (!text) return text.error();
+  PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
   try {
-    const Json document = Json::parse(*text);
+    const Json document = Json::parse(text);
     if (document.at("schema") != kSchema)
       return Error{"is not of the schema " + std::string(kSchema), "run reproduce again", file, 0};
-    Page page = begin_page(document.at("title").get<std::string>(), head_from(document));
-    std::vector<std::string> missing;
-    for (const Json& step : document.at("steps")) PALPATE_TRY(draw_step(page, step, missing, folder));
-    finish_page(page, missing);
-    return write_page(page, folder);
+    std::vector<Part> parts;
+    for (const Json& step : document.at("steps")) {
+      PALPATE_ASSIGN(Part part, part_again(step, folder));
+      parts.push_back(std::move(part));
+    }
+    return write_page(page_of(head_from(document), parts), folder);
   } catch (const nlohmann::json::exception& error) {
     return Error{fmt::format("is not what reproduce writes: {}", error.what()), "run reproduce again", file,
                  0};
   }
 }
 
-void finish_page(Page& page, const std::vector<std::string>& missing) {
-  HeadlineGroup group{"Not done", {}};
-  for (const std::string& what : missing) group.lines.push_back({"", what});
-  if (!group.lines.empty()) page.headlines.push_back(std::move(group));
-  page.commands.push_back("palpate reproduce --help    # shorter and longer runs");
-}
-
 void do_step(Reproduction& r, const Manifest& manifest, const std::function<void()>& work) {
   const std::string name = manifest.id(), key = RunKey().add(manifest.source).word();
-  if (r.folder.take_over(name, key, [&](const std::string& text) { return add_kept(text, manifest, r); }))
-    return;
-  const std::size_t known = r.page.known.size(), headlines = r.page.headlines.size(),
-                    sections = r.page.sections.size(), tables = r.tables.size(), missing = r.missing.size(),
-                    stand_ins = r.stand_ins.size();
-  const bool fell_short = std::exchange(r.fell_short, false);
+  const auto take = [&](const std::string& text) {
+    const nlohmann::json kept = nlohmann::json::parse(text, nullptr, false);
+    if (!kept.is_object()) return false;
+    try {
+      r.steps.push_back({manifest, kept.get<Part>()});
+    } catch (const nlohmann::json::exception&) {
+      return false;
+    }
+    return true;
+  };
+  if (r.folder.take_over(name, key, take)) return;
+  r.part = {};
   r.folder.start_part();
   work();
-  Yield step = {added(r.page.known, known),
-                added(r.page.headlines, headlines),
-                added(r.page.sections, sections),
-                added(r.tables, tables),
-                added(r.missing, missing),
-                added(r.stand_ins, stand_ins),
-                r.fell_short};
-  r.fell_short = r.fell_short || fell_short;
-  const bool came = !step.sections.empty();  // else the next run tries again
-  const std::string text = text_of(nlohmann::json(step), -1);
-  r.steps.push_back({manifest, std::move(step)});
-  if (!came) return;
-  if (const Status kept = r.folder.keep(name, key, text); !kept) give_up(r, name, kept.error());
+  const bool came = !r.part.sections.empty();  // else the next run retries
+  if (came)
+    if (const Status kept = r.folder.keep(name, key, text_of(nlohmann::json(r.part), -1)); !kept)
+      give_up(r, name, kept.error());
+  r.steps.push_back({manifest, std::move(r.part)});
 }
 
 }  // namespace palpate::experiments

@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include <palpate/result.h>
 #include "experiments/study/study.h"
 #include "experiments/trade/dominance.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -18,7 +18,7 @@ namespace {
 using metrics::RendererResult;
 using metrics::ResultDocument;
 
-/// A number of a result, how it is found and when it is better.
+/// A number of a result, its accessor, and its better direction.
 struct Looked {
   const char* key;
   bool is_time;
@@ -111,7 +111,7 @@ Status check_same(const ResultDocument& before, const ResultDocument& after) {
     return all;
   };
   const char* other = nullptr;
-  // What is said is what explains the rest: another model has another path, and that another truth.
+  // Names the root cause: another model has another path and truth.
   if ((before.truth ? before.truth->hash : "") != (after.truth ? after.truth->hash : ""))
     other = "another truth";
   if (before.path_hash != after.path_hash) other = "another path";
@@ -183,8 +183,8 @@ Table changes_table(const Changes& changes) {
     table.rows.push_back(
         {{c.label},
          {c.number},
-         {short_number(c.before)},
-         {short_number(c.after), c.verdict == ChangeVerdict::kBetter, c.verdict == ChangeVerdict::kWorse},
+         {format_number(c.before)},
+         {format_number(c.after), c.verdict == ChangeVerdict::kBetter, c.verdict == ChangeVerdict::kWorse},
          {verdict_text(c.verdict)}});
   table.notes = changes.notes;
   return table;

@@ -4,21 +4,18 @@
 
 #include <algorithm>
 #include <map>
-#include <nlohmann/json.hpp>
 
+#include <palpate/registry.h>
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/report/fronts.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
-#include "toolkit/render/registry.h"
 
 namespace palpate::experiments {
 namespace {
 
-using SweepJson = nlohmann::ordered_json;
-
 constexpr std::size_t kMostShown = 24;  // lines of a terminal
 
-/// Rows of one machine, and where they stand.
 struct MachineRows {
   RowMachine machine;
   std::vector<const Row*> rows;
@@ -43,11 +40,11 @@ std::string machine_text(const RowMachine& machine) {
 }
 
 std::string with_interval(const std::optional<Measured>& measured) {
-  if (!measured) return kNoNumber;
-  const std::string value = short_number(measured->value);
+  if (!measured) return kMissingNumber;
+  const std::string value = format_number(measured->value);
   if (!measured->interval) return value;
-  return fmt::format("{} ({} to {})", value, short_number(measured->interval->low),
-                     short_number(measured->interval->high));
+  return fmt::format("{} ({} to {})", value, format_number(measured->interval->low),
+                     format_number(measured->interval->high));
 }
 
 const char* cost_label(Cost cost) {
@@ -119,7 +116,7 @@ Kind kind_of(const Row& row) {
   return row.works_on == render::name_of(render::Geometry::kHeights) ? Kind::kHeights : Kind::kPoints;
 }
 
-/// Mean frames of the settings that run at the path's own rate, by kind.
+/// Mean frames at the path's own rate, by kind.
 Chart kinds_of(const MachineRows& machine, const std::string& name) {
   std::vector<KindPoint> points;
   for (const Row* row : machine.rows) {
@@ -139,7 +136,7 @@ Section section_of(const MachineRows& machine, std::size_t number, const OutputF
   section.title = "Settings on " + machine_text(machine.machine);
   const auto measured = static_cast<std::size_t>(
       std::count_if(machine.rows.begin(), machine.rows.end(), [](const Row* row) { return row->ok(); }));
-  section.paragraphs.push_back(fmt::format("{} settings were measured.", count_text(measured)));
+  section.paragraphs.push_back(fmt::format("{} settings were measured.", format_count(measured)));
   if (const Result<OutputFolder> figures = folder.inside("figures"))
     section.opening += figure_html(draw(kinds_of(machine, fmt::format("kinds-{}", number)), *figures));
   for (const Cost cost : kCosts) {
@@ -170,8 +167,8 @@ std::vector<Headline> sweep_headlines(const MachineRows& machine) {
                                         [&](const Row* a, const Row* b) { return number(*a) < number(*b); });
     return Headline{
         lead, fmt::format("{}: error {} %, load {} %, {} bytes a point, ready after {}", row.setting,
-                          short_number(row.error_p95_percent->value), short_number(row.load_percent->value),
-                          short_number(row.bytes_per_point()), duration_text(row.prepare_ms->value))};
+                          format_number(row.error_p95_percent->value), format_number(row.load_percent->value),
+                          format_number(row.bytes_per_point()), format_duration(row.prepare_ms->value))};
   };
   return {say("Most accurate", [](const Row& row) { return row.error_p95_percent->value; }),
           say("Least load", [](const Row& row) { return row.load_percent->value; }),
@@ -185,7 +182,7 @@ Page page_of(const SweepDocument& document, const OutputFolder& folder) {
   Known known{{}, document.warnings, document.notes};
   if (!document.not_measured.empty())
     known.notes.push_back(fmt::format("{} settings were not measured: there was no time.",
-                                      count_text(document.not_measured.size())));
+                                      format_count(document.not_measured.size())));
   add_known(page, std::move(known));
   std::size_t number = 0;
   for (const MachineRows& machine : by_machine(document, standings)) {
@@ -199,15 +196,15 @@ Page page_of(const SweepDocument& document, const OutputFolder& folder) {
   return page;
 }
 
-SweepJson rows_json(const SweepDocument& document) {
+DocumentJson rows_json(const SweepDocument& document) {
   const std::vector<Standing> standings = standings_of(document.rows);
-  SweepJson rows = SweepJson::array();
+  DocumentJson rows = DocumentJson::array();
   for (std::size_t i = 0; i < document.rows.size(); ++i) {
-    SweepJson row = SweepJson::parse(measured_text(document.rows[i]));
+    DocumentJson row = DocumentJson::parse(measured_text(document.rows[i]));
     row["machine"] = document.rows[i].machine.hash;
     row["dominated"] = standings[i].dominated;
-    row["dominated_by"] = standings[i].dominated ? SweepJson(standings[i].by) : SweepJson(nullptr);
-    row["fronts"] = SweepJson::array();
+    row["dominated_by"] = standings[i].dominated ? DocumentJson(standings[i].by) : DocumentJson(nullptr);
+    row["fronts"] = DocumentJson::array();
     for (const Cost cost : standings[i].on_fronts) row["fronts"].push_back(name_of(cost));
     rows.push_back(std::move(row));
   }
@@ -217,19 +214,18 @@ SweepJson rows_json(const SweepDocument& document) {
 }  // namespace
 
 std::string to_json(const SweepDocument& document) {
-  SweepJson json = {{"schema", kSweepSchema}};
-  json.update(SweepJson::parse(metrics::head_json(document.head)));
+  DocumentJson json = begin_json(kSweepSchema, document.head);
   json["scene"] = document.scene;
   json["path"] = document.path;
   json["truth"] = document.truth;
   json["experiment"] = document.experiment;
   json["axes"] = document.axes;
   json["full"] = document.full;
-  json["budget_s"] = document.budget_s > 0.0 ? SweepJson(document.budget_s) : SweepJson(nullptr);
-  json["shard"] = document.shard.empty() ? SweepJson(nullptr) : SweepJson(document.shard);
+  json["budget_s"] = document.budget_s > 0.0 ? DocumentJson(document.budget_s) : DocumentJson(nullptr);
+  json["shard"] = text_or_null(document.shard);
   json["warnings"] = document.warnings;
   json["notes"] = document.notes;
-  json["machines"] = SweepJson::array();
+  json["machines"] = DocumentJson::array();
   for (const MachineRows& m : by_machine(document, std::vector<Standing>(document.rows.size())))
     json["machines"].push_back({{"hash", m.machine.hash},
                                 {"name", m.machine.name},
@@ -237,7 +233,7 @@ std::string to_json(const SweepDocument& document) {
                                 {"cores", m.machine.cores}});
   json["rows"] = rows_json(document);
   json["not_measured"] = document.not_measured;
-  return json.dump(1, ' ', false, SweepJson::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
 Result<SweepDocument> read_sweep(const std::string& folder) {
@@ -245,7 +241,8 @@ Result<SweepDocument> read_sweep(const std::string& folder) {
   PALPATE_ASSIGN(const std::string text, read_file(file, kMostRowsBytes));
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
   const auto wrong = [&](const std::string& what) {
-    return Error{what, "let `palpate sweep` write the folder again: it keeps what was measured", file, 0};
+    return Error{what, "let `palpate compare sweep` write the folder again: it keeps what was measured", file,
+                 0};
   };
   if (!json.is_object() || json.value("schema", nlohmann::json()) != kSweepSchema)
     return wrong(fmt::format("is no document of schema {}", kSweepSchema));
@@ -294,15 +291,15 @@ std::vector<Table> front_tables(const SweepDocument& document) {
     });
     for (const Row* row : best) {
       if (table.rows.size() == kMostShown) {
-        table.notes.push_back(fmt::format("The report has {} more.", count_text(best.size() - kMostShown)));
+        table.notes.push_back(fmt::format("The report has {} more.", format_count(best.size() - kMostShown)));
         break;
       }
       table.rows.push_back({{row->setting},
-                            {short_number(row->error_p95_percent->value)},
-                            {short_number(row->load_percent->value)},
-                            {short_number(row->frame_p999_us->value)},
-                            {short_number(row->bytes_per_point())},
-                            {short_number(row->prepare_ms->value)}});
+                            {format_number(row->error_p95_percent->value)},
+                            {format_number(row->load_percent->value)},
+                            {format_number(row->frame_p999_us->value)},
+                            {format_number(row->bytes_per_point())},
+                            {format_number(row->prepare_ms->value)}});
     }
     table.notes.push_back(
         "Errors are the 95th percentile in percent of the true force; load is that of one processor.");

@@ -1,5 +1,4 @@
-// What a sweep says: sweep.json, and the page with its fronts. Both are made of rows and of nothing that
-// runs.
+// A sweep's sweep.json and its page with the fronts, made from rows only.
 #pragma once
 
 #include <string>
@@ -12,7 +11,7 @@
 namespace palpate::experiments {
 
 inline constexpr const char* kSweepFile = "sweep.json";
-/// Goes up when a key changes its meaning or goes away.
+/// Increases when a key is redefined or removed.
 inline constexpr const char* kSweepSchema = "palpate-sweep/1";
 
 struct SweepDocument {
@@ -22,20 +21,20 @@ struct SweepDocument {
   std::vector<std::string> axes;
   bool full = false;
   double budget_s = 0.0;  ///< 0: none
-  std::string shard;      ///< "2/8"; empty: all of it
+  std::string shard;      ///< "2/8"; empty: all
   std::vector<Row> rows;
-  std::vector<std::string> not_measured;  ///< settings for which there was no time
+  std::vector<std::string> not_measured;  ///< settings left for lack of time
   std::vector<std::string> warnings, notes;
 };
 
 [[nodiscard]] std::string to_json(const SweepDocument& document);
-/// The head of an earlier one; its rows are those of rows.jsonl beside it. Errors name file and key.
+/// Reads a sweep's head; its rows are in rows.jsonl beside it. Errors name file and key.
 [[nodiscard]] Result<SweepDocument> read_sweep(const std::string& folder);
 
-/// Rows that are dominated by nobody, the most accurate first: of one machine each, as a table.
+/// Tables of undominated rows, most accurate first, one per machine.
 [[nodiscard]] std::vector<Table> front_tables(const SweepDocument& document);
 
-/// sweep.json, rows.jsonl, report.html with its figures.
+/// Writes sweep.json, rows.jsonl, report.html with its figures.
 [[nodiscard]] Status write_sweep(const SweepDocument& document, const OutputFolder& folder);
 
 }  // namespace palpate::experiments

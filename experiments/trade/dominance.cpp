@@ -9,7 +9,7 @@
 namespace palpate::experiments {
 namespace {
 
-/// One number of a row, with how sure it is.
+/// A row's number with its uncertainty.
 struct Compared {
   Measured measured{};
   bool is_time = false;
@@ -18,7 +18,7 @@ struct Compared {
   bool is_error = false;
 };
 
-/// What two rows are compared by, in a fixed order.
+/// The numbers compared between rows, in a fixed order.
 class Numbers {
  public:
   void push_back(const Compared& one) { all_[size_++] = one; }
@@ -39,7 +39,7 @@ Numbers numbers_of(const Row& row) {
   all.push_back({Measured{static_cast<double>(*row.bytes)}});
   all.push_back({*row.prepare_ms, true, row.preparations > 1 ? 0.0 : kOncePrepared, !row.from_cache});
   all.push_back({*row.error_p95_percent, false, 0.0, true, true});
-  // An error below rounding is none: such rows are alike.
+  // Errors below the rounding floor count as equal.
   if (const double floor = row.error_floor_percent.value_or(0.0); all.back().measured.value <= floor)
     all.back().measured = Measured{0.0, Interval{0.0, std::max(floor, row.error_p95_percent->high())}};
   return all;
@@ -54,7 +54,7 @@ Numbers numbers_of(const Row& row, Cost cost) {
   return two;
 }
 
-/// By how much the machine itself had changed from one row to the other.
+/// Change of the machine between two rows.
 class Drift {
  public:
   explicit Drift(const std::vector<Row>& rows) {
@@ -79,7 +79,7 @@ class Drift {
   std::map<std::string, std::pair<double, double>> extremes_;
 };
 
-/// log of a / b; equal numbers, zeros too, weigh nothing.
+/// log of a / b; 0 for equal numbers, zeros included.
 double log_ratio(double a, double b) {
   if (a == b) return 0.0;
   constexpr double kLeast = std::numeric_limits<double>::min();
@@ -90,7 +90,7 @@ bool dominates(const Numbers& a, const Numbers& b, double drift) {
   bool better = false;
   double on_the_whole = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) {
-    if (!a[i].is_known || !b[i].is_known) return false;  // who knows?
+    if (!a[i].is_known || !b[i].is_known) return false;  // unknown
     const double slack = std::max(a[i].slack, b[i].slack) + (a[i].is_time ? drift : 0.0);
     if (surely_less(b[i].measured, a[i].measured, slack)) return false;
     if (a[i].is_error && a[i].measured.value > (1.0 + kSameError) * b[i].measured.value) return false;
@@ -141,7 +141,7 @@ std::vector<Standing> standings_of(const std::vector<Row>& rows) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     all[i].dominated = by[i] != i;
     if (!all[i].dominated) continue;
-    // Every chain ends: each step is better on the whole.
+    // The chain ends: each step is better on the whole.
     std::size_t best = by[i];
     while (by[best] != best) best = by[best];
     all[i].by = rows[best].setting;

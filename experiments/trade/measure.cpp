@@ -6,20 +6,20 @@
 #include <cmath>
 #include <numeric>
 
+#include <palpate/result.h>
 #include "experiments/run/seat.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/try.h"
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments {
 namespace {
 
-// A preparation that takes longer is not repeated: three of a minute each would be a third of a sweep.
+// Slower preparations run once: three of a minute each would be a third of a sweep.
 constexpr double kRepeatedBelowMs = 2000.0;
-constexpr double kWorstShare = 0.05;  // of the frames lie beyond the 95th percentile
+constexpr double kWorstShare = 0.05;  // share of frames beyond the 95th percentile
 constexpr double kToPercentOfTruth = 100.0;
 
-/// Rounded to a step of the model's largest extent over 2^bits, from its lowest corner on.
+/// Rounds to steps of the model's largest extent over 2^bits, from its lowest corner.
 struct Rounding {
   Vec3 from_mm;
   double step_mm;
@@ -49,7 +49,7 @@ void round_model(render::ModelInput& model, int bits) {
   model.original_mesh = std::make_shared<const geometry::TriangleMesh>(std::move(mesh));
 }
 
-/// What is run: a mesh is always made anew, for its preparation is a number of the row.
+/// Always makes a mesh anew, since its preparation is measured.
 RendererRequest measured_request(const Setting& setting, const render::Registry& registry) {
   RendererRequest request = setting.request;
   const render::RendererInfo& info = *registry.find(request.name);
@@ -62,7 +62,7 @@ RendererRequest measured_request(const Setting& setting, const render::Registry&
   return request;
 }
 
-/// Preparation times beside the first one, each in a process of its own.
+/// Repeats the preparation, each time in its own process.
 std::vector<double> prepared_again(const Stage& stage, const RendererRequest& request, const Run& first,
                                    const render::Registry& registry, const RunOptions& options,
                                    Progress& progress) {
@@ -91,7 +91,7 @@ Measured scaled(const Measured& measured, double factor) {
   return all;
 }
 
-/// What is known of a setting before it is run.
+/// The row's facts known before the run.
 Row begin_row(const Experiment& experiment, const Setting& setting, const render::Registry& registry,
               const MeasureOptions& options) {
   Row row;
@@ -127,7 +127,7 @@ void fail_row(Row& row, metrics::RunStatus status, const std::string& reason) {
   row.reason = reason;
 }
 
-/// Scores over the whole path, at the rate of the truth.
+/// Scores over the whole path at the truth's rate.
 void fill_errors(const Experiment& experiment, const Setting& setting, Run& run, Row& row) {
   Run whole;
   whole.result = run.result;
@@ -234,7 +234,7 @@ trace::ForceTrace held(const trace::ForceTrace& trace, const trace::ProbePath& p
 }
 
 std::optional<Measured> error_p95(const Experiment& experiment, const Run& run) {
-  // By size, the largest first: a percentile of any resample is then found by walking down.
+  // Sorted by size, largest first, so a resample's percentile is found by walking down.
   struct Sized {
     float error_n;
     std::uint32_t episode;
@@ -281,7 +281,7 @@ Result<std::vector<Row>> measure(const Experiment& experiment, std::span<const S
   std::size_t anchored = 0;
   while (anchored < settings.size() && settings[anchored].request.label != anchor.request.label) ++anchored;
   if (anchored == settings.size()) requests.push_back(measured_request(anchor, registry));
-  metrics::Conditions conditions;
+  metrics::MeasurementConditions conditions;
   PALPATE_ASSIGN(std::vector<Run> runs,
                  run_renderers(seen, requests, registry, run_options, progress, conditions, {}));
   std::vector<Row> rows;
@@ -304,7 +304,7 @@ Result<std::vector<Row>> measure(const Experiment& experiment, std::span<const S
     row.prepare_ms = with_extremes(prepared);
     row.preparations = prepared.size();
     fill_frames(runs[i], row);
-    // At another rate the anchor's path has longer steps: it tells nothing beside the others.
+    // The anchor is comparable only at the path's own rate; other rates have longer steps.
     if (runs[anchored].result.frame_all && settings[i].rate_divisor == 1)
       row.anchor_us = runs[anchored].result.frame_all->mean_us;
     fill_errors(experiment, settings[i], runs[i], row);

@@ -1,4 +1,4 @@
-// Rows of several folders in one: shards of a sweep, from one machine or from many.
+// Merges rows of several folders: shards of a sweep, from one or more machines.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -6,9 +6,9 @@
 #include <map>
 #include <set>
 
+#include <palpate/result.h>
 #include "experiments/session/terminal.h"
 #include "experiments/trade/sweep.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -17,7 +17,7 @@ std::string rows_file(const std::string& folder) {
   return (std::filesystem::path(folder) / kRowsFile).string();
 }
 
-/// Adds `other` to `whole`. The same row twice is one row; two that differ cannot both be true.
+/// Adds `other` to `whole`. Identical rows merge; two different rows of one setting and machine are an Error.
 Status join(SweepDocument& whole, SweepDocument other, const std::string& folder) {
   if (other.experiment != whole.experiment)
     return Error{
@@ -69,23 +69,18 @@ Status check_apart(const MergeArguments& arguments) {
 
 }  // namespace
 
-int run_merge(const MergeArguments& arguments, Context& context) {
-  if (const Status apart = check_apart(arguments); !apart) return fail(apart.error(), kExitBadInput);
-  Result<SweepDocument> whole = merged(arguments);
-  if (!whole) return fail(whole.error(), kExitBadInput);
-  whole->head = new_head(context.command_line);
-  const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
-  if (!folder) return fail(folder.error(), kExitBadInput);
-  const auto write = [&]() -> Status {
-    PALPATE_TRY(folder->begin("merge"));
-    context.progress.report("drawing the fronts", -1.0);
-    PALPATE_TRY(write_sweep(*whole, *folder));
-    return folder->complete();
-  };
-  const Status written = write();
-  if (!written) return fail(written.error(), kExitFellShort, &context.progress);
+Result<int> run_merge(const MergeArguments& arguments, Context& context) {
+  PALPATE_TRY(check_apart(arguments));
+  PALPATE_ASSIGN(SweepDocument whole, merged(arguments));
+  whole.head = new_head(context.command_line);
+  PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::open(arguments.out));
+  context.working = true;
+  PALPATE_TRY(folder.begin("merge"));
+  context.progress.report("drawing the fronts", -1.0);
+  PALPATE_TRY(write_sweep(whole, folder));
+  PALPATE_TRY(folder.complete());
   context.progress.clear();
-  print_sweep(*whole, *folder, arguments.json);
+  print_sweep(whole, folder, arguments.json, context.verbose);
   return kExitOk;
 }
 

@@ -4,54 +4,97 @@
 #include <unistd.h>
 
 #include <array>
-#include <cmath>
-#include <nlohmann/json.hpp>
+#include <concepts>
 #include <set>
 #include <span>
 
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments {
 namespace {
-
-using RowJson = nlohmann::ordered_json;
 
 constexpr const char* kRowSchema = "palpate-row/1";
 constexpr const char* kIntervalKey = "_interval";
 constexpr const char* kRowRemedy =
     "take the line out of the file, or the whole file away to measure everything again";
 
-void put(RowJson& json, const char* key, const std::optional<Measured>& measured) {
-  json[key] = measured ? RowJson(measured->value) : RowJson(nullptr);
-  if (measured && measured->interval)
-    json[std::string(key) + kIntervalKey] = {measured->interval->low, measured->interval->high};
+using RowOptions = std::vector<std::pair<std::string, std::string>>;
+
+/// Every key of a row's measurements with its member, in the order of the file.
+template <class Fields, class RowOf>
+void each_field(Fields& fields, RowOf& row) {
+  fields("setting", row.setting);
+  fields("renderer", row.renderer);
+  fields("works_on", row.works_on);
+  fields("options", row.options);
+  fields("axes", row.axes);
+  fields("precision_bits", row.precision_bits);
+  fields("rate_divisor", row.rate_divisor);
+  fields("rate_hz", row.rate_hz);
+  fields("status", row.status);
+  fields("reason", row.reason);
+  fields("prepare_limit_s", row.prepare_limit_s);
+  fields("budget_s", row.budget_s);
+  fields("points", row.points);
+  fields("scene_points", row.scene_points);
+  fields("prepare_ms", row.prepare_ms);
+  fields("preparations", row.preparations);
+  fields("from_cache", row.from_cache);
+  fields("frame_all_mean_us", row.frame_mean_us);
+  fields("frame_all_p999_us", row.frame_p999_us);
+  fields("load_percent", row.load_percent);
+  fields("passes", row.passes);
+  fields("anchor_us", row.anchor_us);
+  fields("bytes", row.bytes);
+  fields.derived("bytes_per_point", row);
+  fields("error_p95_percent", row.error_p95_percent);
+  fields("error_rms_percent", row.error_rms_percent);
+  fields("error_floor_percent", row.error_floor_percent);
+  fields("indistinguishable_percent", row.indistinguishable_percent);
+  fields("trace_hash", row.trace_hash);
+  fields("steal_percent", row.steal_percent);
+  fields("load_before", row.load_before);
+  fields("measured_utc", row.measured_utc);
 }
 
-template <class T>
-RowJson json_of(const std::optional<T>& value) {
-  return value ? RowJson(*value) : RowJson(nullptr);
-}
+struct RowWriter {
+  DocumentJson json = DocumentJson::object();
 
-/// Reads keys and remembers the first one that is not what it should be.
+  template <class T>
+  void operator()(const char* key, const T& value) {
+    json[key] = value;
+  }
+  void operator()(const char* key, const RowOptions& options) {
+    json[key] = DocumentJson::object();
+    for (const auto& [name, value] : options) json[key][name] = value;
+  }
+  void operator()(const char* key, const std::optional<Measured>& measured) {
+    json[key] = measured ? DocumentJson(measured->value) : DocumentJson(nullptr);
+    if (measured && measured->interval)
+      json[std::string(key) + kIntervalKey] = {measured->interval->low, measured->interval->high};
+  }
+  void derived(const char* key, const Row& row) {
+    json[key] = row.bytes ? DocumentJson(row.bytes_per_point()) : DocumentJson(nullptr);
+  }
+};
+
+/// Reads keys and remembers the first invalid one.
 class RowReader {
  public:
   explicit RowReader(const nlohmann::json& json) : json_(json) {}
   [[nodiscard]] const std::string& wrong() const { return wrong_; }
 
-  void text(const char* key, std::string& value) {
-    if (const auto* at = find(key, &nlohmann::json::is_string)) value = at->get<std::string>();
+  void operator()(const char* key, std::string& value) {
+    plain_value(key, value, &nlohmann::json::is_string);
   }
-  void flag(const char* key, bool& value) {
-    if (const auto* at = find(key, &nlohmann::json::is_boolean)) value = at->get<bool>();
-  }
-  void number(const char* key, double& value) {
-    if (const auto* at = find(key, &nlohmann::json::is_number)) value = at->get<double>();
-  }
-  template <class T>
-  void whole(const char* key, T& value) {
+  void operator()(const char* key, bool& value) { plain_value(key, value, &nlohmann::json::is_boolean); }
+  void operator()(const char* key, double& value) { plain_value(key, value, &nlohmann::json::is_number); }
+  template <std::integral T>
+  void operator()(const char* key, T& value) {
     const auto* at = find(key, &nlohmann::json::is_number_integer);
     if (at == nullptr) return;
     if (at->is_number_unsigned() && at->get<std::uint64_t>() <= std::uint64_t{1} << 53)
@@ -59,24 +102,38 @@ class RowReader {
     else
       blame(key);
   }
-  void maybe(const char* key, std::optional<double>& value) {
-    if (is_null(key)) return;
-    number(key, value.emplace());
+  template <class T>
+  void operator()(const char* key, std::optional<T>& value) {
+    if (const auto at = json_.find(key); at != json_.end() && at->is_null()) return;
+    (*this)(key, value.emplace());
   }
-  void maybe(const char* key, std::optional<std::uint64_t>& value) {
-    if (is_null(key)) return;
-    whole(key, value.emplace());
-  }
-  void maybe(const char* key, std::optional<Measured>& value) {
-    if (is_null(key)) return;
-    number(key, value.emplace().value);
+  void operator()(const char* key, Measured& measured) {
+    (*this)(key, measured.value);
     const auto ends = json_.find(std::string(key) + kIntervalKey);
     if (ends == json_.end()) return;
     if (!ends->is_array() || ends->size() != 2 || !(*ends)[0].is_number() || !(*ends)[1].is_number())
       return blame(key);
-    value->interval = Interval{(*ends)[0].get<double>(), (*ends)[1].get<double>()};
-    if (!(value->interval->low <= value->interval->high)) blame(key);
+    measured.interval = Interval{(*ends)[0].get<double>(), (*ends)[1].get<double>()};
+    if (!(measured.interval->low <= measured.interval->high)) blame(key);
   }
+  void operator()(const char* key, RowOptions& options) {
+    const nlohmann::json* all = find(key, &nlohmann::json::is_object);
+    if (all == nullptr) return;
+    for (const auto& [name, value] : all->items()) {
+      if (!value.is_string()) return blame(key);
+      options.emplace_back(name, value.get<std::string>());
+    }
+  }
+  void operator()(const char* key, std::vector<std::string>& list) {
+    const nlohmann::json* all = find(key, &nlohmann::json::is_array);
+    if (all == nullptr) return;
+    for (const nlohmann::json& one : *all) {
+      if (!one.is_string()) return blame(key);
+      list.push_back(one.get<std::string>());
+    }
+  }
+  void derived(const char* /*key*/, const Row& /*row*/) {}
+
   const nlohmann::json* find(const char* key, bool (nlohmann::json::*is)() const noexcept) {
     const auto at = json_.find(key);
     if (at != json_.end() && ((*at).*is)()) return &*at;
@@ -88,9 +145,9 @@ class RowReader {
   }
 
  private:
-  bool is_null(const char* key) {
-    const auto at = json_.find(key);
-    return at != json_.end() && at->is_null();
+  template <class T>
+  void plain_value(const char* key, T& value, bool (nlohmann::json::*is)() const noexcept) {
+    if (const auto* at = find(key, is)) value = at->get<T>();
   }
   const nlohmann::json& json_;
   std::string wrong_;
@@ -100,64 +157,22 @@ void read_machine(RowReader& read, RowMachine& machine) {
   const nlohmann::json* json = read.find("machine", &nlohmann::json::is_object);
   if (json == nullptr) return;
   RowReader inner(*json);
-  inner.text("name", machine.name);
-  inner.text("cpu", machine.cpu);
-  inner.text("hash", machine.hash);
-  inner.whole("cores", machine.cores);
+  inner("name", machine.name);
+  inner("cpu", machine.cpu);
+  inner("hash", machine.hash);
+  inner("cores", machine.cores);
   if (!inner.wrong().empty() || machine.hash.empty()) read.blame("machine");
-}
-
-void read_lists(RowReader& read, Row& row) {
-  if (const nlohmann::json* options = read.find("options", &nlohmann::json::is_object))
-    for (const auto& [key, value] : options->items()) {
-      if (!value.is_string()) return read.blame("options");
-      row.options.emplace_back(key, value.get<std::string>());
-    }
-  if (const nlohmann::json* axes = read.find("axes", &nlohmann::json::is_array))
-    for (const nlohmann::json& axis : *axes) {
-      if (!axis.is_string()) return read.blame("axes");
-      row.axes.push_back(axis.get<std::string>());
-    }
 }
 
 Result<Row> row_of(const nlohmann::json& json) {
   Row row;
   RowReader read(json);
   std::string schema;
-  read.text("schema", schema);
+  read("schema", schema);
   if (schema != kRowSchema) read.blame("schema");
-  read.text("setting", row.setting);
-  read.text("experiment", row.experiment);
+  read("experiment", row.experiment);
   read_machine(read, row.machine);
-  read.text("renderer", row.renderer);
-  read.text("works_on", row.works_on);
-  read_lists(read, row);
-  read.whole("precision_bits", row.precision_bits);
-  read.whole("rate_divisor", row.rate_divisor);
-  read.number("rate_hz", row.rate_hz);
-  read.text("status", row.status);
-  read.text("reason", row.reason);
-  read.number("prepare_limit_s", row.prepare_limit_s);
-  read.number("budget_s", row.budget_s);
-  read.whole("points", row.points);
-  read.whole("scene_points", row.scene_points);
-  read.maybe("prepare_ms", row.prepare_ms);
-  read.whole("preparations", row.preparations);
-  read.flag("from_cache", row.from_cache);
-  read.maybe("frame_all_mean_us", row.frame_mean_us);
-  read.maybe("frame_all_p999_us", row.frame_p999_us);
-  read.maybe("load_percent", row.load_percent);
-  read.whole("passes", row.passes);
-  read.maybe("anchor_us", row.anchor_us);
-  read.maybe("bytes", row.bytes);
-  read.maybe("error_p95_percent", row.error_p95_percent);
-  read.maybe("error_rms_percent", row.error_rms_percent);
-  read.maybe("error_floor_percent", row.error_floor_percent);
-  read.maybe("indistinguishable_percent", row.indistinguishable_percent);
-  read.text("trace_hash", row.trace_hash);
-  read.number("steal_percent", row.steal_percent);
-  read.number("load_before", row.load_before);
-  read.text("measured_utc", row.measured_utc);
+  each_field(read, row);
   if (row.setting.empty()) read.blame("setting");
   if (row.experiment.empty()) read.blame("experiment");
   if (row.status != "ok" && row.status != "failed" && row.status != "did-not-finish") read.blame("status");
@@ -170,42 +185,10 @@ Result<Row> row_of(const nlohmann::json& json) {
   return row;
 }
 
-RowJson measured_json(const Row& row) {
-  RowJson options = RowJson::object();
-  for (const auto& [key, value] : row.options) options[key] = value;
-  RowJson json = {{"setting", row.setting},
-                  {"renderer", row.renderer},
-                  {"works_on", row.works_on},
-                  {"options", options},
-                  {"axes", row.axes},
-                  {"precision_bits", row.precision_bits},
-                  {"rate_divisor", row.rate_divisor},
-                  {"rate_hz", row.rate_hz},
-                  {"status", row.status},
-                  {"reason", row.reason},
-                  {"prepare_limit_s", row.prepare_limit_s},
-                  {"budget_s", row.budget_s},
-                  {"points", row.points},
-                  {"scene_points", row.scene_points}};
-  put(json, "prepare_ms", row.prepare_ms);
-  json["preparations"] = row.preparations;
-  json["from_cache"] = row.from_cache;
-  put(json, "frame_all_mean_us", row.frame_mean_us);
-  put(json, "frame_all_p999_us", row.frame_p999_us);
-  put(json, "load_percent", row.load_percent);
-  json["passes"] = row.passes;
-  json["anchor_us"] = json_of(row.anchor_us);
-  json["bytes"] = json_of(row.bytes);
-  json["bytes_per_point"] = row.bytes ? RowJson(row.bytes_per_point()) : RowJson(nullptr);
-  put(json, "error_p95_percent", row.error_p95_percent);
-  json["error_rms_percent"] = json_of(row.error_rms_percent);
-  json["error_floor_percent"] = json_of(row.error_floor_percent);
-  json["indistinguishable_percent"] = json_of(row.indistinguishable_percent);
-  json["trace_hash"] = row.trace_hash;
-  json["steal_percent"] = row.steal_percent;
-  json["load_before"] = row.load_before;
-  json["measured_utc"] = row.measured_utc;
-  return json;
+DocumentJson measured_json(const Row& row) {
+  RowWriter written;
+  each_field(written, row);
+  return std::move(written.json);
 }
 
 }  // namespace
@@ -227,19 +210,19 @@ RowMachine this_machine() {
 }
 
 std::string measured_text(const Row& row) {
-  return measured_json(row).dump(-1, ' ', false, RowJson::error_handler_t::replace);
+  return measured_json(row).dump(-1, ' ', false, DocumentJson::error_handler_t::replace);
 }
 
 std::string row_text(const Row& row) {
-  RowJson json = {{"schema", kRowSchema},
-                  {"experiment", row.experiment},
-                  {"machine",
-                   {{"name", row.machine.name},
-                    {"cpu", row.machine.cpu},
-                    {"hash", row.machine.hash},
-                    {"cores", row.machine.cores}}}};
+  DocumentJson json = {{"schema", kRowSchema},
+                       {"experiment", row.experiment},
+                       {"machine",
+                        {{"name", row.machine.name},
+                         {"cpu", row.machine.cpu},
+                         {"hash", row.machine.hash},
+                         {"cores", row.machine.cores}}}};
   json.update(measured_json(row));
-  return json.dump(-1, ' ', false, RowJson::error_handler_t::replace);
+  return json.dump(-1, ' ', false, DocumentJson::error_handler_t::replace);
 }
 
 std::string rows_text(const std::vector<Row>& rows) {

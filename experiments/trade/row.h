@@ -1,5 +1,5 @@
-// What was measured of one setting on one machine: a row of rows.jsonl, a line of JSON each. Rows are the raw
-// data of every sweep: they are kept, merged and drawn, and never changed.
+// The measurements of one setting on one machine: a JSON line of rows.jsonl. Rows are a sweep's raw data:
+// kept, merged, drawn and never changed.
 #pragma once
 
 #include <cstdint>
@@ -9,25 +9,25 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/core/bootstrap.h"
-#include "toolkit/core/result.h"
+#include <palpate/result.h>
+#include "toolkit/core/bootstrap_interval.h"
 
 namespace palpate::experiments {
 
 inline constexpr const char* kRowsFile = "rows.jsonl";
-/// A row has some 1,500 bytes: so many hold a hundred thousand.
+/// Holds a hundred thousand rows of some 1,500 bytes.
 inline constexpr std::uint64_t kMostRowsBytes = std::uint64_t{1} << 28;
 
-/// Times are comparable among rows of one and the same machine, and of nothing else.
+/// The row's machine. Times are comparable on the same machine only.
 struct RowMachine {
-  std::string name;  ///< of the host
+  std::string name;  ///< host name
   std::string cpu;   ///< the processor's name
-  std::string hash;  ///< of both, its cores and its kernel: what "the same machine" means
+  std::string hash;  ///< of name, CPU, cores and kernel: identifies the machine
   int cores = 0;
 };
 [[nodiscard]] RowMachine this_machine();
 
-/// A number with the interval it lies in; without one the number is exact.
+/// A number with its interval; exact without one.
 struct Measured {
   double value = 0.0;
   std::optional<Interval> interval{};
@@ -37,30 +37,30 @@ struct Measured {
 
 struct Row {
   std::string setting;     ///< Setting::text
-  std::string experiment;  ///< of scene, path, truth and program: rows of two never meet
+  std::string experiment;  ///< of scene, path, truth and program: rows of different experiments never mix
   RowMachine machine;
-  std::string renderer;                                      ///< its name in the registry
+  std::string renderer;                                      ///< in the registry
   std::string works_on;                                      ///< points, mesh, heights
   std::vector<std::pair<std::string, std::string>> options;  ///< as given, and "clean"
-  std::vector<std::string> axes;                             ///< where it is not as usual
+  std::vector<std::string> axes;                             ///< axes with unusual values
   int precision_bits = 0;
   int rate_divisor = 1;
   double rate_hz = 0.0;
   std::string status = "ok";  ///< or "did-not-finish", "failed"
-  std::string reason;         ///< why not
+  std::string reason;         ///< of another status
   double prepare_limit_s = 0.0;
-  double budget_s = 0.0;  ///< that its timing had
+  double budget_s = 0.0;  ///< for its timing
 
-  std::uint64_t points = 0;        ///< that the renderer got, after thinning
-  std::uint64_t scene_points = 0;  ///< of the scene: memory is counted by these
+  std::uint64_t points = 0;        ///< given to the renderer, after thinning
+  std::uint64_t scene_points = 0;  ///< the scene's, the reference for memory
   std::optional<Measured> prepare_ms;
   std::uint64_t preparations = 0;  ///< the number is their median, the interval their extremes
-  bool from_cache = false;         ///< a part of the preparation came from a cache: not to be compared
+  bool from_cache = false;         ///< part of the preparation came from a cache: incomparable
   std::optional<Measured> frame_mean_us, frame_p999_us;  ///< over all frames
   std::optional<Measured> load_percent;                  ///< of one processor: mean frame times rate
   std::uint64_t passes = 0;
-  /// Mean frame of one and the same setting, timed in turns with this one: by how much it differs between two
-  /// rows, their times are not comparable.
+  /// Mean frame of a fixed setting timed in turns with this one; its difference between rows shows the
+  /// machine's drift.
   std::optional<double> anchor_us;
   std::optional<std::uint64_t> bytes;
   std::optional<Measured> error_p95_percent;  ///< as metrics::Accuracy::force_p95_percent, by episodes
@@ -76,12 +76,11 @@ struct Row {
   }
 };
 
-/// What was measured, as a JSON object: what stands in rows.jsonl and in documents alike. Those say beside it
-/// which schema, experiment and machine it is of.
+/// The measurements as a JSON object for rows.jsonl and documents, without schema, experiment and machine.
 [[nodiscard]] std::string measured_text(const Row& row);
-/// One line, without its end: the same with schema, experiment and machine.
+/// One line without its end: measured_text() with schema, experiment and machine.
 [[nodiscard]] std::string row_text(const Row& row);
-/// Every line of `text`. A line that is no row is an Error with its number and what to do.
+/// Parses every line of `text`. Error: an invalid line, with number and remedy.
 [[nodiscard]] Result<std::vector<Row>> rows_of(std::string_view text, const std::string& file);
 [[nodiscard]] Result<std::vector<Row>> read_rows(const std::string& file);
 [[nodiscard]] std::string rows_text(const std::vector<Row>& rows);

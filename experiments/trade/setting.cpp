@@ -6,38 +6,38 @@
 #include <set>
 
 #include "experiments/run/cleaning.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
 
-// Of a number with a default: half and twice of it, and with --full a quarter and four times.
+// Factors of a default number; the second list is for --full.
 constexpr double kFactors[] = {0.5, 2.0};
 constexpr double kMoreFactors[] = {0.25, 4.0};
-// A box is as large as the resolution, so that no segment slips through; half as large it may, twice as large
-// it holds the neighbours too.
+// Box sizes in resolutions. At 1 no segment slips through; at 0.5 it may; at 2 the box holds the neighbours
+// too.
 constexpr double kBoxes[] = {0.5, 2.0};
 constexpr double kMoreBoxes[] = {1.5, 4.0};
-// Cells of the grid in resolutions; as usual five.
+// Grid cells in resolutions; the default is five.
 constexpr double kCells[] = {2.0, 10.0};
 constexpr double kMoreCells[] = {1.0, 20.0};
-// Cells in which one point is kept, in spacings: about half, a fifth of the points.
+// Thinning cells in spacings, one point kept in each: about half, a fifth of the points.
 constexpr double kThinned[] = {1.5, 2.5};
 constexpr double kMoreThinned[] = {1.25, 4.0};
 // Shares of the facets.
 constexpr double kLevels[] = {0.5, 0.1};
 constexpr double kMoreLevels[] = {0.25, 0.02};
-// Bits of the largest extent: 16 are a 65536th, what a 16-bit coordinate holds; 12 a 4096th.
+// Bits of the largest extent; 16 is the resolution of 16-bit coordinates.
 constexpr int kBits[] = {16, 12};
 constexpr int kMoreBits[] = {20, 10};
-// A path of 1 kHz becomes one of 500 and 250 Hz.
+// Divisors of a 1 kHz path: 500 and 250 Hz.
 constexpr int kDivisors[] = {2, 4};
 constexpr int kMoreDivisors[] = {8};
-// Things turned at once. Three of some forty values a renderer are ten thousand settings: a night on a
+// Axes varied at once. Three of some forty values per renderer are ten thousand settings, a night on a
 // cluster.
 constexpr std::size_t kMostCrossed = 2, kMostCrossedFull = 3;
 
-/// One value on an axis: what it changes.
+/// One value on an axis and its change.
 struct Turn {
   std::size_t axis = 0;
   std::vector<std::pair<std::string, std::string>> options;
@@ -52,7 +52,6 @@ std::size_t axis_at(std::string_view name) {
   return static_cast<std::size_t>(at - all.begin());
 }
 
-/// Options whose other values are tried, by axis.
 struct AxisKeys {
   const char* axis;
   std::vector<const char*> keys;
@@ -81,7 +80,6 @@ std::vector<T> values(const T (&usual)[N], const T (&more)[M], bool full) {
   return all;
 }
 
-/// Numbers that are tried beside the default.
 std::vector<std::string> numbers_of(const OptionSpec& spec, const SettingsRequest& request) {
   std::vector<double> numbers;
   const double usual = parse_number(spec.default_value).value();
@@ -130,7 +128,7 @@ bool all_have(const render::SceneInput& scene, bool (*what)(const render::ModelI
   return std::all_of(scene.models.begin(), scene.models.end(), what);
 }
 
-/// Whether the models have what a value stands on: faces of their own, or the raster of a scanner.
+/// True if the models have what a value needs: their own faces, or a scanner's raster.
 bool can_be_had(const OptionSpec& spec, const std::string& value, const render::SceneInput& scene) {
   const bool raster =
       all_have(scene, [](const render::ModelInput& m) { return m.cloud->raster.has_value(); });
@@ -140,7 +138,7 @@ bool can_be_had(const OptionSpec& spec, const std::string& value, const render::
   return true;
 }
 
-/// Everything that can be turned at one renderer, by axis.
+/// All variations of one renderer, by axis.
 std::vector<Turn> turns_of(const RendererRequest& base, const render::RendererInfo& info,
                            const SettingsRequest& request, const render::SceneInput& scene) {
   const auto wanted = [&](std::string_view name) {
@@ -151,9 +149,8 @@ std::vector<Turn> turns_of(const RendererRequest& base, const render::RendererIn
     if (!wanted(axis.axis)) continue;
     for (const char* key : axis.keys)
       for (const OptionSpec& spec : info.options) {
-        // What was given stays: `cloud:surface=vertices` is another start, not another value.
+        // Given options stay fixed.
         if (spec.key != key || base.options.has(key)) continue;
-        if (info.name == "cloud" && spec.key == "surface") continue;
         for (std::string& value : values_of(spec, request))
           if (can_be_had(spec, value, scene))
             turns.push_back({axis_at(axis.axis), {{spec.key, std::move(value)}}, {}, 0, 1});
@@ -171,7 +168,7 @@ std::vector<Turn> turns_of(const RendererRequest& base, const render::RendererIn
   return turns;
 }
 
-/// `base` with all of these turned; nothing where the renderer refuses it.
+/// `base` with all these variations; empty if the renderer refuses it.
 std::optional<Setting> turned_setting(const RendererRequest& base, std::span<const Turn* const> turns,
                                       const render::Registry& registry) {
   NamedOptions named{base.name, base.options};
@@ -196,10 +193,9 @@ std::optional<Setting> turned_setting(const RendererRequest& base, std::span<con
   return setting;
 }
 
-/// All that the scene can be given to, ours and the mesh god object first: where time is short, the rest
-/// waits.
+/// All renderers for the scene, ours and the mesh god object first in case time runs out.
 std::vector<RendererRequest> all_bases(const render::SceneInput& scene, const render::Registry& registry) {
-  std::vector<std::string> texts = {"cloud", "cloud-smooth", "mesh-godobject", "cloud:surface=vertices",
+  std::vector<std::string> texts = {"cloud", "cloud-smooth", "mesh-godobject", "cloud-vertices",
                                     "heightfield"};
   for (const render::RendererInfo& info : registry.all())
     if (std::find(texts.begin(), texts.end(), info.name) == texts.end() &&
@@ -220,7 +216,7 @@ std::vector<RendererRequest> all_bases(const render::SceneInput& scene, const re
   return bases;
 }
 
-/// Settings of one renderer with `count` things turned at once, appended.
+/// Appends one renderer's settings with `count` variations at once.
 void cross(const RendererRequest& base, const std::vector<Turn>& turns, std::size_t count,
            const render::Registry& registry, std::vector<const Turn*>& chosen, std::size_t from,
            std::vector<Setting>& settings) {
@@ -230,7 +226,7 @@ void cross(const RendererRequest& base, const std::vector<Turn>& turns, std::siz
     return;
   }
   for (std::size_t i = from; i < turns.size(); ++i) {
-    // One value of an axis at a time, in the order of the axes.
+    // At most one value per axis, in the order of the axes.
     if (!chosen.empty() && chosen.back()->axis >= turns[i].axis) continue;
     chosen.push_back(&turns[i]);
     cross(base, turns, count, registry, chosen, i + 1, settings);

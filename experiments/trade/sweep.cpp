@@ -6,26 +6,26 @@
 #include <algorithm>
 #include <set>
 
+#include <palpate/clock.h>
+#include <palpate/result.h>
 #include "experiments/run/choices.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
-#include "toolkit/core/clock.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
 
 namespace fs = std::filesystem;
 
-// One setting's preparation may take a minute, and never more than lets all that take turns end in half of
-// what time is left; but what is ready in two seconds always runs.
+// A preparation may take a minute, and at most what lets a whole turn end in half the remaining time; two
+// seconds are always allowed.
 constexpr double kMostPrepareS = 60.0, kLeastPrepareS = 2.0, kShareOfTheRest = 0.5;
-// Without a budget: reconstructions of a million points take minutes.
+// Without a budget: reconstructing a million points takes minutes.
 constexpr double kFullPrepareS = 600.0;
-// A setting waits for its turn behind at most so many others of another precision or rate.
+// Most settings of another precision or rate that a setting waits behind.
 constexpr std::size_t kLooksAhead = 64;
 constexpr std::size_t kMostShards = 100'000;
 
@@ -48,7 +48,7 @@ Result<Shard> parse_shard(const std::string& text) {
   return Shard{static_cast<std::size_t>(*index - 1), static_cast<std::size_t>(*count)};
 }
 
-/// Version and commit: rows of another program are not taken for those of this one.
+/// Version and commit, which distinguish rows of different programs.
 std::string program_text() {
   return fmt::format("{} {}", version_text(), kCommit);
 }
@@ -57,16 +57,16 @@ bool same_kind(const Setting& a, const Setting& b) {
   return a.precision_bits == b.precision_bits && a.rate_divisor == b.rate_divisor;
 }
 
-/// The whole sweep's time left, whatever one of its steps reports.
+/// Remaining time of the whole sweep, whatever a step reports.
 class SweepProgress final : public Progress {
  public:
   SweepProgress(ProgressBar& bar, std::size_t done, std::size_t all, double spent_s, double budget_s)
       : bar_(bar), spent_s_(spent_s), budget_s_(budget_s) {
     bar_.set_prefix(fmt::format("[{} of {} settings] ", done, all));
     fraction_ = all > 0 ? std::min(1.0, static_cast<double>(done) / static_cast<double>(all)) : 1.0;
-    // A log has a line for each turn.
+    // A log gets a line per turn.
     if (::isatty(STDERR_FILENO) == 0)
-      tell("palpate: {} of {} settings after {}\n", done, all, duration_text(spent_s * kMsPerSecond));
+      tell("palpate: {} of {} settings after {}\n", done, all, format_duration(spent_s * kMsPerSecond));
   }
   void report(std::string_view, double) override {
     const double spent_s = spent_s_ + watch_.ms() / kMsPerSecond;
@@ -90,7 +90,7 @@ Status Sweep::open_folder(const std::string& out) {
     return Error{fmt::format("the folder holds other results, and no {}", kRowsFile),
                  "give --out a new folder, or that of an earlier sweep", out, 0};
   if (fs::exists(root / kFolderMark, code)) {
-    // What was measured stays where it is, whatever happens to this run.
+    // Measured rows survive any failure of this run.
     PALPATE_ASSIGN(folder_, OutputFolder::reopen(out));
     PALPATE_ASSIGN(document_.rows, read_rows(folder_->file(kRowsFile).string()));
     folder_is_ours_ = true;
@@ -125,8 +125,10 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
                   [](const std::string& axis) { return axis == "rate" || axis == "precision"; });
   std::vector<Setting> all = settings_of(settings, sweep->stage_.scene.input, registry);
   if (all.empty())
-    return Error{
-        "no renderer can do what the scene asks for", "`palpate renderers` says what each supports", {}, 0};
+    return Error{"no renderer can do what the scene asks for",
+                 "`palpate list renderers` says what each supports",
+                 {},
+                 0};
   sweep->anchor_ = all.front();
   sweep->settings_ = shard_of(std::move(all), shard.index, shard.count);
   sweep->registry_ = &registry;
@@ -150,7 +152,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
 std::set<std::string> Sweep::done(double prepare_limit_s) const {
   std::set<std::string> texts;
   for (const Row& row : document_.rows)
-    // What ran out of time gets another chance where there is more.
+    // A setting out of time is retried when more time is allowed.
     if (row.machine.hash == machine_ &&
         (row.status != "did-not-finish" || row.prepare_limit_s >= prepare_limit_s))
       texts.insert(row.setting);
@@ -180,7 +182,7 @@ void Sweep::take(std::vector<Row> rows) {
 
 Status Sweep::measure_all(Context& context) {
   if (!folder_is_ours_) {
-    // Complete from the start: whatever stops this run, what was measured stays.
+    // The folder is complete from the start, so measured rows survive any stop.
     PALPATE_TRY(folder_->begin("sweep"));
     PALPATE_TRY(folder_->write(kRowsFile, {}));
     PALPATE_TRY(folder_->complete());
@@ -213,13 +215,12 @@ Status Sweep::measure_all(Context& context) {
   return write_sweep(document_, *folder_);
 }
 
-void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json) {
+void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json, bool verbose) {
   if (json) {
     fmt::print("{}", to_json(document));
     return;
   }
-  for (const Table& table : front_tables(document))
-    fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
+  print_tables(front_tables(document), verbose);
   std::fflush(stdout);
   const auto failed =
       std::count_if(document.rows.begin(), document.rows.end(), [](const Row& r) { return !r.ok(); });
@@ -228,18 +229,16 @@ void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool
   fmt::print("report: {}\n", fs::absolute(folder.file(kReportFile)).string());
 }
 
-int run_sweep(const SweepArguments& arguments, Context& context) {
+Result<int> run_sweep(const SweepArguments& arguments, Context& context) {
   const render::Registry registry = all_renderers();
-  Result<std::unique_ptr<Sweep>> sweep = Sweep::begin(arguments, registry, context);
-  if (!sweep) return fail(sweep.error(), kExitBadInput, &context.progress);
-  if (const Status measured = (*sweep)->measure_all(context); !measured)
-    return fail(measured.error(), kExitFellShort, &context.progress);
+  PALPATE_ASSIGN(const std::unique_ptr<Sweep> sweep, Sweep::begin(arguments, registry, context));
+  context.working = true;
+  PALPATE_TRY(sweep->measure_all(context));
   context.progress.clear();
-  const SweepDocument& document = (*sweep)->document();
-  print_sweep(document, (*sweep)->folder(), arguments.run.json);
-  const bool any =
-      std::any_of(document.rows.begin(), document.rows.end(), [](const Row& r) { return r.ok(); });
-  return any ? kExitOk : kExitFellShort;
+  const std::vector<Row>& rows = sweep->document().rows;
+  print_sweep(sweep->document(), sweep->folder(), arguments.run.json, context.verbose);
+  return std::any_of(rows.begin(), rows.end(), [](const Row& r) { return r.ok(); }) ? kExitOk
+                                                                                    : kExitFellShort;
 }
 
 }  // namespace palpate::experiments

@@ -1,5 +1,5 @@
-// The whole of `palpate sweep` and `palpate merge`: settings measured as far as time goes, rows kept, fronts
-// drawn.
+// `palpate compare sweep` and `palpate compare merge`: measure settings within a time budget, keep rows, draw
+// fronts.
 #pragma once
 
 #include <memory>
@@ -15,26 +15,26 @@
 namespace palpate::experiments {
 
 inline constexpr double kSweepBudgetS = 600.0;
-/// Of the path where none is named: six seconds, some thousand frames of contact in twenty entries.
+/// Default path length: six seconds, some thousand contact frames in twenty entries.
 inline constexpr int kSweepFrames = 6'000;
 
 struct SweepArguments {
-  RunArguments run;        ///< of it: scene, renderers, path, truth, folder, model, json
+  RunArguments run;        ///< scene, renderers, path, truth, folder, model, json
   std::string axes;        ///< empty: all
   std::string shard;       ///< "2/8"
-  double budget_s = -1.0;  ///< below 0: kSweepBudgetS, with `full` none
+  double budget_s = -1.0;  ///< below 0: kSweepBudgetS, or none with `full`
   bool full = false;
-  bool of_scene_only = false;  ///< without rates and precision: what a scene file can ask for (tune)
+  bool of_scene_only = false;  ///< without rates and precision, which a scene file cannot set (tune)
 };
 
-/// A sweep that is under way: its folder, what was measured there before, and what there is to measure.
+/// A sweep in progress: its folder, earlier rows, and settings to measure.
 class Sweep {
  public:
-  /// Checks every argument, loads the scene, reads earlier rows. Errors are bad input.
+  /// Checks every argument, loads the scene and reads earlier rows. Errors: bad input.
   [[nodiscard]] static Result<std::unique_ptr<Sweep>> begin(const SweepArguments& arguments,
                                                             const render::Registry& registry,
                                                             Context& context);
-  /// As far as the budget goes. Rows are on the disk after every few settings.
+  /// Measures within the budget. Saves rows after every few settings.
   [[nodiscard]] Status measure_all(Context& context);
   [[nodiscard]] const SweepDocument& document() const { return document_; }
   [[nodiscard]] const OutputFolder& folder() const { return *folder_; }
@@ -44,7 +44,7 @@ class Sweep {
  private:
   Sweep() = default;
   [[nodiscard]] Status open_folder(const std::string& out);
-  /// Texts of the settings that need no further turn.
+  /// Texts of settings that need no further turn.
   [[nodiscard]] std::set<std::string> done(double prepare_limit_s) const;
   [[nodiscard]] std::vector<Setting> next_turn(double prepare_limit_s) const;
   void take(std::vector<Row> rows);
@@ -53,7 +53,7 @@ class Sweep {
   Stage stage_;
   std::optional<Experiment> experiment_;
   std::optional<OutputFolder> folder_;
-  bool folder_is_ours_ = false;  ///< of an earlier sweep
+  bool folder_is_ours_ = false;  ///< the folder is an earlier sweep's
   std::vector<Setting> settings_;
   std::optional<Setting> anchor_;
   SweepDocument document_;
@@ -62,16 +62,16 @@ class Sweep {
   std::string machine_;
 };
 
-/// The tables of what nothing beats, how many settings there are, and where the report is; or the document.
-void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json);
-/// The exit status.
-int run_sweep(const SweepArguments& arguments, Context& context);
+/// Prints the fronts, the number of settings and the report's path; or the document.
+void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json, bool verbose);
+/// Returns the exit status.
+[[nodiscard]] Result<int> run_sweep(const SweepArguments& arguments, Context& context);
 
 struct MergeArguments {
   std::vector<std::string> folders;
   std::string out;
   bool json = false;
 };
-int run_merge(const MergeArguments& arguments, Context& context);
+[[nodiscard]] Result<int> run_merge(const MergeArguments& arguments, Context& context);
 
 }  // namespace palpate::experiments

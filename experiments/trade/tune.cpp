@@ -5,20 +5,19 @@
 
 #include <algorithm>
 #include <limits>
-#include <nlohmann/json.hpp>
 
+#include <palpate/result.h>
 #include "experiments/data/scene_scans.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
-#include "toolkit/core/try.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
 
-using TuneJson = nlohmann::ordered_json;
-
-// A time may come out longer when it is measured again: then the next best is tried, a few times.
+// Tries of the next best when a repeated measurement exceeds a limit.
 constexpr std::size_t kMostTries = 3;
 
 struct Tried {
@@ -41,28 +40,29 @@ double ratio_to(double value, double limit) {
 
 std::string numbers_text(const Row& row) {
   return fmt::format("error {} % (up to {}), 99.9 % of frames under {} µs (up to {}), {}, ready after {}",
-                     short_number(row.error_p95_percent->value), short_number(row.error_p95_percent->high()),
-                     short_number(row.frame_p999_us->value), short_number(row.frame_p999_us->high()),
-                     bytes_text(static_cast<double>(*row.bytes)), duration_text(row.prepare_ms->value));
+                     format_number(row.error_p95_percent->value),
+                     format_number(row.error_p95_percent->high()), format_number(row.frame_p999_us->value),
+                     format_number(row.frame_p999_us->high()), format_bytes(static_cast<double>(*row.bytes)),
+                     format_duration(row.prepare_ms->value));
 }
 
 std::string limits_text(const TuneLimits& limits) {
   std::vector<std::string> all;
   if (limits.error_percent)
-    all.push_back(fmt::format("an error of at most {} %", short_number(*limits.error_percent)));
+    all.push_back(fmt::format("an error of at most {} %", format_number(*limits.error_percent)));
   if (limits.frame_us)
-    all.push_back(fmt::format("99.9 % of frames within {} µs", short_number(*limits.frame_us)));
-  if (limits.bytes) all.push_back(fmt::format("at most {} of memory", bytes_text(*limits.bytes)));
+    all.push_back(fmt::format("99.9 % of frames within {} µs", format_number(*limits.frame_us)));
+  if (limits.bytes) all.push_back(fmt::format("at most {} of memory", format_bytes(*limits.bytes)));
   return joined(all, " and ");
 }
 
-/// The scene that was written, loaded as any user would, and its renderer measured along the same path.
+/// Loads the written scene and measures its renderer along the same path.
 Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const TuneArguments& arguments,
                    const render::Registry& registry, Progress& progress) {
   StageRequest request = sweep.checked().stage;
   PALPATE_ASSIGN(request.scene, open_scene(scene_file, registry, progress));
   request.scene_name = scene_file;
-  // The scene says all of it now.
+  // The scene file now contains these.
   request.load.unit.reset();
   request.load.scale.reset();
   request.load.post_mm = request.load.vertical_mm = 0.0;
@@ -86,38 +86,33 @@ Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const Tune
   return std::move(rows.front());
 }
 
-TuneJson limit_json(const std::optional<double>& limit) {
-  return limit ? TuneJson(*limit) : TuneJson(nullptr);
-}
-
 std::string tune_json(const Sweep& sweep, const TuneLimits& limits, const std::vector<Tried>& tried,
                       std::size_t kept, const std::optional<Row>& nearest, Context& context) {
-  TuneJson json = {{"schema", kTuneSchema}};
-  json.update(TuneJson::parse(metrics::head_json(new_head(context.command_line))));
+  DocumentJson json = begin_json(kTuneSchema, new_head(context.command_line));
   json["scene"] = sweep.document().scene;
   json["path"] = sweep.document().path;
   json["truth"] = sweep.document().truth;
-  json["asked"] = {{"max_error_percent", limit_json(limits.error_percent)},
-                   {"max_frame_us", limit_json(limits.frame_us)},
-                   {"max_bytes", limit_json(limits.bytes)}};
+  json["asked"] = {{"max_error_percent", limits.error_percent},
+                   {"max_frame_us", limits.frame_us},
+                   {"max_bytes", limits.bytes}};
   const bool found = !tried.empty() && tried.back().keeps;
-  json["chosen"] = found ? TuneJson::parse(measured_text(tried.back().found)) : TuneJson(nullptr);
-  json["scene_file"] = found ? TuneJson(kTunedScene) : TuneJson(nullptr);
-  json["nearest"] = nearest ? TuneJson::parse(measured_text(*nearest)) : TuneJson(nullptr);
-  TuneJson tries = TuneJson::array();
+  json["chosen"] = found ? DocumentJson::parse(measured_text(tried.back().found)) : DocumentJson(nullptr);
+  json["scene_file"] = found ? DocumentJson(kTunedScene) : DocumentJson(nullptr);
+  json["nearest"] = nearest ? DocumentJson::parse(measured_text(*nearest)) : DocumentJson(nullptr);
+  DocumentJson tries = DocumentJson::array();
   for (const Tried& one : tried)
     tries.push_back({{"setting", one.found.setting},
                      {"keeps", one.keeps},
-                     {"verified", TuneJson::parse(measured_text(one.verified))}});
+                     {"verified", DocumentJson::parse(measured_text(one.verified))}});
   json["evidence"] = {{"rows", kRowsFile},
                       {"measured", sweep.document().rows.size()},
                       {"not_measured", sweep.document().not_measured.size()},
                       {"kept_the_limits", kept},
                       {"tried", tries}};
-  return json.dump(1, ' ', false, TuneJson::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
-/// Tries the best ones in turn: writes the scene, runs it, and goes on where a limit is not kept.
+/// Writes and runs the best scenes in turn until one keeps the limits.
 Result<std::vector<Tried>> try_out(const Sweep& sweep, const std::vector<std::size_t>& best,
                                    const TuneLimits& limits, const TuneArguments& arguments,
                                    const render::Registry& registry, Context& context) {
@@ -146,19 +141,18 @@ Status drop_scene(const OutputFolder& folder) {
   return Done{};
 }
 
-int say_nothing_keeps(const Sweep& sweep, const TuneLimits& limits, const std::vector<Tried>& tried,
-                      const std::optional<Row>& nearest) {
-  std::string what =
-      fmt::format("no setting of {} keeps {}", count_text(sweep.document().rows.size()), limits_text(limits));
+Error nothing_keeps(const Sweep& sweep, const TuneLimits& limits, const std::vector<Tried>& tried,
+                    const std::optional<Row>& nearest) {
+  std::string what = fmt::format("no setting of {} keeps {}", format_count(sweep.document().rows.size()),
+                                 limits_text(limits));
   if (!tried.empty())
     what = fmt::format("{} kept {} when it was measured, and not when it was run again",
                        tried.front().found.setting, limits_text(limits));
-  return fail({what,
-               nearest ? fmt::format("the nearest is {}: {}", nearest->setting, numbers_text(*nearest))
-                       : "none ran to its end: the report says why",
-               {},
-               0},
-              kExitFellShort);
+  return {what,
+          nearest ? fmt::format("the nearest is {}: {}", nearest->setting, numbers_text(*nearest))
+                  : "none ran to its end: the report says why",
+          {},
+          0};
 }
 
 }  // namespace
@@ -185,12 +179,12 @@ std::vector<std::size_t> candidates(const std::vector<Row>& rows, const TuneLimi
   };
   std::stable_sort(all.begin(), all.end(),
                    [&](std::size_t a, std::size_t b) { return first(rows[a]).value < first(rows[b]).value; });
-  // Errors are of the same frames: an interval over few episodes does not make them alike.
+  // Errors are over the same frames: overlapping intervals over few episodes do not make them equal.
   const auto alike = [&](const Measured& best, const Measured& other) {
     if (limits.error_percent) return !surely_less(best, other);
     return other.value <= (1.0 + kSameError) * best.value;
   };
-  // What cannot be told from the best of what is left changes places with it by the second number.
+  // Orders indistinguishable rows by the second number.
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Measured best = first(rows[all[i]]);
     std::size_t least = i;
@@ -210,45 +204,38 @@ std::optional<std::size_t> nearest_miss(const std::vector<Row>& rows, const Tune
   return nearest;
 }
 
-int run_tune(const TuneArguments& arguments, Context& context) {
+Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   const TuneLimits limits = limits_of(arguments);
   if (!limits.any())
-    return fail(
-        {"nothing is asked for", "give --max-error, --max-frame-us or --max-bytes, or several", {}, 0},
-        kExitBadInput);
+    return Error{
+        "nothing is asked for", "give --max-error, --max-frame-us or --max-bytes, or several", {}, 0};
   const render::Registry registry = all_renderers();
   SweepArguments sweep_arguments = arguments.sweep;
   sweep_arguments.of_scene_only = true;
   if (sweep_arguments.run.out.empty())
     sweep_arguments.run.out = usual_folder("tune", sweep_arguments.run.scene);
-  Result<std::unique_ptr<Sweep>> begun = Sweep::begin(sweep_arguments, registry, context);
-  if (!begun) return fail(begun.error(), kExitBadInput, &context.progress);
-  Sweep& sweep = **begun;
-  if (const Status measured = sweep.measure_all(context); !measured)
-    return fail(measured.error(), kExitFellShort, &context.progress);
-  // Of this machine alone, and of what a scene can ask for.
+  PALPATE_ASSIGN(const std::unique_ptr<Sweep> begun, Sweep::begin(sweep_arguments, registry, context));
+  Sweep& sweep = *begun;
+  context.working = true;
+  PALPATE_TRY(sweep.measure_all(context));
+  // Only rows of this machine that a scene file can express.
   std::vector<Row> rows = sweep.document().rows;
   const std::string here = this_machine().hash;
   for (Row& row : rows)
     if (row.machine.hash != here || row.precision_bits > 0 || row.rate_divisor > 1) row.status = "failed";
   const std::vector<std::size_t> best = candidates(rows, limits);
-  const Result<std::vector<Tried>> tried = try_out(sweep, best, limits, arguments, registry, context);
-  if (!tried) return fail(tried.error(), kExitFellShort, &context.progress);
-  const bool found = !tried->empty() && tried->back().keeps;
+  PALPATE_ASSIGN(const std::vector<Tried> tried, try_out(sweep, best, limits, arguments, registry, context));
+  const bool found = !tried.empty() && tried.back().keeps;
   std::optional<Row> nearest;
   if (const auto at = nearest_miss(rows, limits); !found && at) nearest = sweep.document().rows[*at];
-  const auto write = [&]() -> Status {
-    if (!found) PALPATE_TRY(drop_scene(sweep.folder()));
-    return sweep.folder().write(kTuneFile, tune_json(sweep, limits, *tried, best.size(), nearest, context));
-  };
-  if (const Status written = write(); !written)
-    return fail(written.error(), kExitFellShort, &context.progress);
+  if (!found) PALPATE_TRY(drop_scene(sweep.folder()));
+  const std::string json = tune_json(sweep, limits, tried, best.size(), nearest, context);
+  PALPATE_TRY(sweep.folder().write(kTuneFile, json));
   context.progress.clear();
-  if (arguments.sweep.run.json)
-    fmt::print("{}", tune_json(sweep, limits, *tried, best.size(), nearest, context));
-  if (!found) return say_nothing_keeps(sweep, limits, *tried, nearest);
+  if (arguments.sweep.run.json) fmt::print("{}", json);
+  if (!found) return nothing_keeps(sweep, limits, tried, nearest);
   if (arguments.sweep.run.json) return kExitOk;
-  const Tried& chosen = tried->back();
+  const Tried& chosen = tried.back();
   fmt::print("{}\n  measured:  {}\n  run again: {}\nkept by {} of {} settings\nscene: {}\n",
              chosen.found.setting, numbers_text(chosen.found), numbers_text(chosen.verified), best.size(),
              rows.size(), std::filesystem::absolute(sweep.folder().file(kTunedScene)).string());

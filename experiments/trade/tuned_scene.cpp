@@ -2,16 +2,16 @@
 #include <filesystem>
 #include <sstream>
 
+#include <palpate/result.h>
 #include "experiments/trade/tune.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// As a person would write it: numbers and flags bare, all else in quotes.
+/// Writes numbers and flags bare, all else in quotes.
 void set_option(toml::table& table, const std::string& key, const std::string& value) {
   if (const Result<long long> whole = parse_integer(value))
     table.insert_or_assign(key, std::int64_t{*whole});
@@ -35,7 +35,6 @@ void make_absolute(toml::node* table, const char* key, const fs::path& folder) {
     table->as_table()->insert_or_assign(key, absolute_path(*path, folder));
 }
 
-/// Every file that a model of a scene names.
 void make_model_absolute(toml::table& model, const fs::path& folder) {
   make_absolute(&model, "cloud", folder);
   if (toml::array* views = model["view"].as_array())
@@ -44,7 +43,7 @@ void make_model_absolute(toml::table& model, const fs::path& folder) {
   make_absolute(model["surface"]["texture"].node(), "image", folder);
 }
 
-/// What the command line says of files, as load() takes it.
+/// Writes the command line's load settings as load() reads them.
 void add_load(toml::table& model, const ModelArguments& load) {
   const bool of_file = model.contains("cloud") || model.contains("scan");
   if (of_file && !load.unit.empty() && !model.contains("unit")) model.insert_or_assign("unit", load.unit);
@@ -55,7 +54,7 @@ void add_load(toml::table& model, const ModelArguments& load) {
     if (const Result<double> number = parse_number(load.no_data)) model.insert_or_assign("no_data", *number);
 }
 
-/// A scene of one model that was named on the command line.
+/// A scene of one model named on the command line.
 toml::table of_model(const scene::SceneModel& model) {
   toml::table table;
   if (model.generate) {

@@ -9,16 +9,15 @@
 namespace palpate::experiments {
 namespace {
 
-/// tan of half the angle of view, from top to bottom: 40 degrees.
+/// tan of half the vertical angle of view, 40 degrees.
 constexpr double kHalfView = 0.364;
-/// So many radii away the whole scene fits: 1 / sin(20 degrees) is 2.92.
+/// Distance at which the whole scene fits, in radii: 1 / sin(20 degrees) is 2.92.
 constexpr double kAwayRadii = 2.95;
-/// How near and far one may go, in radii.
 constexpr double kNearestRadii = 0.02, kFarthestRadii = 50.0;
 constexpr double kFirstTurn = -0.6, kFirstTilt = 0.6;
-/// Never quite from above, where right and left are not told apart.
+/// Less than a right angle: right and left are undefined from above.
 constexpr double kMostTilt = 0.499 * std::numbers::pi;
-/// The near plane, as a share of the distance where the eye is within the scene.
+/// Near plane as a share of the distance, for an eye within the scene.
 constexpr double kNearShare = 0.01;
 
 struct NamedUp {
@@ -32,8 +31,8 @@ constexpr std::array<NamedUp, kUps.size()> kNamedUps = {{{Up::kZ, "z"},
                                                          {Up::kMinusY, "-y"},
                                                          {Up::kMinusX, "-x"}}};
 
-/// A direction given as if z were up, where another axis is: a proper turn for each, which with y up has z
-/// towards who looks from the front, as files with y up mean it.
+/// Rotates a z-up direction for another up axis. With y up, z points towards a viewer in front, as files with
+/// y up expect.
 Vec3 with_up(Up up, const Vec3& v) noexcept {
   switch (up) {
     case Up::kZ:
@@ -116,7 +115,7 @@ double Camera::pixels_per_mm(double height_px) const noexcept {
 }
 
 double Camera::near_mm() const noexcept {
-  // The target may have been moved out of the middle: two radii hold the scene all the same.
+  // A panned target may be off-centre: two radii still hold the scene.
   return std::max(distance_mm_ - 2.0 * radius_mm_, kNearShare * distance_mm_);
 }
 
@@ -154,7 +153,7 @@ std::optional<Pixel> project(const Mat4& clip_from_world, const Vec3& world_mm, 
 std::optional<SeenLine> project_line(const Mat4& clip_from_world, const Vec3& a_mm, const Vec3& b_mm,
                                      double width_px, double height_px) noexcept {
   Eigen::Vector4d a = clip_from_world * a_mm.homogeneous(), b = clip_from_world * b_mm.homogeneous();
-  // Homogeneous coordinates are linear along the line, behind the eye too. The near plane is z = -w.
+  // Homogeneous coordinates are linear along the line, even behind the eye. The near plane is z = -w.
   const double before_a = a.z() + a.w(), before_b = b.z() + b.w();
   SeenLine seen;
   seen.cut_a = !(before_a >= 0.0);

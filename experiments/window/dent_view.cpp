@@ -5,8 +5,8 @@
 namespace palpate::experiments {
 namespace {
 
-/// Of a question: what may be about the touched place, half of it. The other half finds the rest of a dent,
-/// which grows by up to 128 points a frame, from its border outwards.
+/// Half a question is for points around the touched place. The other half finds the rest of a dent, which
+/// grows outwards by up to 128 points a frame.
 constexpr std::size_t kAroundTouch = PointQuestion::kMost / 2;
 static_assert(kAroundTouch < PointQuestion::kMost);
 
@@ -18,7 +18,7 @@ Vec3f read_place(const cloud::Cloud& cloud, std::uint32_t point) {
 
 std::optional<PointQuestion> DentView::question(std::uint32_t model,
                                                 const std::optional<std::uint32_t>& touched,
-                                                const neighbourhood::NeighbourTable& neighbours) {
+                                                const search::NeighbourTable& neighbours) {
   PointQuestion asked;
   asked.model = model;
   std::unordered_set<std::uint32_t> in;
@@ -34,7 +34,7 @@ std::optional<PointQuestion> DentView::question(std::uint32_t model,
   for (std::size_t tried = 0; tried < turn_.size() && asked.count < PointQuestion::kMost; ++tried) {
     next_ = (next_ + 1) % turn_.size();
     add(turn_[next_]);
-    // Beside a point that moved there are others that did: so a dent is found to its border.
+    // Neighbours of a moved point probably moved too: the search reaches the dent's border.
     if (moved_.contains(turn_[next_]))
       for (const std::uint32_t other : neighbours.of[turn_[next_]])
         if (!in_turn_.contains(other)) add(other);

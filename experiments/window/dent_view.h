@@ -1,5 +1,5 @@
-// Where the points of a model are that gives way. The window asks about those around the touched place and
-// those it has seen move, so many a picture; the servo answers between two frames.
+// Tracks the moved points of a deformable model. The window asks about some points per picture, around the
+// touched place and those seen to move; the servo answers between frames.
 #pragma once
 
 #include <cstdint>
@@ -9,36 +9,35 @@
 #include <unordered_set>
 #include <vector>
 
+#include <palpate/cloud.h>
 #include "experiments/window/feed.h"
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/neighbourhood/neighbour_table.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::experiments {
 
-/// A point that stands elsewhere than it did in the picture before.
+/// A point that moved since the previous picture.
 struct ShiftedPoint {
-  std::uint32_t point = 0;  ///< of the cloud
+  std::uint32_t point = 0;  ///< index in the cloud
   Vec3f place_mm = Vec3f::Zero();
 };
 
-/// Of one model. The window's thread.
+/// Tracks one model. For the window's thread.
 class DentView {
  public:
-  /// The next question: about the points around `touched`, link by link outwards, as far as room is; then in
-  /// turn about those that were seen to move and what is beside them, so that a dent is found to its border
-  /// and what is taken back is seen to go. Nothing where there is nothing to ask. Work bounded by
-  /// PointQuestion::kMost.
+  /// The next question. It holds points around `touched`, outwards link by link, then in turn those seen to
+  /// move and their neighbours, to find a dent's border and its recovery. Empty if nothing is to be asked.
+  /// Work bounded by PointQuestion::kMost.
   [[nodiscard]] std::optional<PointQuestion> question(std::uint32_t model,
                                                       const std::optional<std::uint32_t>& touched,
-                                                      const neighbourhood::NeighbourTable& neighbours);
-  /// What an answer changes in the picture. One that is not known puts everything back.
+                                                      const search::NeighbourTable& neighbours);
+  /// An answer's changes to the picture. An unknown answer puts every point back.
   [[nodiscard]] std::vector<ShiftedPoint> take(const PointAnswer& answer, const cloud::Cloud& cloud);
-  /// Points that stand elsewhere than they were read.
+  /// Number of points away from their read position.
   [[nodiscard]] std::size_t shifted() const noexcept { return moved_.size(); }
 
  private:
   std::unordered_map<std::uint32_t, Vec3f> moved_;
-  std::vector<std::uint32_t> turn_;  // all that ever moved, asked again and again
+  std::vector<std::uint32_t> turn_;  // every point that ever moved, asked in turn
   std::unordered_set<std::uint32_t> in_turn_;
   std::size_t next_ = 0;
 };

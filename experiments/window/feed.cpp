@@ -13,7 +13,7 @@ constexpr double kUsPerNs = 1e-3;
 
 void SampleRing::push(const TickSample& sample) noexcept {
   const std::uint64_t at = written_.load(std::memory_order_relaxed);
-  // Acquire: the reader is done with the place that is written over.
+  // Acquire: the reader has finished with the slot that is overwritten.
   if (at - read_.load(std::memory_order_acquire) >= kSize) {
     lost_.fetch_add(1, std::memory_order_relaxed);
     return;
@@ -37,7 +37,7 @@ WindowFeed::WindowFeed(const device::Servo& servo, const device::Mixer& mixer,
   if (moving_.size() > kMostShownMotions) moving_.resize(kMostShownMotions);
 }
 
-/// Between frames, in their thread: nobody moves a point meanwhile.
+/// Runs between frames in their thread, so no point moves meanwhile.
 void WindowFeed::answer_question() noexcept {
   if (!questions_.acquire()) return;
   const device::MixedFrame& mixed = mixer_.last();
@@ -50,7 +50,7 @@ void WindowFeed::answer_question() noexcept {
   into.known = editable_ != nullptr;
   const std::size_t count = std::min<std::size_t>(into.of.count, PointQuestion::kMost);
   for (std::size_t i = 0; into.known && i < count; ++i) {
-    const std::optional<Vec3> place_mm = editable_->place_mm(into.of.model, into.of.point[i]);
+    const std::optional<Vec3> place_mm = editable_->point_position_mm(into.of.model, into.of.point[i]);
     into.known = place_mm.has_value();
     if (place_mm) into.place_mm[i] = place_mm->cast<float>();
   }

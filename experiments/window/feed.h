@@ -1,4 +1,4 @@
-// What a window gets to see of a running servo: the newest tick as a whole, and a few numbers of every tick.
+// The window's view of a running servo: the whole newest tick, and a few numbers of every tick.
 #pragma once
 
 #include <array>
@@ -8,63 +8,61 @@
 #include <memory>
 #include <vector>
 
+#include <palpate/device/servo.h>
+#include <palpate/motion.h>
+#include <palpate/triple_buffer.h>
 #include "device/live/mixer.h"
-#include "device/servo/servo.h"
-#include "device/servo/tick_observer.h"
-#include "toolkit/core/handover.h"
 #include "toolkit/deformation/editable.h"
-#include "toolkit/render/motion.h"
 
 namespace palpate::experiments {
 
-/// Models whose motion is shown; further ones are drawn where they began.
+/// Models whose motion is shown; further ones stay drawn at their start.
 inline constexpr std::size_t kMostShownMotions = 16;
 
-/// A tick and all that belongs to it.
+/// A tick with its data.
 struct WatchedTick {
   std::uint64_t ticks = 0;  ///< since the session began, this one included; 0: none yet
   device::Tick tick;
   device::MixedFrame mixed;
   device::DeviceMap map;
-  /// Of the models that move, in the order in which the feed was given them.
+  /// Moving models, in the order given to the feed.
   std::array<geometry::RigidTransform, kMostShownMotions> world_from_model;
 };
 
-/// Points of a model that gives way: the window asks where they are now, the servo answers with its next
-/// tick.
+/// A question for the present positions of a deformable model's points, answered by the servo's next tick.
 struct PointQuestion {
-  /// Some 10 us of a tick, and of one tick a picture: reading a point is a look-up.
+  /// Takes some 10 us of one tick a picture: reading a point is a look-up.
   static constexpr std::size_t kMost = 256;
   std::uint32_t model = 0, count = 0;
-  std::array<std::uint32_t, kMost> point{};  ///< of the model's cloud
+  std::array<std::uint32_t, kMost> point{};  ///< indices in the model's cloud
 };
 struct PointAnswer {
   PointQuestion of;
   /// Relative to the cloud's origin.
   std::array<Vec3f, PointQuestion::kMost> place_mm{};
-  bool known = false;  ///< false: the felt renderer has no points that give way
+  bool known = false;  ///< false: the felt renderer has no deformable points
 };
 
-/// What plots show of a tick.
+/// A tick's plotted numbers.
 struct TickSample {
   double t_s = 0.0;
   float sent_n = 0.0f;   ///< magnitude
   float step_us = 0.0f;  ///< all renderers together
-  float late_us = 0.0f;  ///< from due to begun
+  float late_us = 0.0f;  ///< from due time to start
   bool contact = false;
   bool fault = false;
 };
 
-/// Samples from one thread to another, in order: a ring of fixed size without a lock. What does not fit,
-/// because the reader stood still, is lost and counted.
+/// A lock-free ring of fixed size that passes samples between two threads in order. Samples that do not fit
+/// are lost and counted.
 class SampleRing {
  public:
   /// 16 s at 1 kHz.
   static constexpr std::size_t kSize = std::size_t{1} << 14;
 
-  /// The writer. Wait-free, no allocation.
+  /// For the writer. Wait-free, no allocation.
   void push(const TickSample& sample) noexcept;
-  /// The reader: appends everything that is there. How many.
+  /// For the reader: appends all samples present. Returns their number.
   std::size_t drain(std::vector<TickSample>& into);
   /// Any thread.
   [[nodiscard]] std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
@@ -75,29 +73,29 @@ class SampleRing {
   static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
 };
 
-/// An observer of ticks that hands over to one reader. The servo's side copies some 3 KB a tick, looks up at
-/// most PointQuestion::kMost points, and never waits, whatever the reader does. Keeps references to servo and
-/// mixer: took() is called while they live.
+/// An observer of ticks for one reader. The servo's side copies some 3 KB a tick, looks up at most
+/// PointQuestion::kMost points, and never waits. Refers to servo and mixer, which must live while took() is
+/// called.
 class WindowFeed final : public device::TickObserver {
  public:
-  /// `moving`: at most kMostShownMotions of them are followed; read in the servo's thread alone.
+  /// Follows at most kMostShownMotions of `moving`, read in the servo's thread only.
   WindowFeed(const device::Servo& servo, const device::Mixer& mixer,
              std::vector<std::shared_ptr<render::MovingModel>> moving);
   void took(const device::Tick& tick) noexcept override;
 
-  /// The reader's thread. True where there is a newer tick than the last one taken.
+  /// The reader's thread. True if a newer tick has arrived.
   bool acquire() noexcept { return newest_.acquire(); }
   [[nodiscard]] const WatchedTick& newest() const noexcept { return newest_.front(); }
   [[nodiscard]] SampleRing& samples() noexcept { return samples_; }
-  /// The reader's thread: the newest question counts.
+  /// The reader's thread: a newer question replaces an older one.
   void ask(const PointQuestion& question) { questions_.publish(question); }
-  /// The reader's thread: an answer that was not there before, or null.
+  /// The reader's thread: a new answer, or null.
   [[nodiscard]] const PointAnswer* answer() noexcept {
     return answers_.acquire() ? &answers_.front() : nullptr;
   }
-  /// The magnitude of the force that went out last, N; for any thread.
+  /// Magnitude of the last force sent, N; for any thread.
   [[nodiscard]] const std::atomic<float>& force_n() const noexcept { return force_n_; }
-  /// Ticks that were taken, for anybody: it goes on whatever the reader does.
+  /// Ticks taken, independent of the reader; for any thread.
   [[nodiscard]] std::uint64_t ticks() const noexcept { return ticks_.load(std::memory_order_acquire); }
 
  private:
@@ -106,11 +104,11 @@ class WindowFeed final : public device::TickObserver {
   std::vector<std::shared_ptr<render::MovingModel>> moving_;
   void answer_question() noexcept;
 
-  Handover<WatchedTick> newest_;
-  Handover<PointQuestion> questions_;
-  Handover<PointAnswer> answers_;
+  TripleBuffer<WatchedTick> newest_;
+  TripleBuffer<PointQuestion> questions_;
+  TripleBuffer<PointAnswer> answers_;
   const render::HapticRenderer* asked_ = nullptr;  // the felt one, as last seen
-  const render::Editable* editable_ = nullptr;     // the same, where its points give way
+  const render::Editable* editable_ = nullptr;     // the same, if deformable
   SampleRing samples_;
   std::atomic<std::uint64_t> ticks_{0};
   std::atomic<float> force_n_{0.0f};

@@ -1,4 +1,4 @@
-// The last seconds of a session, as plots show them.
+// A session's last seconds, for plots.
 #pragma once
 
 #include <array>
@@ -10,8 +10,7 @@
 
 namespace palpate::experiments {
 
-/// Bins of frame times by powers of the square root of 2 from a quarter of a microsecond on: the last one
-/// holds everything over 8 ms.
+/// Frame-time bins by powers of the square root of 2 from 0.25 us; the last holds everything above 8 ms.
 struct FrameTimeHistogram {
   static constexpr std::size_t kBins = 32;
   static constexpr double kFirstUs = 0.25;
@@ -22,7 +21,7 @@ struct FrameTimeHistogram {
   [[nodiscard]] std::uint64_t most() const noexcept;
 };
 
-/// Grows with what is drained from a feed, forgets what is older than kSeconds. One thread.
+/// Appends drained samples and drops those older than kSeconds. One thread.
 class History {
  public:
   static constexpr double kSeconds = 10.0;
@@ -31,10 +30,10 @@ class History {
   void take(SampleRing& ring);
   [[nodiscard]] const std::deque<TickSample>& samples() const noexcept { return samples_; }
   [[nodiscard]] const FrameTimeHistogram& frame_times() const noexcept { return frame_times_; }
-  /// Largest and mean frame time of what is there; 0 where nothing is.
+  /// Largest and mean frame time; 0 if empty.
   [[nodiscard]] double worst_step_us() const noexcept;
   [[nodiscard]] double mean_step_us() const noexcept;
-  /// Over a plot of so many columns: the largest of what falls into each, below 0 where nothing does.
+  /// Per plot column the largest value in it; negative if none.
   template <class Of>
   [[nodiscard]] std::vector<float> columns(std::size_t count, Of&& of) const {
     std::vector<float> most(count, -1.0f);

@@ -71,7 +71,7 @@ void Overlay::arrow(const Vec3& from_mm, const Vec3& to_mm, const std::array<std
     onto_->AddCircleFilled(b, kArrowPx, ink);
     return;
   }
-  // The tip is beside the eye or behind it: the shaft goes out of the picture, and has no head there.
+  // The tip is beside or behind the eye: the shaft leaves the picture without a head.
   if (both->cut_b) {
     onto_->AddLine(a, b, ink, kArrowPx);
     return;
@@ -97,7 +97,7 @@ void draw_contact(const Overlay& overlay, const WatchedTick& now, double force_l
   const render::Frame& frame = now.tick.frame;
   if (frame.contact) {
     overlay.line(hip_mm, frame.god_object_mm, kHipColour, kLinePx);
-    // What goes out to the device, turned into the world: the governor's word, not the renderer's.
+    // Shows the governor's force sent to the device, rotated into the world, not the renderer's.
     const Vec3 force_n = now.map.world_n(now.tick.sent_n);
     const double scale = force_limit_n > 0.0 ? kArrowAtLimit * radius_mm / force_limit_n : 0.0;
     overlay.arrow(frame.god_object_mm, frame.god_object_mm + scale * force_n, kForceColour);

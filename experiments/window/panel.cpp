@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/numbers.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -17,19 +17,16 @@ using Kind = device::SwitchRequest::Kind;
 const ImVec4 kGood = {0.47f, 0.86f, 0.55f, 1.0f}, kQuiet = {0.60f, 0.65f, 0.72f, 1.0f},
              kWarm = {1.0f, 0.78f, 0.25f, 1.0f}, kBad = {1.0f, 0.45f, 0.40f, 1.0f};
 constexpr float kForcePlot = 92.0f, kTimePlot = 92.0f, kHistogramPlot = 64.0f;
-/// What else stands in the panel, of two renderers and with a scale of colours, and a further renderer: what
-/// a window is lower than that and the plots is taken from the plots, down to half of each. Lower still, the
-/// panel scrolls.
+/// Height of the panel besides plots (two renderers, a colour scale) and per further renderer. Lower windows
+/// first shrink the plots, to half at most; then the panel scrolls.
 constexpr float kBesidePlots = 470.0f, kRendererRow = 23.0f, kLeastPlotShare = 0.5f;
-/// Between a heading and its line.
 constexpr float kRuleGap = 8.0f;
-/// A scale of colours: how high, in how many steps.
 constexpr float kScaleHeight = 10.0f;
 constexpr int kScaleSteps = 64;
 constexpr float kHomingWide = 760.0f, kHomingEdge = 24.0f;
 constexpr double kUsPerNsShown = 1e-3;
 
-/// The font that make_interface() added last.
+/// The font added last by make_interface().
 ImFont* large_font() {
   return ImGui::GetIO().Fonts->Fonts.back();
 }
@@ -40,7 +37,7 @@ void words(const ImVec4& colour, const std::string& text) {
   ImGui::PopStyleColor();
 }
 
-/// Notes where the last item is, and whether it was clicked.
+/// Notes the last item's place and whether it was clicked.
 bool at_place(PanelState& state, const char* label, bool answer) {
   const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
   state.place_of[label] = {0.5 * static_cast<double>(low.x + high.x),
@@ -64,7 +61,7 @@ void box(PanelState& state, const char* label, bool& on) {
 void heading(const char* text) {
   ImGui::Spacing();
   ImGui::TextColored(kQuiet, "%s", text);
-  // The line goes on beside the words: a panel is high enough.
+  // The line continues beside the words.
   const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
   const float right = ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x,
               middle = std::floor(0.5f * (low.y + high.y));
@@ -76,7 +73,7 @@ void heading(const char* text) {
 void draw_state(const PanelView& view) {
   const ShownScene* scene = view.scene.scene();
   if (scene != nullptr)
-    words(kQuiet, fmt::format("{} · {} points", scene->name, count_text(view.scene.splats().points())));
+    words(kQuiet, fmt::format("{} · {} points", scene->name, format_count(view.scene.splats().points())));
   if (view.now == nullptr || view.now->ticks == 0) {
     words(kQuiet, view.link.session ? "the servo begins" : "not touchable yet");
     return;
@@ -98,7 +95,7 @@ void draw_state(const PanelView& view) {
                     tick.hip_mm.z(), view.link.session ? view.link.session->device : "", depth_mm));
 }
 
-/// Who stands in a lane now: while one replaces another there are two, and the felt one speaks.
+/// A lane's present renderer. A lane being replaced has two; the felt one counts.
 const device::TrackedFrame* in_lane(const device::MixedFrame& mixed, std::size_t lane, bool& felt) {
   const device::TrackedFrame* found = nullptr;
   felt = false;
@@ -146,7 +143,7 @@ void draw_renderer(const PanelView& view, PanelState& state, SessionLink& link, 
   ImGui::PopID();
 }
 
-/// Whether anybody is still stood in for.
+/// True while a lane still has a stand-in.
 bool any_coarse(const PanelView& view) {
   if (view.now == nullptr || view.link.session->stand_in.empty()) return false;
   for (const device::TrackedFrame& one : view.now->mixed.tracked)
@@ -154,7 +151,6 @@ bool any_coarse(const PanelView& view) {
   return false;
 }
 
-/// What is being prepared while one touches.
 void draw_beside(const PanelView& view) {
   if (any_coarse(view))
     words(kWarm, "Coarse: " + view.link.session->stand_in + " until the whole is prepared.");
@@ -207,7 +203,7 @@ void draw_buttons(const PanelView& view, PanelState& state, SessionLink& link, P
     link.change(state.change.data());
 }
 
-/// Of a plot's full height, what a window of this height leaves.
+/// Share of a plot's full height in a window of this height.
 float plot_share(float height, std::size_t renderers) {
   const float rows = renderers > 2 ? static_cast<float>(renderers - 2) : 0.0f;
   const float left = height - kBesidePlots - kRendererRow * rows;
@@ -230,7 +226,7 @@ void draw_plots(const PanelView& view, const PanelState& state, float height) {
     words(kQuiet, fmt::format("{} samples came while the window stood still", view.samples_lost));
 }
 
-/// The colours from low to high, and the numbers at their ends.
+/// Draws the colours from low to high with the end values.
 void draw_scale(const ColourScale& scale, ColourBy by) {
   ImDrawList* const onto = ImGui::GetWindowDrawList();
   const ImVec2 low = ImGui::GetCursorScreenPos();
@@ -249,7 +245,7 @@ void draw_scale(const ColourScale& scale, ColourBy by) {
   ImGui::TextColored(kQuiet, "%s", to.c_str());
 }
 
-/// How quick the picture is, and how far.
+/// Drawing speed and progress of the picture.
 std::string progress_of_picture(const PanelView& view) {
   const SplatDrawer& splats = view.scene.splats();
   std::string text = fmt::format("{:.0f} pictures/s", view.frames_a_second);
@@ -376,7 +372,7 @@ void draw_homing(const std::string& prompt, float width, float height) {
   const float head_high = high_of(head), high = head_high + high_of(text) + 3.0f * kHomingEdge;
   const ImVec2 low = {std::round(0.5f * (width - wide)), std::round(std::max(0.0f, 0.5f * (height - high)))};
   const ImU32 paper = IM_COL32(kHomingPaper[0], kHomingPaper[1], kHomingPaper[2], 255);
-  // Of what ImGui draws this comes last: no banner and no other window covers it.
+  // ImGui draws the foreground last: no banner or window covers it.
   ImDrawList* const onto = ImGui::GetForegroundDrawList();
   onto->AddRectFilled(low, {low.x + wide, low.y + high}, paper, 6.0f);
   onto->AddRect(low, {low.x + wide, low.y + high}, IM_COL32_WHITE, 6.0f, 0, 2.0f);
@@ -394,11 +390,12 @@ const char* fault_remedy(device::Fault fault) noexcept {
     case Fault::kNone:
       return "";
     case Fault::kNonFiniteForce:
-      return "The renderer answered what is no number. Switch to another one, then re-arm; `palpate hunt` "
+      return "The renderer answered what is no number. Switch to another one, then re-arm; `palpate test "
+             "hunt` "
              "finds the case.";
     case Fault::kNonFinitePosition:
     case Fault::kGarbled:
-      return "Look at the cable and the connector, and at `palpate devices --doctor`; then re-arm.";
+      return "Look at the cable and the connector, and at `palpate list devices --doctor`; then re-arm.";
     case Fault::kJump:
       return "Hold the device still, look at its cable, then re-arm.";
     case Fault::kSilence:
@@ -409,7 +406,7 @@ const char* fault_remedy(device::Fault fault) noexcept {
     case Fault::kLate:
     case Fault::kStalled:
       return "The machine was busy elsewhere: close what computes, allow real-time scheduling "
-             "(docs/servo.md), then re-arm.";
+             "(docs/how-to/connect-a-device.md), then re-arm.";
     case Fault::kClock:
       return "The clock was set while the loop ran: re-arm.";
     case Fault::kOutOfRange:

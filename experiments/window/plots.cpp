@@ -1,4 +1,4 @@
-// Plots of the panel: ImGui's draw lists are all that is needed.
+// Plots of the panel by ImGui's draw lists.
 #include <fmt/format.h>
 #include <imgui.h>
 
@@ -14,11 +14,10 @@ constexpr ImU32 kPlotPaper = IM_COL32(22, 26, 32, 255), kPlotEdge = IM_COL32(70,
                 kPlotText = IM_COL32(150, 160, 175, 255), kForceInk = IM_COL32(255, 200, 40, 255),
                 kTimeInk = IM_COL32(110, 200, 255, 255), kLimitInk = IM_COL32(255, 90, 80, 255),
                 kMarkInk = IM_COL32(200, 140, 255, 255), kLabelPaper = IM_COL32(22, 26, 32, 235);
-/// Between a label and a line that it does not touch.
 constexpr float kLabelGap = 2.0f;
-/// Frame times are shown from a tenth of a microsecond to ten milliseconds; a period of 1 kHz among them.
+/// Range of frame times shown, and a 1 kHz period.
 constexpr double kLeastUs = 0.1, kMostUs = 1e4, kPeriodUs = 1e3;
-/// The force plot reaches at least so far, of the limit: small forces are not blown up to noise.
+/// Smallest range of the force plot, as a share of the limit: keeps small forces from looking like noise.
 constexpr double kLeastForceShare = 0.1;
 
 struct PlotArea {
@@ -30,13 +29,13 @@ struct PlotArea {
   [[nodiscard]] float y(double share) const {
     return high.y - static_cast<float>(std::clamp(share, 0.0, 1.0)) * height();
   }
-  /// On paper of its own, so that it is read over curves and bars.
+  /// Draws text with a background, readable over curves and bars.
   void text(float x, float at_y, const std::string& words) const {
     const ImVec2 size = ImGui::CalcTextSize(words.c_str());
     onto->AddRectFilled({x - 2.0f, at_y}, {x + size.x + 2.0f, at_y + size.y}, kLabelPaper);
     onto->AddText({x, at_y}, kPlotText, words.c_str());
   }
-  /// Just above a level, below it where there is no room above.
+  /// Labels a level from just above, or from below if there is no room.
   void name_level(float x, double share, const std::string& words) const {
     const float line = y(share), above = line - kLabelGap - ImGui::GetFontSize();
     text(x, above >= low.y ? above : line + kLabelGap, words);
@@ -55,12 +54,12 @@ PlotArea begin_plot(float height) {
 }
 
 void level_line(const PlotArea& area, double share, ImU32 ink) {
-  // A rectangle on whole pixels: a line would be two rows of half its colour.
+  // A filled rectangle on whole pixels; a line would blur over two rows.
   const float y = std::floor(area.y(share));
   area.onto->AddRectFilled({area.low.x, y}, {area.high.x, y + 1.0f}, ink);
 }
 
-/// Neighbouring columns that have a value are joined.
+/// Joins neighbouring columns that have values.
 template <class Share>
 void curve(const PlotArea& area, const std::vector<float>& columns, ImU32 ink, Share&& share) {
   float last_y = 0.0f;
@@ -88,7 +87,7 @@ void plot_force(const History& history, double limit_n, const std::deque<double>
                                        [](const TickSample& one) { return one.sent_n; });
   const double most = static_cast<double>(*std::max_element(columns.begin(), columns.end()));
   double top = std::max({1.15 * most, kLeastForceShare * limit_n, 1e-9});
-  // Where the limit is in the plot, its line runs below the label of the top.
+  // The limit's line must stay below the top label.
   const double below_label =
       1.0 - static_cast<double>((ImGui::GetFontSize() + 3.0f * kLabelGap) / area.height());
   if (limit_n > 0.0 && limit_n <= top) top = std::max(top, limit_n / std::max(below_label, 0.1));

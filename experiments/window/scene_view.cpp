@@ -5,35 +5,34 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/partition/cell_walk.h"
-#include "toolkit/render/model_part.h"
+#include "toolkit/render/model_subset.h"
+#include "toolkit/search/grid_traversal.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// The sine of 15 degrees: a surface that is seen flatter is seen on edge.
+/// Sine of 15 degrees: flatter views count as edge-on.
 constexpr double kSeenOnEdge = 0.26;
 
-/// A walk from neighbour to neighbour towards a place ends after so many: a cloud of four million points is
-/// two thousand across.
+/// Longest walk between neighbours towards a place: a cloud of four million points is two thousand across.
 constexpr int kLongestWalk = 4'000;
-/// Farther away than so many boxes the walk got stuck, and all points are looked at.
+/// A walk that ends more boxes away than this is stuck; then all points are searched.
 constexpr double kStuckBoxes = 4.0;
 constexpr int kStarThreads = 1;  // beside a servo
-/// Cells are five resolutions wide, as the thesis has them (table 7); here of a usual place, as `cloud` sizes
-/// them on uneven points.
+/// Cell width in resolutions (thesis, table 7), here of the median resolution, as `cloud` sizes cells on
+/// uneven points.
 constexpr double kCellResolutions = 5.0;
-/// So many resolutions are looked at for the usual one.
+/// Resolutions sampled for the median.
 constexpr std::size_t kResolutionsLookedAt = 10'000;
-/// Cells that are drawn; of a longer way the first.
+/// Most cells drawn, the first of a longer path.
 constexpr int kMostCells = 200;
 
 double distance_sq(const cloud::Cloud& cloud, std::uint32_t point, const Vec3& local_mm) {
   return (cloud.local_mm(point) - local_mm).squaredNorm();
 }
 
-/// The median distance to the farthest of a point's neighbours, over some of the points.
-double usual_resolution_mm(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& neighbours) {
+/// Median distance to the farthest neighbour, over a sample of the points.
+double usual_resolution_mm(const cloud::Cloud& cloud, const search::NeighbourTable& neighbours) {
   std::vector<double> sq;
   const std::size_t every = std::max<std::size_t>(1, cloud.size() / kResolutionsLookedAt);
   for (std::size_t i = 0; i < cloud.size(); i += every) {
@@ -42,7 +41,7 @@ double usual_resolution_mm(const cloud::Cloud& cloud, const neighbourhood::Neigh
       most = std::max(most, distance_sq(cloud, other, cloud.local_mm(i)));
     if (most > 0.0) sq.push_back(most);
   }
-  if (sq.empty()) return 1.0;  // all points in one place: any cell holds them
+  if (sq.empty()) return 1.0;  // all points coincide: any cell holds them
   const auto middle = sq.begin() + static_cast<std::ptrdiff_t>(sq.size() / 2);
   std::nth_element(sq.begin(), middle, sq.end());
   return std::sqrt(*middle);
@@ -63,12 +62,11 @@ std::uint32_t nearest_of_all(const cloud::Cloud& cloud, const Vec3& local_mm) {
 }  // namespace
 
 void SceneView::show(std::shared_ptr<const ShownScene> scene) {
-  // What is still being found belongs to the scene of before.
+  // Pending results belong to the previous scene.
   colours_ = {};
   surroundings_ = {};
   stars_ = {};
   grid_ = {};
-  has_normals_ = false;
   models_.clear();
   splats_->clear();
   scene_ = std::move(scene);
@@ -131,7 +129,6 @@ void SceneView::take_surroundings() {
     for (const std::uint32_t point : models_[i].order) normals.push_back(found[i]->normals[point]);
     splats_->set_normals(i, normals);
   }
-  has_normals_ = true;
 }
 
 void SceneView::update(const WatchedTick* now) {
@@ -144,7 +141,7 @@ void SceneView::update(const WatchedTick* now) {
   if (ready(stars_)) {
     Model& model = models_[stars_of_];
     model.stars = stars_.get();
-    model.star_place.assign(model.order.size(), stars::kNoPlace);
+    model.star_place.assign(model.order.size(), local_delaunay::kNoPlace);
     const std::vector<std::uint32_t>& order = model.stars->order();
     for (std::uint32_t place = 0; place < order.size(); ++place) model.star_place[order[place]] = place;
   }
@@ -166,7 +163,7 @@ void SceneView::follow_dents(WindowFeed& feed, const WatchedTick& now) {
       for (const ShiftedPoint& one : model.dents.take(*answer, *scene_->models[of].cloud))
         splats_->move(of, model.index_of[one.point], one.place_mm);
   }
-  // A question a picture, of one model: the touched one, else in turn.
+  // One question a picture, about the touched model, else each in turn.
   const render::Frame& frame = now.tick.frame;
   const bool touching =
       frame.contact && frame.model >= 0 && static_cast<std::size_t>(frame.model) < models_.size();
@@ -193,8 +190,8 @@ void SceneView::ask_stars(std::size_t model) {
   if (stars_.valid() || models_[model].stars) return;
   stars_of_ = model;
   stars_ = std::async(std::launch::async, [shown = scene_, model] {
-    return std::make_shared<const stars::StarMesh>(
-        stars::StarMesh::build(*shown->models[model].cloud, kStarThreads));
+    return std::make_shared<const local_delaunay::LocalDelaunayMesh>(
+        local_delaunay::LocalDelaunayMesh::build(*shown->models[model].cloud, kStarThreads));
   });
 }
 
@@ -203,7 +200,7 @@ void SceneView::ask_grid(std::size_t model) {
   grid_of_ = model;
   grid_ = std::async(std::launch::async, [shown = scene_, model, known = models_[model].known] {
     const cloud::Cloud& cloud = *shown->models[model].cloud;
-    return std::make_shared<const partition::UniformGrid>(partition::UniformGrid::build(
+    return std::make_shared<const search::UniformGrid>(search::UniformGrid::build(
         cloud, kCellResolutions * usual_resolution_mm(cloud, known->neighbours), kStarThreads));
   });
 }
@@ -211,15 +208,15 @@ void SceneView::ask_grid(std::size_t model) {
 void SceneView::draw_cells(const Overlay& overlay, const Model& model, const cloud::Cloud& cloud,
                            const WatchedTick& now) const {
   if (!model.grid) return;
-  const partition::Lattice& lattice = model.grid->lattice();
+  const search::Lattice& lattice = model.grid->lattice();
   const geometry::RigidTransform model_from_world = model.world_from_model.inverse();
   const auto local = [&](const Vec3& world_mm) {
     return Vec3(model_from_world * world_mm - cloud.origin_mm);
   };
   int drawn = 0;
-  partition::visit_cells(
+  search::visit_cells(
       *model.grid, local(now.tick.frame.god_object_mm), local(now.tick.hip_mm), Vec3::Zero(),
-      [&](const partition::Cell& cell) {
+      [&](const search::Cell& cell) {
         const Vec3 at{static_cast<double>(cell.x), static_cast<double>(cell.y), static_cast<double>(cell.z)};
         const Vec3 low_mm = cloud.origin_mm + lattice.low_mm + lattice.unit_mm * at;
         const bool holds = !model.grid->find(cell).empty();
@@ -265,7 +262,7 @@ Hit SceneView::on_surface(const Hit& hit, const Vec3& eye_mm) {
     point_mm = at_mm;
   }
   const Vec3 ray = (hit.place_mm - eye_mm).normalized();
-  // Along a plane that is seen on edge the ray goes far: there the point's depth counts.
+  // Along an edge-on plane the ray would go far: the point's depth is used instead.
   const double facing = hit.normal.dot(ray);
   const Vec3 n = std::abs(facing) > kSeenOnEdge ? hit.normal : ray;
   Hit on = hit;
@@ -275,8 +272,8 @@ Hit SceneView::on_surface(const Hit& hit, const Vec3& eye_mm) {
 
 void SceneView::draw_facets(const Overlay& overlay, const Model& model, std::uint32_t point) const {
   const std::uint32_t place = model.star_place[point];
-  if (place == stars::kNoPlace) return;
-  const stars::Ring ring = model.stars->ring(place);
+  if (place == local_delaunay::kNoPlace) return;
+  const local_delaunay::Ring ring = model.stars->ring(place);
   const auto world = [&](std::uint32_t at) {
     return Vec3(model.world_from_model * Vec3(model.stars->origin_mm() + model.stars->at(at)));
   };

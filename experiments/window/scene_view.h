@@ -1,5 +1,5 @@
-// The scene as the window draws it: its points, their colours, and what is near the god object. What takes
-// long (normals, neighbours, errors, stars) is found beside the window and shown when it is there.
+// The drawn scene: points, colours, and the god object's neighbourhood. Slow parts (normals, neighbours,
+// errors, stars) are computed in the background.
 #pragma once
 
 #include <chrono>
@@ -13,24 +13,24 @@
 #include "experiments/window/link.h"
 #include "experiments/window/overlay.h"
 #include "experiments/window/splats.h"
-#include "toolkit/partition/uniform_grid.h"
-#include "toolkit/stars/star_mesh.h"
+#include "toolkit/local_delaunay/local_delaunay_mesh.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::experiments {
 
-/// What is drawn on request about the place that is touched.
+/// Optional drawings around the touched place.
 struct NearChoice {
   bool neighbours = false, boxes = false, facets = false;
-  bool cells = false;  ///< of the uniform grid, from the god object to the HIP
+  bool cells = false;  ///< uniform grid cells from god object to HIP
   [[nodiscard]] bool any() const noexcept { return neighbours || boxes || facets || cells; }
 };
 
-/// The window's thread alone. Futures that are not ready are waited for by the destructor.
+/// For the window's thread. The destructor waits for pending futures.
 class SceneView {
  public:
   explicit SceneView(std::unique_ptr<SplatDrawer> splats) : splats_(std::move(splats)) {}
 
-  /// Replaces what is shown. O(points).
+  /// Replaces the scene. O(points).
   void show(std::shared_ptr<const ShownScene> scene);
   [[nodiscard]] const ShownScene* scene() const noexcept { return scene_.get(); }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return box_mm_; }
@@ -39,20 +39,18 @@ class SceneView {
   void colour(ColourBy by);
   [[nodiscard]] ColourBy coloured() const noexcept { return colour_; }
   [[nodiscard]] const ColourScale& scale() const noexcept { return scale_; }
-  [[nodiscard]] bool has_normals() const noexcept { return has_normals_; }
-  /// What is still being found; empty: nothing.
+  /// Name of a pending computation; empty: none.
   [[nodiscard]] const char* awaited() const noexcept;
 
-  /// Takes what has become ready; moving models go where the tick says.
+  /// Takes finished computations and moves models to the tick's poses.
   void update(const WatchedTick* now);
-  /// Points that gave way stand where they are now: takes an answer, asks again. Does nothing for models that
-  /// do not give way.
+  /// Moves points by the feed's answer and asks again. Does nothing for rigid models.
   void follow_dents(WindowFeed& feed, const WatchedTick& now);
-  /// How many points stand elsewhere than they were read.
+  /// Number of points away from their read position.
   [[nodiscard]] std::size_t shifted() const noexcept;
   void draw_near(const Overlay& overlay, const WatchedTick& now, const NearChoice& choice);
-  /// What stands at a pixel, in the nearest point's plane: a splat is flat, stands back, and is larger where
-  /// points are few. As the splat has it while the neighbours are not known yet.
+  /// The surface at a pixel, in the nearest point's plane: splats are flat, drawn further back, and larger
+  /// where points are few. The splat itself until neighbours are known.
   [[nodiscard]] Hit on_surface(const Hit& hit, const Vec3& eye_mm);
   [[nodiscard]] SplatDrawer& splats() noexcept { return *splats_; }
   [[nodiscard]] const SplatDrawer& splats() const noexcept { return *splats_; }
@@ -62,12 +60,12 @@ class SceneView {
     std::vector<std::uint32_t> order;
     geometry::RigidTransform world_from_model;
     std::shared_ptr<const Surroundings> known;
-    std::shared_ptr<const stars::StarMesh> stars;
-    std::vector<std::uint32_t> star_place;  // of the cloud's points
+    std::shared_ptr<const local_delaunay::LocalDelaunayMesh> stars;
+    std::vector<std::uint32_t> star_place;  // indices in the cloud
     std::uint32_t nearest = 0;              // the last one found
-    std::shared_ptr<const partition::UniformGrid> grid;
+    std::shared_ptr<const search::UniformGrid> grid;
     DentView dents;
-    std::vector<std::uint32_t> index_of;  // in `order`; empty where the model does not give way
+    std::vector<std::uint32_t> index_of;  // in `order`; empty for rigid models
   };
   struct Coloured {
     ColourScale scale;
@@ -91,14 +89,13 @@ class SceneView {
   std::vector<Model> models_;
   ColourBy colour_ = ColourBy::kPlain;
   ColourScale scale_;
-  bool has_normals_ = false;
   std::future<Coloured> colours_;
   std::future<std::vector<std::shared_ptr<const Surroundings>>> surroundings_;
-  std::future<std::shared_ptr<const stars::StarMesh>> stars_;
+  std::future<std::shared_ptr<const local_delaunay::LocalDelaunayMesh>> stars_;
   std::size_t stars_of_ = 0;
-  std::future<std::shared_ptr<const partition::UniformGrid>> grid_;
+  std::future<std::shared_ptr<const search::UniformGrid>> grid_;
   std::size_t grid_of_ = 0;
-  std::size_t asks_ = 0;  // models that give way are asked about in turn
+  std::size_t asks_ = 0;  // counts questions, for turns between deformable models
 };
 
 }  // namespace palpate::experiments

@@ -17,7 +17,7 @@ void ForceTone::fill(std::span<std::int16_t> samples, double share) noexcept {
   const double follows = 1.0 - std::exp(-1.0 / (kFollowS * kRateHz));
   for (std::int16_t& sample : samples) {
     level_ += follows * (wanted - level_);
-    // Evenly in pitch, as it is heard.
+    // Linear in pitch.
     const double hz = kLowestHz * std::pow(kHighestHz / kLowestHz, level_);
     phase_ += hz / kRateHz;
     phase_ -= std::floor(phase_);
@@ -38,7 +38,7 @@ class SdlSound final : public Sound {
     if (begun_) SDL_QuitSubSystem(SDL_INIT_AUDIO);
   }
   Status start() {
-    constexpr std::uint16_t kSamplesAtOnce = 512;  // 11 ms: later than that a touch and its tone part
+    constexpr std::uint16_t kSamplesAtOnce = 512;  // 11 ms: with more delay touch and tone separate
     if (SDL_InitSubSystem(SDL_INIT_AUDIO) != 0) return no_sound();
     begun_ = true;
     SDL_AudioSpec wanted{};

@@ -8,18 +8,18 @@
 
 #include "baselines/reference/closest_mesh.h"
 #include "toolkit/core/random.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/surface/planes.h"
+#include "toolkit/search/knn.h"
+#include "toolkit/surface/oriented_points.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr std::uint64_t kEvenOrderSeed = 20'090'414;
-/// Ivory: light enough for shading to show.
+/// Ivory: light enough to show shading.
 constexpr Rgba kPlainColour = {226, 216, 196, 255};
 constexpr Rgba kUnknownColour = {150, 150, 150, 255};
 constexpr double kLargestNormal = 127.0, kLargestByte = 255.0;
-/// Errors at this share of points and beyond have the full colour: one stray point must not hide the others.
+/// Percentile of errors with the full colour: one outlier must not hide the rest.
 constexpr double kErrorShare = 0.99;
 
 std::uint8_t byte_of(double value) noexcept {
@@ -33,7 +33,6 @@ Rgba mixed(const Rgba& a, const Rgba& b, double share) noexcept {
   return between;
 }
 
-/// Between stops that are evenly apart.
 template <std::size_t N>
 Rgba between_stops(const std::array<Rgba, N>& stops, double share) noexcept {
   if (!(share >= 0.0)) share = 0.0;
@@ -42,7 +41,7 @@ Rgba between_stops(const std::array<Rgba, N>& stops, double share) noexcept {
   return mixed(stops[low], stops[low + 1], at - static_cast<double>(low));
 }
 
-/// A value for each point in the cloud's order, over what it runs.
+/// A value per point in the cloud's order, with its range.
 struct Values {
   std::vector<float> of;
   bool both_signs = false;
@@ -55,7 +54,6 @@ const cloud::Property* property_named(const cloud::Cloud& cloud, std::initialize
   return nullptr;
 }
 
-/// The colours of the file, where it has any.
 bool file_colours(const cloud::Cloud& cloud, std::span<const std::uint32_t> order, std::vector<Rgba>& into) {
   const cloud::Property* red = property_named(cloud, {"red", "r", "diffuse_red"});
   const cloud::Property* green = property_named(cloud, {"green", "g", "diffuse_green"});
@@ -134,7 +132,7 @@ Values values_of(const render::ModelInput& model, ColourBy by, ColourScale& scal
   return {};
 }
 
-/// What nearly all values lie within, about 0.
+/// Magnitude that nearly all values stay within.
 double usual_size(std::vector<float> values) {
   for (float& value : values) value = std::abs(value);
   const auto at = static_cast<std::ptrdiff_t>(kErrorShare * static_cast<double>(values.size() - 1));
@@ -163,7 +161,7 @@ const char* colour_name(ColourBy by) noexcept {
 }
 
 Rgba ramp(double share) noexcept {
-  // Lightness rises evenly, so that grey prints keep the order.
+  // Lightness rises evenly, so grey prints keep the order.
   static constexpr std::array<Rgba, 5> kStops = {
       {{48, 30, 96, 255}, {52, 90, 140, 255}, {40, 148, 138, 255}, {118, 200, 90, 255}, {250, 228, 60, 255}}};
   return between_stops(kStops, share);
@@ -229,12 +227,12 @@ std::vector<Rgba> colours_in_order(const render::ModelInput& model, std::span<co
 Surroundings find_surroundings(const cloud::Cloud& cloud) {
   constexpr int kOneThread = 1;
   Surroundings found;
-  found.neighbours = neighbourhood::exact_knn(cloud, kOneThread);
-  std::vector<surface::SurfacePoint> points = surface::surface_points(cloud);
+  found.neighbours = search::exact_knn(cloud, kOneThread);
+  std::vector<surface::OrientedPoint> points = surface::surface_points(cloud);
   surface::fit_planes(points, found.neighbours.of, kOneThread);
   (void)surface::orient_planes(points, found.neighbours.of, kOneThread);
   found.normals.reserve(points.size());
-  for (const surface::SurfacePoint& point : points) {
+  for (const surface::OrientedPoint& point : points) {
     PackedNormal packed{};
     if (point.normal != surface::kNoNormal) {
       const Vec3 normal = surface::decode_normal(point.normal);

@@ -1,5 +1,4 @@
-// A model's points as a window draws them: in random order, so that every beginning of them is an even
-// sample; with colours of a choice, and normals once these are known.
+// A model's points for drawing: in random order, so every prefix is an even sample, with colours and normals.
 #pragma once
 
 #include <array>
@@ -9,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/neighbourhood/neighbour_table.h"
-#include "toolkit/render/renderer.h"
+#include <palpate/renderer.h>
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::experiments {
 
@@ -20,40 +19,39 @@ inline constexpr std::array kColours = {ColourBy::kPlain,     ColourBy::kHeight,
 [[nodiscard]] const char* colour_name(ColourBy by) noexcept;
 
 using Rgba = std::array<std::uint8_t, 4>;
-/// Components -127 to 127; 0: not known.
+/// Components -127 to 127; 0: unknown.
 using PackedNormal = std::array<std::int8_t, 4>;
 
-/// What the colours run over.
+/// The range of the colours.
 struct ColourScale {
   double low = 0.0, high = 0.0;  ///< equal: one colour
   std::string unit;
-  std::string nothing;  ///< why there is nothing to show; empty: there is
+  std::string nothing;  ///< why nothing is shown; empty: shown
 };
 
-/// What a renderer with points knows of a place, found by the window for itself: neighbours and planes as the
-/// toolkit finds them for any renderer.
+/// A place's neighbours and planes, as the toolkit finds them for renderers.
 struct Surroundings {
-  neighbourhood::NeighbourTable neighbours;  ///< in the cloud's order
-  std::vector<PackedNormal> normals;         ///< in the cloud's order; outward where the surface is closed
-  /// Half of the box of a vertex: the largest offset to a neighbour along each axis (section 3.1.1.1).
+  search::NeighbourTable neighbours;  ///< in the cloud's order
+  std::vector<PackedNormal> normals;  ///< in the cloud's order; outward on closed surfaces
+  /// Half a vertex's box: the largest offset to a neighbour per axis (section 3.1.1.1).
   [[nodiscard]] Vec3 half_box_mm(const cloud::Cloud& cloud, std::uint32_t point) const noexcept;
 };
-/// O(n), on one thread: it runs beside a servo.
+/// O(n), on one thread beside a servo.
 [[nodiscard]] Surroundings find_surroundings(const cloud::Cloud& cloud);
 
-/// 0 to n - 1 in a random order that is the same every time. O(n).
+/// A fixed random permutation of 0 to n - 1. O(n).
 [[nodiscard]] std::vector<std::uint32_t> even_order(std::size_t n);
-/// Coordinates relative to the cloud's origin, three a point, in this order. O(n).
+/// Coordinates relative to the cloud's origin, three per point, in this order. O(n).
 [[nodiscard]] std::vector<float> places_in_order(const cloud::Cloud& cloud,
                                                  std::span<const std::uint32_t> order);
-/// Colours in this order. kError asks the model's formula, else its own faces, and may take a microsecond a
-/// point; the others are quick. `scale` says what was shown.
+/// Colours in this order. kError uses the model's formula, else its own faces, and may take a microsecond a
+/// point; others are quick. `scale` gets the range.
 [[nodiscard]] std::vector<Rgba> colours_in_order(const render::ModelInput& model,
                                                  std::span<const std::uint32_t> order, ColourBy by,
                                                  ColourScale& scale);
-/// The colour of a share, 0 to 1, of the scale: dark blue over green to yellow.
+/// Colour of a share, 0 to 1: dark blue over green to yellow.
 [[nodiscard]] Rgba ramp(double share) noexcept;
-/// From blue (-1) over white to red (1): signed errors.
+/// Colour of a signed error: blue (-1) over white to red (1).
 [[nodiscard]] Rgba two_sided(double share) noexcept;
 
 }  // namespace palpate::experiments

@@ -9,32 +9,32 @@
 #include <string>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::experiments {
 namespace {
 
-// The points of a picture may take so long: with the rest of the window some twenty-five pictures a second
-// are left in software drawing, which still move smoothly.
+// Time for a picture's points: leaves some 25 pictures a second in software drawing, still smooth.
 constexpr double kDrawMs = 25.0;
 constexpr std::size_t kFewestPoints = 10'000, kFirstPoints = 50'000;
-/// A budget grows by no more than this from one frame to the next: a single quick frame proves little.
+/// Largest growth of the budget per frame: one quick frame proves little.
 constexpr double kMostGrowth = 2.0;
-/// Of the new measurement in the mean of what a point takes.
+/// Weight of a new measurement in the mean time per point.
 constexpr double kNewShare = 0.3;
-/// Pixels of a splat's edge; from near it must cover what lies between points.
+/// Splat edges in pixels; near splats must cover the gaps between points.
 constexpr double kSmallestSplat = 2.0, kLargestSplat = 200.0;
-/// From here on one sees that splats are squares: they are drawn as discs, which takes longer a pixel.
+/// Size in pixels from which splats are drawn as discs, since squares become visible; discs cost more per
+/// pixel.
 constexpr double kDiscFrom = 8.0;
-/// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
+/// Splat edge over point distance: random samples are uneven, so neighbours must overlap.
 constexpr double kOverlap = 2.8;
-/// Of the square about the scene's ball, what points fill: a surface seen at an angle.
+/// Share of the square around the scene's sphere that points fill, for surfaces at an angle.
 constexpr double kFilledShare = 0.35;
-/// What is searched for a point about a place of the picture: to each side, pixels.
+/// Search distance for a point to each side, pixels.
 constexpr int kSearchPx = 6;
-/// Behind this depth there is no point.
+/// Depths beyond this have no point.
 constexpr float kNoDepth = 0.9999999f;
-/// The paper: a quiet blue grey that ivory, greens and reds all stand out from.
+/// Background: blue grey against which ivory, green and red stand out.
 constexpr std::array<float, 4> kPaper = {0.145f, 0.165f, 0.195f, 1.0f};
 
 constexpr const char* kVertexShader = R"(#version 330 core
@@ -75,9 +75,8 @@ void main() {
 }
 )";
 
-/// Of splats that are seen as such: discs that lie in their point's plane, each pixel at its own depth, so
-/// that neighbours meet where their planes do. Seen flatter than acos(0.3) a disc is no narrower, or gaps
-/// open.
+/// Visible splats are discs in their point's plane with depth per pixel, so neighbours meet where their
+/// planes do. A disc seen flatter than acos(0.3) becomes no narrower, else gaps open.
 constexpr const char* kDiscShader = R"(#version 330 core
 uniform vec3 to_eye;
 uniform vec3 to_right;
@@ -114,7 +113,6 @@ Result<unsigned> compiled(unsigned kind, const char* source) {
                0};
 }
 
-/// The points of one shader, the pixels of another.
 Result<unsigned> linked(const char* of_pixels) {
   PALPATE_ASSIGN(const unsigned vertex, compiled(GL_VERTEX_SHADER, kVertexShader));
   PALPATE_ASSIGN(const unsigned fragment, compiled(GL_FRAGMENT_SHADER, of_pixels));
@@ -343,18 +341,18 @@ void SplatDrawer::draw_more() {
   glDepthFunc(GL_LESS);
   glEnable(GL_PROGRAM_POINT_SIZE);
   const double until = std::min(1.0, static_cast<double>(drawn_ + budget_) / static_cast<double>(points_));
-  // Points that are drawn by the end of this frame share the area that the scene fills.
+  // The points drawn by the end of this frame share the scene's area.
   const double height = static_cast<double>(height_px_);
   const double wide_px = 2.0 * camera_.radius_mm() * camera_.pixels_per_mm(height);
   const double apart_px = wide_px * std::sqrt(kFilledShare / (until * static_cast<double>(points_)));
   const double size_px = std::clamp(kOverlap * apart_px, kSmallestSplat, kLargestSplat);
-  // Of the depth buffer's, 0 to 1.
+  // In depth-buffer units, 0 to 1.
   const double deep = size_px / camera_.pixels_per_mm(height) * camera_.depth_per_mm();
   const unsigned program = size_px < kDiscFrom ? squares_ : discs_;
   glUseProgram(program);
   set_number(program, "size_px", size_px);
   set_number(program, "at_distance", camera_.distance_mm());
-  // Half its size further away, in units of -1 to 1.
+  // Half the size further back, in units of -1 to 1.
   set_number(program, "back", deep);
   set_number(program, "radius", 0.5 * deep);
   set_number(program, "lit", lit_ ? 1.0 : 0.0);
@@ -411,7 +409,7 @@ std::optional<Hit> SplatDrawer::at(double x_px, double y_px) const {
   glReadBuffer(GL_COLOR_ATTACHMENT1);
   glReadPixels(left, low, kWide, kWide, GL_RGBA, GL_UNSIGNED_BYTE, normal.data());
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  // The pixel nearest to the place that a point covers.
+  // Finds the covered pixel nearest to the place.
   int best = -1, best_sq = 2 * kWide * kWide;
   for (int row = 0; row < kWide; ++row)
     for (int column = 0; column < kWide; ++column) {

@@ -1,10 +1,9 @@
-// Draws a cloud point by point into a picture that is kept: a little more of it every frame, begun anew only
-// when camera or model move. So the window stays quick however many points there are, and shows all of them
-// as soon as one looks for a while.
+// Draws a cloud progressively into a kept picture. Each frame adds points; the picture restarts only when
+// camera or model moves, so the window stays quick for any number of points.
 //
-// The points of a frame are a beginning of a random order: an even sample. Splats shrink as their number
-// grows; early, large ones stand back by half their size, so that later, small ones win where both lie.
-// How many points a frame draws follows from what the frames before took.
+// A frame's points are a prefix of a random order: an even sample. Splats shrink as their number grows;
+// early, large ones lie back by half their size, so later, small ones win. The number of points a frame
+// follows from earlier frames' times.
 #pragma once
 
 #include <cstddef>
@@ -14,59 +13,58 @@
 #include <span>
 #include <vector>
 
+#include <palpate/result.h>
+#include <palpate/rigid_transform.h>
 #include "experiments/window/camera.h"
 #include "experiments/window/splat_points.h"
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/rigid_transform.h"
 
 namespace palpate::experiments {
 
-/// What stands at a pixel of the kept picture.
+/// The surface at a pixel of the kept picture.
 struct Hit {
-  Vec3 place_mm = Vec3::Zero();  ///< world
-  Vec3 normal = Vec3::Zero();    ///< unit, world, towards the eye; zero where it is not known
+  Vec3 place_mm = Vec3::Zero();  ///< world frame
+  Vec3 normal = Vec3::Zero();    ///< unit, world frame, towards the eye; zero if unknown
 };
 
-/// One thread with a current OpenGL context (3.3 core), from construction to destruction.
+/// One thread with a current OpenGL context (3.3 core) from construction to destruction.
 class SplatDrawer {
  public:
-  /// An Error where the graphics cannot do it: the driver's words.
+  /// Error: the graphics driver's message.
   [[nodiscard]] static Result<std::unique_ptr<SplatDrawer>> create();
   ~SplatDrawer();
   SplatDrawer(const SplatDrawer&) = delete;
   SplatDrawer& operator=(const SplatDrawer&) = delete;
 
-  /// Forgets all models.
+  /// Removes all models.
   void clear();
-  /// A further model: its number. Places as places_in_order() has them, relative to `origin_mm`.
+  /// Adds a model and returns its number. Places are from places_in_order(), relative to `origin_mm`.
   std::size_t add(std::span<const float> places, std::span<const Rgba> colours, const Vec3& origin_mm);
   void recolour(std::size_t model, std::span<const Rgba> colours);
-  /// In the same order; empty ones are not known.
+  /// In the same order; empty: unknown.
   void set_normals(std::size_t model, std::span<const PackedNormal> normals);
-  /// The `index`-th point of a model in the order it was added in goes elsewhere, relative to its origin.
+  /// Moves a model's `index`-th point in the order it was added, relative to its origin.
   void move(std::size_t model, std::size_t index, const Vec3f& place_mm);
   void place(std::size_t model, const geometry::RigidTransform& world_from_model);
-  /// Whether normals shade; they do at first.
+  /// Turns shading by normals on or off; on at first.
   void light(bool on);
 
-  /// Goes on with the picture, or begins it anew where camera, size or a model changed. At most
+  /// Continues the picture, or restarts it after a change of camera, size or model. Draws at most
   /// points_a_frame() points.
   void draw(const Camera& camera, int width_px, int height_px);
   /// Copies the kept picture into the default framebuffer.
   void show() const;
-  /// What the last draw() took, to its end on the graphics processor: the next one draws as much as fits.
+  /// Notes the last draw()'s time up to its end on the graphics processor; adapts the next.
   void took(double draw_ms) noexcept;
 
   [[nodiscard]] std::size_t points() const noexcept { return points_; }
   [[nodiscard]] std::size_t drawn() const noexcept { return drawn_; }
   [[nodiscard]] std::size_t points_a_frame() const noexcept { return budget_; }
-  /// How many pictures it took from the last beginning until every point was drawn; 0: that is to come.
+  /// Pictures from the last restart until every point was drawn; 0: unfinished.
   [[nodiscard]] std::size_t whole_after() const noexcept { return whole_after_; }
-  /// How often the picture was begun anew.
+  /// Number of restarts.
   [[nodiscard]] std::uint64_t begun() const noexcept { return begun_; }
 
-  /// The point nearest to the eye near a place of the picture, from the kept depth; nothing where no point
-  /// is.
+  /// The point nearest to the eye around a pixel, from the kept depth; empty if none.
   [[nodiscard]] std::optional<Hit> at(double x_px, double y_px) const;
 
  private:
@@ -80,13 +78,13 @@ class SplatDrawer {
 
   std::unique_ptr<Target> target_;
   std::vector<Model> models_;
-  unsigned squares_ = 0, discs_ = 0;  // programs
+  unsigned squares_ = 0, discs_ = 0;  // shader programs
   Camera camera_;
   Mat4 clip_from_world_ = Mat4::Identity();
   int width_px_ = 0, height_px_ = 0;
   bool lit_ = true, stale_ = true;
   std::size_t points_ = 0, drawn_ = 0, budget_, last_drawn_ = 0;
-  std::size_t pictures_ = 0, whole_after_ = 0;  // since it was begun
+  std::size_t pictures_ = 0, whole_after_ = 0;  // since the restart
   double ms_a_point_ = 0.0;
   std::uint64_t begun_ = 0;
 };

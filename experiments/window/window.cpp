@@ -12,22 +12,22 @@
 #include <chrono>
 #include <thread>
 
+#include <palpate/result.h>
 #include "experiments/window/screenshot.h"
 #include "experiments/window/window_state.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr int kPanelWidth = 384;
-/// Smaller, what a person needs is cut off: the panel with its buttons, and as much of the cloud.
+/// Smallest window that shows the panel with its buttons and as much of the cloud.
 constexpr int kLeastWidth = 2 * kPanelWidth, kLeastHeight = 480;
-/// What is read from where one holds a device: twice the usual letters, so that their pixels stay square.
+/// Text readable from the device: twice the usual size, so pixels stay square.
 constexpr float kLargeLetters = 26.0f;
-/// No more pictures than a screen shows: what is saved is the servo's.
+/// Limits the picture rate to a screen's and leaves time for the servo.
 constexpr double kShortestPictureMs = 16.0;
 constexpr std::size_t kPicturesCounted = 30;
-/// How much nicer than the servo the drawing is, its software threads included.
+/// Niceness of drawing relative to the servo, software rendering threads included.
 constexpr int kDrawingNiceness = 10;
 constexpr double kPictureNsPerMs = 1e6, kPictureNsPerS = 1e9;
 
@@ -61,7 +61,7 @@ void make_interface() {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
   ImGuiIO& io = ImGui::GetIO();
-  io.IniFilename = nullptr;  // nothing is left on the disk
+  io.IniFilename = nullptr;  // no file is written
   io.LogFilename = nullptr;
   io.KeyMap[ImGuiKey_Tab] = GLFW_KEY_TAB;
   io.KeyMap[ImGuiKey_LeftArrow] = GLFW_KEY_LEFT;
@@ -87,12 +87,11 @@ void make_interface() {
 
 Error no_window(const std::string& why) {
   return Error{"no window can be opened: " + why,
-               "use --headless, or give the program a display (ssh -X, xvfb-run) with OpenGL 3.3",
+               "leave --window out, or give the program a display (ssh -X, xvfb-run) with OpenGL 3.3",
                {},
                0};
 }
 
-/// The mouse and size of this picture, as ImGui wants them.
 void tell_interface(const WindowInput& input, int width, int height, double scale) {
   ImGuiIO& io = ImGui::GetIO();
   io.DisplaySize = {static_cast<float>(width), static_cast<float>(height)};
@@ -113,7 +112,7 @@ double Window::State::view_width() const {
 Window::Window(std::unique_ptr<State> state) : state_(std::move(state)) {}
 
 Result<std::unique_ptr<Window>> Window::open(SessionLink& link, const WindowOptions& options) {
-  // Threads that draw are made by this one and are as nice as it is.
+  // Drawing threads inherit this thread's niceness.
   (void)::setpriority(PRIO_PROCESS, 0, kDrawingNiceness);
   std::string why = "there is no display";
   if (glfwInit() != GLFW_TRUE) return no_window(why);
@@ -135,7 +134,7 @@ Result<std::unique_ptr<Window>> Window::open(SessionLink& link, const WindowOpti
   GLFWwindow* raw = window->state_->window;
   glfwSetWindowSizeLimits(raw, kLeastWidth, kLeastHeight, GLFW_DONT_CARE, GLFW_DONT_CARE);
   glfwMakeContextCurrent(raw);
-  // Never waits for the screen: it paces itself.
+  // No vertical sync: the window paces itself.
   glfwSwapInterval(0);
   make_interface();
   window->state_->has_interface = true;
@@ -169,7 +168,7 @@ void Window::State::take_news() {
   if (view.scene.get() != scene->scene() && view.scene) {
     const std::string before = scene->scene() != nullptr ? scene->scene()->name : "";
     scene->show(view.scene);
-    // A session that begins anew over the same scene is looked at from where one stood.
+    // Keeps the camera when a session restarts over the same scene.
     const std::optional<Up> said = options.up ? std::nullopt : up_named(view.scene->up);
     if (view.scene->name != before) camera = Camera::of(scene->box_mm(), said.value_or(camera.up_axis()));
     hand.forget();
@@ -305,13 +304,6 @@ Status Window::screenshot(const std::string& path) {
 std::string Window::graphics() const {
   const auto* words = reinterpret_cast<const char*>(glGetString(GL_RENDERER));  // NOLINT: OpenGL's bytes
   return words != nullptr ? words : "unknown";
-}
-
-double Window::frames_a_second() const {
-  const std::deque<std::int64_t>& ends = state_->ends_ns;
-  if (ends.size() < 2) return 0.0;
-  return static_cast<double>(ends.size() - 1) * kPictureNsPerS /
-         static_cast<double>(ends.back() - ends.front());
 }
 
 }  // namespace palpate::experiments

@@ -1,4 +1,4 @@
-// What mouse, keys and drops do.
+// Mouse, keys and dropped files of the window.
 #include <imgui.h>
 
 #include <algorithm>
@@ -10,15 +10,15 @@
 namespace palpate::experiments {
 namespace {
 
-/// A drag over the height of the window turns by so much.
+/// Rotation for a drag over the window's height.
 constexpr double kTurnRad = 3.0;
-constexpr double kZoomFactor = 1.12;  // a step of the wheel
+constexpr double kZoomFactor = 1.12;  // per wheel step
 
 std::size_t index_of(Window::Button button) {
   return static_cast<std::size_t>(button);
 }
 
-/// Where the device can be, next to `device_mm`.
+/// The device's nearest reachable position to `device_mm`.
 Vec3 reachable(const Vec3& device_mm, const device::DeviceLimits& limits) {
   const geometry::Aabb& box = limits.workspace_mm;
   return box.empty() ? device_mm : Vec3(device_mm.cwiseMax(box.low_mm).cwiseMin(box.high_mm));
@@ -43,7 +43,7 @@ void Window::State::steer() {
   else if (steps != 0.0)
     ImGui::GetIO().MouseWheel += static_cast<float>(steps);
   const bool turns = input.down[index_of(Button::kRight)], pans = input.down[index_of(Button::kMiddle)];
-  // Without a hand the left button turns too.
+  // The left button also turns without a hand.
   if (turns || (left && !input.pressing && over_cloud))
     camera.turn(-kTurnRad * moved_x / height, kTurnRad * moved_y / height);
   if (pans) camera.pan(moved_x, moved_y, height);
@@ -87,7 +87,7 @@ void Window::key(int key, bool down) {
   if (key >= 0 && static_cast<std::size_t>(key) < std::size(io.KeysDown)) io.KeysDown[key] = down;
   if (io.WantTextInput || !down) return;
   using Kind = device::SwitchRequest::Kind;
-  constexpr int kTab = 258;  // GLFW_KEY_TAB; letters and digits are those of ASCII, in capitals
+  constexpr int kTab = 258;  // GLFW_KEY_TAB; letters and digits are capital ASCII
   SessionLink& link = state_->link;
   if (key == kTab) link.request({Kind::kNext, device::SwitchSource::kKey, 0});
   if (key == 'C') link.request({Kind::kCancel, device::SwitchSource::kKey, 0});

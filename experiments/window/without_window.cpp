@@ -1,4 +1,4 @@
-// In place of the window where the program was built without one: it says so.
+// Replaces the window in builds without one, with an error message.
 #include "experiments/window/window.h"
 
 namespace palpate::experiments {
@@ -7,12 +7,12 @@ struct Window::State {};
 
 Result<std::unique_ptr<Window>> Window::open(SessionLink&, const WindowOptions&) {
   return Error{"this program was built without a window",
-               "use --headless, or configure with -DPALPATE_WITH_WINDOW=ON (GLFW, Dear ImGui and epoxy)",
+               "leave --window out, or configure with -DPALPATE_WITH_WINDOW=ON (GLFW, Dear ImGui and epoxy)",
                {},
                0};
 }
 Window::~Window() = default;
-// Nobody has a window to call these on.
+// Unreachable: no window can be created.
 bool Window::frame() {
   return false;
 }

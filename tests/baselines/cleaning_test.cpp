@@ -1,15 +1,16 @@
 // Every step of cleaning on surfaces known by formula.
-#include "baselines/cleaning/cleaning.h"
+#include <palpate/baselines.h>
+#include <palpate/cleaning.h>
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <set>
 
-#include "toolkit/cloud/generate.h"
+#include <palpate/generate.h>
 #include "toolkit/core/random.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/partition/point_search.h"
+#include "toolkit/search/knn.h"
+#include "toolkit/search/point_search.h"
 
 namespace palpate::baselines {
 namespace {
@@ -107,7 +108,7 @@ TEST(Outliers, TheShareIsAnUpperBound) {
 
 TEST(Smooth, LowersNoiseByAtLeastHalf) {
   const cloud::GeneratedModel model = generated("sinusoid:points=10000:amplitude_mm=5:wavelength_mm=50");
-  const double spacing = neighbourhood::mean_spacing_mm(model.cloud);
+  const double spacing = search::mean_spacing_mm(model.cloud);
   const cloud::Cloud rough = noisy(model.cloud, 0.4 * spacing);
   const double before = rms_distance(rough, *model.surface, 5 * spacing);
   const double jet = rms_distance(clean(rough, "smooth").cloud, *model.surface, 5 * spacing);
@@ -129,10 +130,10 @@ TEST(Smooth, LeavesAPlaneOne) {
 
 TEST(Thin, EveryCellKeepsAPoint) {
   const cloud::Cloud cloud = generated("sphere:points=8000").cloud;
-  const double cell = 3.0 * neighbourhood::mean_spacing_mm(cloud);
+  const double cell = 3.0 * search::mean_spacing_mm(cloud);
   const scene::CleanedCloud made = clean(cloud, "thin/cell=3");
   EXPECT_LT(made.cloud.size(), cloud.size() / 3);
-  const partition::PointSearch kept(made.cloud);
+  const search::PointSearch kept(made.cloud);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const Vec3 p = cloud.point_mm(i);
     ASSERT_LE((made.cloud.point_mm(kept.nearest(p)) - p).norm(), 1.001 * std::sqrt(3.0) * cell);
@@ -143,7 +144,7 @@ TEST(Thin, EveryCellKeepsAPoint) {
 
 TEST(Thin, ClustersAndWlop) {
   const cloud::GeneratedModel model = generated("sphere:points=4000");
-  const double spacing = neighbourhood::mean_spacing_mm(model.cloud);
+  const double spacing = search::mean_spacing_mm(model.cloud);
   const scene::CleanedCloud clusters = clean(model.cloud, "thin/method=hierarchy");
   EXPECT_LT(clusters.cloud.size(), 1000u);
   EXPECT_GT(clusters.cloud.size(), 200u);
@@ -156,7 +157,7 @@ TEST(Thin, ClustersAndWlop) {
 
 TEST(Upsample, AddsPointsOnTheSurface) {
   const cloud::GeneratedModel model = generated("sphere:points=2000");
-  const double spacing = neighbourhood::mean_spacing_mm(model.cloud);
+  const double spacing = search::mean_spacing_mm(model.cloud);
   const scene::CleanedCloud made = clean(model.cloud, "upsample/factor=3");
   const std::size_t before = model.cloud.size();
   EXPECT_EQ(made.cloud.size(), 3 * before);
@@ -164,7 +165,7 @@ TEST(Upsample, AddsPointsOnTheSurface) {
     ASSERT_LT((made.cloud.point_mm(i) - model.cloud.point_mm(i)).norm(), 1e-5) << "points stay";
   for (std::size_t i = before; i < made.cloud.size(); ++i)
     ASSERT_LT(std::abs(model.surface->signed_distance_mm(made.cloud.point_mm(i))), 0.5 * spacing) << i;
-  EXPECT_LT(neighbourhood::mean_spacing_mm(made.cloud), 0.75 * spacing);
+  EXPECT_LT(search::mean_spacing_mm(made.cloud), 0.75 * spacing);
 }
 
 /// A sinusoid with round holes of these radii, mm, side by side.
@@ -185,7 +186,7 @@ cloud::Cloud with_holes(const cloud::Cloud& cloud, const std::vector<double>& ra
 
 TEST(FillHoles, ClosesHolesAndNotTheRim) {
   const cloud::GeneratedModel model = generated("sinusoid:points=10000:amplitude_mm=3:wavelength_mm=60");
-  const double spacing = neighbourhood::mean_spacing_mm(model.cloud);
+  const double spacing = search::mean_spacing_mm(model.cloud);
   const cloud::Cloud holed = with_holes(model.cloud, {4 * spacing, 15 * spacing});
   const scene::CleanedCloud made = clean(holed, "fill-holes");
   EXPECT_NE(made.notes[0].find("1 hole filled, 1 wider"), std::string::npos) << made.notes[0];

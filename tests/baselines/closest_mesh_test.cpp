@@ -8,11 +8,11 @@
 #include <cmath>
 #include <numeric>
 
+#include <palpate/generate.h>
 #include "baselines/reference/mesh_reference.h"
 #include "tests/baselines/meshes.h"
-#include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
-#include "toolkit/metrics/closest_reference.h"
+#include "toolkit/metrics/closest_point_reference.h"
 
 namespace palpate::baselines {
 namespace {
@@ -80,8 +80,7 @@ TEST(ClosestMesh, SharpFoldsAndThinParts) {
 }
 
 TEST(ClosestMesh, BeyondTheRimOfAnOpenMeshIsOutside) {
-  const auto sheet =
-      ClosestMesh::build(test::height_mesh(8, 10.0, [](double, double) { return 0.0; }), pose());
+  const auto sheet = ClosestMesh::build(test::flat_mesh(8, 10.0), pose());
   ASSERT_TRUE(sheet);
   EXPECT_NEAR((*sheet)->signed_distance_mm(pose() * Vec3(3, 4, -1)), -1.0, 1e-12);
   EXPECT_NEAR((*sheet)->signed_distance_mm(pose() * Vec3(3, 4, 1)), 1.0, 1e-12);
@@ -123,7 +122,7 @@ TEST(ClosestMesh, FindsWhereAFollowedReferenceIsHeldByASheet) {
   const auto closest = ClosestMesh::build(plate, {});
   ASSERT_TRUE(mesh && closest);
   auto first = mesh_reference(**mesh, path, 0.5, 0.0, no_progress());
-  const auto second = metrics::closest_reference(**closest, path, 0.5, 0.0, no_progress());
+  const auto second = metrics::closest_point_reference(**closest, path, 0.5, 0.0, no_progress());
   ASSERT_TRUE(first && second);
   const auto tally = metrics::compare_references(*first, *second, path);
   ASSERT_TRUE(tally);

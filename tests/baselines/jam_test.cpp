@@ -3,8 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "baselines/reference/rest.h"
-#include "tests/baselines/mesh_probe_stand.h"
-#include "toolkit/core/random.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::baselines {
 namespace {
@@ -16,7 +15,7 @@ using test::Probe;
 constexpr double kRounding = 1e-7;
 
 TEST(Rest, KnowsARestFromAJam) {
-  const auto flat = test::height_mesh(4, 10.0, [](double, double) { return 0.0; });
+  const auto flat = test::flat_mesh(4, 10.0);
   const SurfaceMesh mesh = std::move(SurfaceMesh::build(flat, 1)).value();
   const FacetTree tree(mesh);
   // A point on a plane, pulled along the normal, askew, and not touching.
@@ -54,8 +53,7 @@ TEST_P(Jam, NoStopIsAJam) {
     return Vec3(x, y, test::sinusoid(x, y) - 1.0);
   };
   for (const double dt : {1e-4, 1e-3, 2e-2}) {
-    probe.renderer->restart(hip_at(0) + Vec3(0, 0, 5));
-    probe.glide(hip_at(0) + Vec3(0, 0, 5), hip_at(0), 0.05);
+    probe.press(hip_at(0) + Vec3(0, 0, 5), hip_at(0), 0.05);
     double t = 0.0;
     for (int stop = 0; stop < 34; ++stop) {
       for (int i = 0; i < 30; ++i) ASSERT_TRUE(probe.to(hip_at(t += dt)).contact);

@@ -9,9 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/baselines/mesh_probe_stand.h"
-#include "toolkit/core/random.h"
-#include "toolkit/geometry/half_spaces.h"
+#include "tests/baselines/stand.h"
+#include "toolkit/geometry/half_space_projection.h"
 
 namespace palpate::baselines {
 namespace {
@@ -33,7 +32,7 @@ constexpr double kRounding = 0x1p-40;
 
 /// A square of 2 half by 2 half across an axis, `cells` by `cells`, its middle at `at`.
 TriangleMesh axis_sheet(int axis, const Vec3& at, double half, int cells) {
-  TriangleMesh mesh = test::height_mesh(cells, half, [](double, double) { return 0.0; });
+  TriangleMesh mesh = test::flat_mesh(cells, half);
   for (Vec3& v : mesh.vertices_mm) {
     Vec3 p;
     p[axis] = 0.0;
@@ -82,11 +81,10 @@ Rests sweep(Probe& probe, const Sweep& s) {
   Rests rests;
   for (const Vec3& local : s.hips) {
     const Vec3 exact_local =
-        geometry::nearest_allowed(s.planes, local, kRounding * (1.0 + local.norm()), 0.0).point;
+        geometry::nearest_feasible(s.planes, local, kRounding * (1.0 + local.norm()), 0.0).point;
     const Vec3 start = s.pose * Vec3(s.start * s.scale), hip = s.pose * Vec3(local * s.scale),
                exact = s.pose * Vec3(exact_local * s.scale);
-    probe.renderer->restart(start);
-    probe.glide(start, hip, s.step_mm * s.scale);
+    probe.press(start, hip, s.step_mm * s.scale);
     const render::Frame frame = probe.to(hip);
     const double size = (s.scale * (20.0 + local.norm()) + s.pose.translation_mm.norm()) / s.least_sine;
     ++rests.rests;
@@ -145,7 +143,7 @@ TEST(MeshCorner, ThreePlanesHoldJointly) {
         for (const double step : {0.05, 20.0}) {
           SCOPED_TRACE(fmt::format("{}, {}, shift {}, steps of {}", options, apart ? "models" : "one mesh",
                                    shift, step));
-          Probe probe = test::make_scene(scene_of(three_planes(8, 16, shift), apart), options);
+          Probe probe = test::prepare(scene_of(three_planes(8, 16, shift), apart), options);
           expect_right(sweep(probe, {kOctant, {2.2, 1.9, 2.6}, whole_rests(), step}));
         }
 }
@@ -159,7 +157,7 @@ TEST(MeshCorner, ThreePlanesHoldASphere) {
   for (const bool apart : {true, false})
     for (const double shift : {0.0, 0.3}) {
       SCOPED_TRACE(fmt::format("{}, shift {}", apart ? "models" : "one mesh", shift));
-      Probe probe = test::make_scene(scene_of(three_planes(8, 16, shift), apart), kSphere);
+      Probe probe = test::prepare(scene_of(three_planes(8, 16, shift), apart), kSphere);
       expect_right(sweep(probe, {octant(kRadius), {2.2, 1.9, 2.6}, whole_rests(), 0.3}));
     }
 }
@@ -186,7 +184,7 @@ TEST(MeshCorner, NoPlaneIsCrowdedOutByFacetsOfAnother) {
   for (int axis = 0; axis < 3; ++axis) fans.push_back(fan(axis, Vec3::Zero(), 9.0, 40));
   for (const RigidTransform& pose :
        {RigidTransform{}, RigidTransform{Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized(), {1, 2, 3}}}) {
-    Probe probe = test::make_scene(scene_of(fans, true, pose), kPoint);
+    Probe probe = test::prepare(scene_of(fans, true, pose), kPoint);
     Sweep s{kOctant, {0.7, 0.9, 0.8}, whole_rests(), 0.05};
     s.pose = pose;
     expect_right(sweep(probe, s));
@@ -203,7 +201,7 @@ TEST(MeshCorner, ThreePlanesHoldWhereverTheyAreAndHoweverLarge) {
       const RigidTransform pose{turn, scale * Vec3(31.0, -77.0, 12.0)};
       for (const double shift : {0.0, 0.3}) {
         SCOPED_TRACE(fmt::format("{}, scale {}, shift {}", apart ? "models" : "one mesh", scale, shift));
-        Probe probe = test::make_scene(scene_of(three_planes(8, 16, shift), apart, pose, scale), kPoint);
+        Probe probe = test::prepare(scene_of(three_planes(8, 16, shift), apart, pose, scale), kPoint);
         Sweep s{kOctant, {2.2, 1.9, 2.6}, random_rests(random, 40), 0.1};
         s.pose = pose;
         s.scale = scale;
@@ -217,7 +215,7 @@ TEST(MeshCorner, ThreePlanesHoldWhereverTheyAreAndHoweverLarge) {
 /// A square of 2 half by 2 half across `normal`, `cells` by `cells`, its middle at `at`.
 TriangleMesh sheet(const Vec3& normal, const Vec3& at, double half, int cells) {
   const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), normal);
-  return test::moved(test::height_mesh(cells, half, [](double, double) { return 0.0; }), {turn, at});
+  return test::moved(test::flat_mesh(cells, half), {turn, at});
 }
 
 /// Planes through the origin that hold from below, each an oblique sheet of its own.
@@ -250,7 +248,7 @@ TEST(MeshCorner, ObliquePitsAndValleys) {
       std::vector<Vec3> hips;
       for (const Vec3& p : random_rests(random, 120))
         if (p.z() < -0.2) hips.push_back(p);
-      Probe probe = test::make_scene(scene_of(pit.sheets, apart), kPoint);
+      Probe probe = test::prepare(scene_of(pit.sheets, apart), kPoint);
       Sweep s{pit.planes, {0.1, 0.2, 4.0}, hips, 0.05};
       for (const HalfSpace& a : pit.planes)
         for (const HalfSpace& b : pit.planes)
@@ -292,7 +290,7 @@ TEST(MeshCorner, SheetsOfOneMeshThatMeetWithoutSharingVertices) {
                                  turned ? "turned" : "straight"));
         std::vector<TriangleMesh> placed;
         for (const TriangleMesh& part : parts) placed.push_back(test::moved(part, pose));
-        Probe probe = test::make_scene(scene_of(placed, false), kPoint);
+        Probe probe = test::prepare(scene_of(placed, false), kPoint);
         // What ends ends there: a HIP beyond is free.
         std::vector<Vec3> hips;
         for (const Vec3& p : whole_rests())

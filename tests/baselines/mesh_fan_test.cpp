@@ -11,7 +11,7 @@
 
 #include "baselines/mesh/surface_mesh.h"
 #include "experiments/stress/shapes.h"
-#include "tests/baselines/mesh_probe_stand.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::baselines {
 namespace {
@@ -47,8 +47,7 @@ TEST(MeshFan, ThePitOfAFunnelHolds) {
         const double angle = 2.0 * std::numbers::pi * (k + 0.3) / kWays;
         const Vec3 start(0.01, 0.02, 15.0), below(0.01, 0.02, -1.0),
             beside(1.7 * std::cos(angle), 1.7 * std::sin(angle), -1.0);
-        probe.renderer->restart(start);
-        ASSERT_TRUE(probe.glide(start, below, 0.05).contact) << k;
+        ASSERT_TRUE(probe.press(start, below, 0.05).contact) << k;
         const render::Frame frame = probe.glide(below, beside, 0.05);
         ASSERT_TRUE(frame.contact) << k;
         test::expect_near(frame.god_object_mm, Vec3::Zero(), kFanRoundingMm);
@@ -78,8 +77,7 @@ TEST(MeshFan, TheTipOfABluntConeIsGoneOver) {
     for (int k = 0; k < kWays; ++k) {
       const double angle = 2.0 * std::numbers::pi * (k + 0.4) / kWays;
       const Vec3 across(0.5 * std::cos(angle), 0.5 * std::sin(angle), 0.0), down(0, 0, 1.5);
-      probe.renderer->restart(down + across + Vec3(0, 0, 4));
-      ASSERT_TRUE(probe.glide(down + across + Vec3(0, 0, 4), down + across, 0.05).contact);
+      ASSERT_TRUE(probe.press(down + across + Vec3(0, 0, 4), down + across, 0.05).contact);
       // A walk of half the fan may take a frame more than one.
       probe.to(down - across);
       const render::Frame frame = probe.to(down - across);
@@ -102,8 +100,7 @@ TEST(MeshFan, MoreThanAFrameLooksAtIsWarnedOf) {
       << probe.report.warnings.front();
   // Far from the axis nothing is lost.
   const Vec3 above(5.1, 0.3, 14.0), inside(5.1, 0.3, 9.6);
-  probe.renderer->restart(above);
-  test::expect_near(probe.glide(above, inside, 0.05).force_n, Vec3(0, 0, 0.4 * kStiffness), kFanRoundingMm);
+  test::expect_near(probe.press(above, inside, 0.05).force_n, Vec3(0, 0, 0.4 * kStiffness), kFanRoundingMm);
 }
 
 }  // namespace

@@ -4,11 +4,8 @@
 
 #include "baselines/mesh/facet.h"
 #include "baselines/mesh_holder.h"
-#include "baselines/register.h"
-#include "tests/baselines/mesh_probe_stand.h"
-#include "tests/baselines/meshes.h"
+#include "tests/baselines/stand.h"
 #include "tests/house/allocation_count.h"
-#include "toolkit/core/random.h"
 
 namespace palpate::baselines {
 namespace {
@@ -19,7 +16,7 @@ using test::make;
 using test::Probe;
 
 TEST(MeshGodObject, PlaneFromBothSides) {
-  Probe probe = make(test::height_mesh(10, 10.0, [](double, double) { return 0.0; }));
+  Probe probe = make(test::flat_mesh(10, 10.0));
   for (const double side : {1.0, -1.0}) {
     probe.renderer->restart({0.3, 0.4, side});
     EXPECT_FALSE(probe.to({0.3, 0.4, 0.1 * side}).contact);
@@ -33,8 +30,7 @@ TEST(MeshGodObject, PlaneFromBothSides) {
 
 TEST(MeshGodObject, ForceIsLimitedAndNonFiniteIsRefused) {
   Probe probe = make(test::box_mesh(5, 5, 5), "mesh-godobject:mesh=original", {}, 1.0);
-  probe.renderer->restart({0, 0, 6});
-  const render::Frame frame = probe.glide({0, 0, 6}, {0, 0, 1}, 0.1);
+  const render::Frame frame = probe.press({0, 0, 6}, {0, 0, 1}, 0.1);
   expect_near(frame.force_n, {0, 0, 1.0}, 1e-9);
   const render::Frame bad = probe.to({std::nan(""), 0, 0});
   EXPECT_EQ(bad.status, render::FrameStatus::kNonFinite);
@@ -44,8 +40,7 @@ TEST(MeshGodObject, ForceIsLimitedAndNonFiniteIsRefused) {
 
 TEST(MeshGodObject, CubeEdgesAndCornersLetGo) {
   Probe probe = make(test::box_mesh(5, 5, 5));
-  probe.renderer->restart({0, 0, 6});
-  render::Frame frame = probe.glide({0, 0, 6}, {0, 0, 4}, 0.1);
+  render::Frame frame = probe.press({0, 0, 6}, {0, 0, 4}, 0.1);
   expect_near(frame.god_object_mm, {0, 0, 5}, 1e-9);
   frame = probe.glide({0, 0, 4}, {4.9, 0, 4}, 0.1);
   expect_near(frame.god_object_mm, {4.9, 0, 5}, 1e-9);
@@ -65,16 +60,14 @@ TEST(MeshGodObject, AWayInNearACornerHasItsFace) {
       Vec3 inside(4.5, 4.6, 0.0);
       inside[2] = 4.7;
       std::swap(inside[2], inside[axis]);
-      probe.renderer->restart({6, 6, 6});
-      const render::Frame frame = probe.glide({6, 6, 6}, inside, step);
+      const render::Frame frame = probe.press({6, 6, 6}, inside, step);
       ASSERT_TRUE(frame.contact);
       Vec3 on_face = inside;
       on_face[axis] = 5.0;
       expect_near(frame.god_object_mm, on_face, 1e-9);
     }
   // Through the corner itself all three are as good; on one of them it lies.
-  probe.renderer->restart({6, 6, 6});
-  const render::Frame frame = probe.glide({6, 6, 6}, {4.5, 4.5, 4.5}, 0.07);
+  const render::Frame frame = probe.press({6, 6, 6}, {4.5, 4.5, 4.5}, 0.07);
   ASSERT_TRUE(frame.contact);
   Vec3 sorted = frame.god_object_mm;
   std::sort(sorted.data(), sorted.data() + 3);
@@ -83,14 +76,12 @@ TEST(MeshGodObject, AWayInNearACornerHasItsFace) {
 
 TEST(MeshGodObject, GrooveHoldsByTwoPlanesAndCornerByThree) {
   Probe groove = make(test::height_mesh(20, 10.0, [](double x, double) { return std::abs(x); }));
-  groove.renderer->restart({0.5, 0.2, 3});
-  render::Frame frame = groove.glide({0.5, 0.2, 3}, {0.05, 0.7, -1}, 0.05);
+  render::Frame frame = groove.press({0.5, 0.2, 3}, {0.05, 0.7, -1}, 0.05);
   ASSERT_TRUE(frame.contact);
   expect_near(frame.god_object_mm, {0, 0.7, 0}, 1e-9);
   // Seen from inside, a box's corner holds by three planes.
   Probe corner = make(test::box_mesh(5, 5, 5));
-  corner.renderer->restart({0, 0, 0});
-  frame = corner.glide({0, 0, 0}, {6, 7, 8}, 0.05);
+  frame = corner.press({0, 0, 0}, {6, 7, 8}, 0.05);
   ASSERT_TRUE(frame.contact);
   expect_near(frame.god_object_mm, {5, 5, 5}, 1e-9);
   expect_near(frame.force_n, kStiffness * (Vec3(5, 5, 5) - Vec3(6, 7, 8)), 1e-8);
@@ -102,8 +93,7 @@ TEST(MeshGodObject, ThinSlabIsNotPoppedThrough) {
       Probe slab = make(test::box_mesh(20, 20, thickness / 2));
       for (const double side : {1.0, -1.0}) {
         const Vec3 from{0.37, 0.21, 3 * side}, to{3.1, 2.2, -2.5 * side};
-        slab.renderer->restart(from);
-        const render::Frame frame = slab.glide(from, to, step);
+        const render::Frame frame = slab.press(from, to, step);
         ASSERT_TRUE(frame.contact) << thickness << ' ' << step;
         expect_near(frame.god_object_mm, {3.1, 2.2, side * thickness / 2}, 1e-8);
       }
@@ -117,8 +107,7 @@ TEST(MeshGodObject, AHoleDoesNotTurnAClosedMeshInsideOut) {
   fine.triangles.erase(fine.triangles.begin());
   const Vec3 at = (fine.vertices_mm[hole[0]] + fine.vertices_mm[hole[1]] + fine.vertices_mm[hole[2]]) / 3.0;
   Probe probe = make(fine);
-  probe.renderer->restart(at * 1.5);
-  EXPECT_FALSE(probe.glide(at * 1.5, {0, 0, 0}, 0.02).contact);
+  EXPECT_FALSE(probe.press(at * 1.5, {0, 0, 0}, 0.02).contact);
   EXPECT_FALSE(probe.glide({0, 0, 0}, {0.3, 0.2, 7}, 0.02).contact);
   const render::Frame frame = probe.glide({0.3, 0.2, 7}, {0.3, 0.2, 4}, 0.02);
   ASSERT_TRUE(frame.contact);
@@ -126,13 +115,8 @@ TEST(MeshGodObject, AHoleDoesNotTurnAClosedMeshInsideOut) {
 }
 
 TEST(MeshGodObject, CrossingSheetsHoldInTheirWedge) {
-  const geometry::TriangleMesh flat = test::height_mesh(12, 10.0, [](double, double) { return 0.0; });
-  const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
-                                         Vec3(0.3, 0.1, 0.2)};
-  Probe probe =
-      make(test::joined(flat, test::moved(flat, upright)), "mesh-godobject:mesh=original:crossings=true");
-  probe.renderer->restart({2, 0.5, 1});
-  render::Frame frame = probe.glide({2, 0.5, 1}, {2, 0.5, -1}, 0.05);
+  Probe probe = make(test::crossing_sheets(12), "mesh-godobject:mesh=original:crossings=true");
+  render::Frame frame = probe.press({2, 0.5, 1}, {2, 0.5, -1}, 0.05);
   expect_near(frame.god_object_mm, {2, 0.5, 0}, 1e-9);
   // Sideways under the floor against the wall at x = 0.3: held by both, along the wall without sticking.
   frame = probe.glide({2, 0.5, -1}, {-1, 0.5, -1}, 0.05);
@@ -147,9 +131,8 @@ TEST(MeshGodObject, CrossingSheetsHoldInTheirWedge) {
 }
 
 TEST(MeshGodObject, OpenSheetStopsAtItsBoundaryAndLetsGo) {
-  Probe probe = make(test::height_mesh(10, 10.0, [](double, double) { return 0.0; }));
-  probe.renderer->restart({9, 0.1, 1});
-  render::Frame frame = probe.glide({9, 0.1, 1}, {9, 0.1, -1}, 0.05);
+  Probe probe = make(test::flat_mesh(10, 10.0));
+  render::Frame frame = probe.press({9, 0.1, 1}, {9, 0.1, -1}, 0.05);
   ASSERT_TRUE(frame.contact);
   frame = probe.glide({9, 0.1, -1}, {9.99, 0.1, -1}, 0.01);
   EXPECT_TRUE(frame.contact);
@@ -165,11 +148,10 @@ TEST(MeshGodObject, OpenSheetStopsAtItsBoundaryAndLetsGo) {
 }
 
 TEST(MeshGodObject, PinholeDoesNotSwallowTheProbe) {
-  geometry::TriangleMesh mesh = test::height_mesh(100, 10.0, [](double, double) { return 0.0; });
+  geometry::TriangleMesh mesh = test::flat_mesh(100, 10.0);
   mesh.triangles.erase(mesh.triangles.begin() + 2 * (50 * 100 + 50));
   Probe probe = make(mesh);
-  probe.renderer->restart({-1, 0.08, 1});
-  probe.glide({-1, 0.08, 1}, {-1, 0.08, -1}, 0.05);
+  probe.press({-1, 0.08, 1}, {-1, 0.08, -1}, 0.05);
   for (double x = -1; x < 1; x += 0.01) ASSERT_TRUE(probe.to({x, 0.08, -1}).contact) << x;
 }
 
@@ -194,8 +176,7 @@ TEST(MeshGodObject, DenseSinusoidDoesNotLagOrJam) {
       above.z() = 25;
       // Every third stop is reached through free space, the others along the surface, about 1 mm deep.
       if (stop % 3 == 0) {
-        probe.renderer->restart({x, y, 25});
-        probe.glide({x, y, 25}, over, speed < 0.01 ? 0.05 : speed);
+        probe.press({x, y, 25}, over, speed < 0.01 ? 0.05 : speed);
       } else {
         const int steps = static_cast<int>((over - hip).norm() / (speed < 0.01 ? 0.05 : speed)) + 1;
         for (int i = 1; i <= steps; ++i) {
@@ -263,19 +244,13 @@ TEST(MeshGodObject, MotionAndScaleChangeNothing) {
 }
 
 TEST(MeshGodObject, ShadingIsExactOnAPlaneAndSmoothsEdges) {
-  Probe flat = make(test::height_mesh(10, 10.0, [](double, double) { return 0.0; }),
-                    "mesh-godobject:mesh=original:shading=interpolated");
-  flat.renderer->restart({0, 0, 1});
-  expect_near(flat.glide({0, 0, 1}, {1, 1, -1}, 0.1).force_n, {0, 0, 0.5}, 1e-6);
+  Probe flat = make(test::flat_mesh(10, 10.0), "mesh-godobject:mesh=original:shading=interpolated");
+  expect_near(flat.press({0, 0, 1}, {1, 1, -1}, 0.1).force_n, {0, 0, 0.5}, 1e-6);
   test::expect_shading_to_smooth_edges("mesh-godobject:mesh=original", 1.0);
 }
 
 TEST(MeshGodObject, FramesAllocateNothing) {
-  const geometry::TriangleMesh flat = test::height_mesh(12, 10.0, [](double, double) { return 0.0; });
-  const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
-                                         Vec3(0.3, 0.1, 0.2)};
-  Probe probe =
-      make(test::joined(flat, test::moved(flat, upright)), "mesh-godobject:mesh=original:crossings=true");
+  Probe probe = make(test::crossing_sheets(12), "mesh-godobject:mesh=original:crossings=true");
   probe.renderer->restart({2, 2, 3});
   probe.to({2, 2, 2.9});
   const house::AllocationCount count;
@@ -299,10 +274,7 @@ bool says(const std::vector<std::string>& lines, std::string_view words) {
 
 /// What no frame needs is done where somebody asks for it, and what was left out is said.
 TEST(MeshGodObject, LooksForPiecesAndCrossingsWhereAsked) {
-  const geometry::TriangleMesh sheet = test::height_mesh(12, 10.0, [](double, double) { return 0.0; });
-  const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
-                                         Vec3(0.3, 0.1, 0.2)};
-  const geometry::TriangleMesh two = test::joined(sheet, test::moved(sheet, upright));
+  const geometry::TriangleMesh two = test::crossing_sheets(12);
   const Probe plain = make(two);
   EXPECT_FALSE(has_phase(plain.report, "check (OpenMesh)"));
   EXPECT_FALSE(has_phase(plain.report, "find crossing facets"));
@@ -331,17 +303,10 @@ TEST(MeshGodObject, SaysWhatMeshItNeedsAndHandsItOut) {
   EXPECT_EQ(holder->mesh(0)->triangles.size(), 12u);
   EXPECT_EQ(holder->mesh(1), nullptr);
   EXPECT_GT(probe.report.bytes, 0u);
-  render::Registry registry;
-  register_baseline_renderers(registry);
-  Options options;
-  options.set("mesh", "original");
-  auto made = registry.make("mesh-godobject", options);
-  ASSERT_TRUE(made.ok());
   render::SceneInput scene;
   scene.models.resize(1);
-  const auto refused = (*made)->prepare(scene, {});
-  ASSERT_FALSE(refused.ok());
-  EXPECT_NE(refused.error().message().find("advancing-front"), std::string::npos);
+  const Error refused = test::refusal("mesh-godobject:mesh=original", scene);
+  EXPECT_NE(refused.message().find("advancing-front"), std::string::npos);
 }
 
 }  // namespace

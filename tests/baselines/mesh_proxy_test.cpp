@@ -6,9 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "baselines/mesh/facet.h"
-#include "tests/baselines/mesh_probe_stand.h"
-#include "toolkit/core/random.h"
+#include "tests/baselines/indexed.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::baselines {
 namespace {
@@ -19,13 +18,7 @@ using test::make;
 using test::Probe;
 
 double distance_to(const geometry::TriangleMesh& mesh, const Vec3& p) {
-  double least = HUGE_VAL;
-  for (const auto& t : mesh.triangles) {
-    Facet f{};
-    for (std::size_t i = 0; i < 3; ++i) f.corner[i] = mesh.vertices_mm[t[i]];
-    least = std::min(least, closest_on_facet(f, p).distance_sq);
-  }
-  return std::sqrt(least);
+  return std::sqrt(test::least_distance_sq(mesh, p));
 }
 
 std::string sphere(double radius_mm, const char* more = ":tip=centre") {
@@ -33,10 +26,10 @@ std::string sphere(double radius_mm, const char* more = ":tip=centre") {
 }
 
 TEST(MeshProxy, PlaneFromBothSidesBySkinAndByCentre) {
-  const auto flat = test::height_mesh(10, 10.0, [](double, double) { return 0.0; });
+  const auto flat = test::flat_mesh(10, 10.0);
   for (const double side : {1.0, -1.0}) {
     const Vec3 from{0.3, 0.4, 1.1 * side}, to{2.3, -1.4, -1.0 * side};
-    Probe skin = make(flat, sphere(0.25, "").c_str());
+    Probe skin = make(flat, sphere(0.25, ""));
     skin.renderer->restart(from);
     EXPECT_FALSE(skin.to({0.3, 0.4, 0.01 * side}).contact);
     render::Frame frame = skin.glide({0.3, 0.4, 0.01 * side}, to, 0.05);
@@ -44,7 +37,7 @@ TEST(MeshProxy, PlaneFromBothSidesBySkinAndByCentre) {
     expect_near(frame.god_object_mm, {2.3, -1.4, 0}, 1e-9);
     expect_near(frame.force_n, {0, 0, kStiffness * side}, 1e-9);
     EXPECT_FALSE(skin.to({2.3, -1.4, 0.1 * side}).contact);
-    Probe centre = make(flat, sphere(0.25).c_str());
+    Probe centre = make(flat, sphere(0.25));
     centre.renderer->restart(from);
     EXPECT_FALSE(centre.to({0.3, 0.4, 0.26 * side}).contact);
     EXPECT_TRUE(centre.to({0.3, 0.4, 0.24 * side}).contact);
@@ -56,23 +49,20 @@ TEST(MeshProxy, PlaneFromBothSidesBySkinAndByCentre) {
 
 TEST(MeshProxy, GrooveHoldsByTwoPlanesAndCornerByThree) {
   constexpr double kRadius = 0.4;
-  Probe groove = make(test::height_mesh(20, 10.0, [](double x, double) { return std::abs(x); }),
-                      sphere(kRadius).c_str());
-  groove.renderer->restart({0.5, 0.2, 3});
-  render::Frame frame = groove.glide({0.5, 0.2, 3}, {0.05, 0.7, -1}, 0.05);
+  Probe groove =
+      make(test::height_mesh(20, 10.0, [](double x, double) { return std::abs(x); }), sphere(kRadius));
+  render::Frame frame = groove.press({0.5, 0.2, 3}, {0.05, 0.7, -1}, 0.05);
   expect_near(frame.god_object_mm, {0, 0.7, kRadius * std::sqrt(2.0)}, 1e-9);
-  Probe corner = make(test::box_mesh(5, 5, 5), sphere(kRadius).c_str());
-  corner.renderer->restart({0, 0, 0});
-  frame = corner.glide({0, 0, 0}, {6, 7, 8}, 0.05);
+  Probe corner = make(test::box_mesh(5, 5, 5), sphere(kRadius));
+  frame = corner.press({0, 0, 0}, {6, 7, 8}, 0.05);
   expect_near(frame.god_object_mm, Vec3::Constant(5 - kRadius), 1e-9);
   expect_near(frame.force_n, kStiffness * (Vec3::Constant(5 - kRadius) - Vec3(6, 7, 8)), 1e-8);
 }
 
 // Round an edge the sphere rolls: its centre keeps a radius from the edge.
 TEST(MeshProxy, RollsOverEdgesAndLetsGo) {
-  Probe probe = make(test::box_mesh(5, 5, 5), sphere(0.5).c_str());
-  probe.renderer->restart({0, 0, 6});
-  render::Frame frame = probe.glide({0, 0, 6}, {4.9, 0, 4.9}, 0.1);
+  Probe probe = make(test::box_mesh(5, 5, 5), sphere(0.5));
+  render::Frame frame = probe.press({0, 0, 6}, {4.9, 0, 4.9}, 0.1);
   EXPECT_TRUE(frame.contact);
   // The HIP is a hair outside of the edge: the centre lies on the cylinder, in the HIP's direction.
   frame = probe.to({5.1, 0, 5.1});
@@ -87,11 +77,10 @@ TEST(MeshProxy, ThinSlabsAreNotPassed) {
     for (const double step : {0.05, 0.5, 5.0}) {
       const auto slab = test::box_mesh(20, 20, thickness / 2);
       for (const double radius : {1e-4, 0.1, 1.0}) {
-        Probe probe = make(slab, sphere(radius, "").c_str());
+        Probe probe = make(slab, sphere(radius, ""));
         for (const double side : {1.0, -1.0}) {
           const Vec3 from{0.37, 0.21, 3 * side}, to{3.1, 2.2, -2.5 * side};
-          probe.renderer->restart(from);
-          probe.glide(from, to, step);
+          probe.press(from, to, step);
           render::Frame frame;
           for (int i = 0; i < 50; ++i) frame = probe.to(to);
           ASSERT_TRUE(frame.contact) << thickness << ' ' << step << ' ' << radius;
@@ -124,7 +113,7 @@ TEST(MeshProxy, KeepsItsDistanceInASoupOfFacetsAndRestsAtLocalMinima) {
   Random random(kSeed);
   for (int run = 0; run < 6; ++run) {
     const auto mesh = soup(random, 60);
-    Probe probe = make(mesh, sphere(kRadius).c_str());
+    Probe probe = make(mesh, sphere(kRadius));
     Vec3 hip{20, 0, 0};
     probe.renderer->restart(hip);
     for (int i = 0; i < 400; ++i) {
@@ -150,8 +139,8 @@ TEST(MeshProxy, KeepsItsDistanceInASoupOfFacetsAndRestsAtLocalMinima) {
 }
 
 TEST(MeshProxy, BeginsSmallWhereThereIsNoRoomAndGrows) {
-  const auto flat = test::height_mesh(10, 10.0, [](double, double) { return 0.0; });
-  Probe probe = make(flat, sphere(0.5).c_str());
+  const auto flat = test::flat_mesh(10, 10.0);
+  Probe probe = make(flat, sphere(0.5));
   for (const double start : {0.1, -0.1}) {
     probe.renderer->restart({0, 0, start});
     EXPECT_FALSE(probe.to({0, 0, start}).contact);
@@ -232,10 +221,8 @@ TEST(MeshProxy, WithoutSizeItIsTheGodObject) {
 }
 
 TEST(MeshProxy, ShadingIsExactOnAPlaneAndSmoothsEdges) {
-  Probe flat = make(test::height_mesh(10, 10.0, [](double, double) { return 0.0; }),
-                    "mesh-proxy:mesh=original:shading=interpolated");
-  flat.renderer->restart({0, 0, 5});
-  expect_near(flat.glide({0, 0, 5}, {1, 1, -1}, 0.1).force_n, {0, 0, 0.5}, 1e-6);
+  Probe flat = make(test::flat_mesh(10, 10.0), "mesh-proxy:mesh=original:shading=interpolated");
+  expect_near(flat.press({0, 0, 5}, {1, 1, -1}, 0.1).force_n, {0, 0, 0.5}, 1e-6);
   // The sphere rests on up to three facets, each shaded for itself, and their number changes: 3.1 measured.
   test::expect_shading_to_smooth_edges("mesh-proxy:mesh=original:radius=0.1", 3.5);
 }

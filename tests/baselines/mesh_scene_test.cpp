@@ -5,8 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "tests/baselines/mesh_probe_stand.h"
-#include "toolkit/core/random.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::baselines {
 namespace {
@@ -48,9 +47,8 @@ TEST(MeshScene, TwoModelsHoldInTheirEdgeAndThreeInTheirCorner) {
     const Vec3 start{2, models > 2 ? 2.0 : hip.y(), 2};
     for (const char* options : {kPoint, kSkin, kCentre}) {
       SCOPED_TRACE(options);
-      Probe probe = test::make_scene(room(models), options);
-      probe.renderer->restart(start);
-      const render::Frame frame = probe.glide(start, hip, 0.05);
+      Probe probe = test::prepare(room(models), options);
+      const render::Frame frame = probe.press(start, hip, 0.05);
       ASSERT_TRUE(frame.contact);
       Vec3 expected = corner;
       if (options != kPoint) {  // the centre, and from there a radius towards the HIP
@@ -70,9 +68,8 @@ TEST(MeshScene, TheThirdModelIsNotForgottenAtVerticesOfTheOthers) {
   for (const Vec3& at : {Vec3(0, 0, -10), Vec3(-10, 0, 0), Vec3(0, -10, 0)})
     scene.models.push_back(box_at({10, 10, 10}, shifted(at)));
   const Vec3 start{2, 2, 2}, hip{-5, -5, -5};
-  Probe probe = test::make_scene(scene, kPoint);
-  probe.renderer->restart(start);
-  const render::Frame frame = probe.glide(start, hip, 0.05);
+  Probe probe = test::prepare(scene, kPoint);
+  const render::Frame frame = probe.press(start, hip, 0.05);
   ASSERT_TRUE(frame.contact);
   expect_near(frame.god_object_mm, Vec3::Zero(), 1e-9);
   expect_near(frame.force_n, -kStiffness * hip, 1e-9);
@@ -85,9 +82,8 @@ TEST(MeshScene, OfMoreThanEightTouchedTheDeepestAnswer) {
   for (int i = 0; i < 11; ++i)
     scene.models.push_back(box_at({10, 10, 10}, shifted({0.1 * i, 0.3, -10 + 0.05 * i})));
   const Vec3 start{0.1, 0.3, 4}, hip{0.05, 0.3, -1};
-  Probe probe = test::make_scene(scene, kPoint);
-  probe.renderer->restart(start);
-  const render::Frame frame = probe.glide(start, hip, 0.05);
+  Probe probe = test::prepare(scene, kPoint);
+  const render::Frame frame = probe.press(start, hip, 0.05);
   ASSERT_TRUE(frame.contact);
   expect_near(frame.force_n, Vec3(0, 0, kStiffness * 1.5), 1e-9);
   EXPECT_EQ(frame.model, 10);
@@ -107,12 +103,11 @@ TEST(MeshScene, JointContactIsOutsideOfAllAndTheSumIsNot) {
   }
   // Both tops go through the origin; their normals are (-+ sin 0.5, 0, cos 0.5).
   const Vec3 start{0.1, 0.3, 4}, hip{0.05, 0.3, -1};
-  Probe joint = test::make_scene(scene, kPoint);
-  joint.renderer->restart(start);
-  const render::Frame frame = joint.glide(start, hip, 0.02);
+  Probe joint = test::prepare(scene, kPoint);
+  const render::Frame frame = joint.press(start, hip, 0.02);
   expect_near(frame.god_object_mm, {0, 0.3, 0}, 1e-9);
   expect_near(frame.force_n, kStiffness * (Vec3(0, 0.3, 0) - hip), 1e-9);
-  Probe sum = test::make_scene(scene, "mesh-godobject:mesh=original:combine=sum");
+  Probe sum = test::prepare(scene, "mesh-godobject:mesh=original:combine=sum");
   sum.renderer->restart(start);
   // Each pushes by its depth along its normal: together 2 cos^2(0.5) = 1.54 times upwards.
   EXPECT_NEAR(sum.glide(start, hip, 0.02).force_n.z(), 2 * kStiffness * std::pow(std::cos(0.5), 2), 1e-6);
@@ -128,22 +123,20 @@ TEST(MeshScene, CurvedModelsMeetInAValley) {
                                             Vec3(side * 3.0, 0, 0)};
   }
   for (const char* options : {kPoint, kCentre}) {
-    Probe probe = test::make_scene(scene, options);
+    Probe probe = test::prepare(scene, options);
     std::vector<Probe> alone;
     for (const auto& model : scene.models) {
       render::SceneInput one;
       one.models.push_back(model);
-      alone.push_back(test::make_scene(one, options));
+      alone.push_back(test::prepare(one, options));
     }
     const Vec3 start{0.1, 0.4, 6}, hip{0.2, 0.5, -4.5};
-    probe.renderer->restart(start);
-    render::Frame frame = probe.glide(start, hip, 0.02);
+    render::Frame frame = probe.press(start, hip, 0.02);
     for (int i = 0; i < 5; ++i) frame = probe.to(hip);
     ASSERT_TRUE(frame.contact);
     // Each model alone lets a probe at that place stay there, but for curvature's second order that is left.
     for (Probe& one : alone) {
-      one.renderer->restart(start);
-      const Vec3 there = one.glide(start, frame.god_object_mm, 0.02).god_object_mm;
+      const Vec3 there = one.press(start, frame.god_object_mm, 0.02).god_object_mm;
       expect_near(there, frame.god_object_mm, 2e-3);
     }
     EXPECT_GT(frame.force_n.z(), 0.0);
@@ -161,7 +154,7 @@ TEST(MeshScene, FarModelsChangeNothing) {
         Vec3(30.0 * (1 + i % 10), 30.0 * (i / 10 % 10), 30.0 * (i / 100));
   }
   for (const char* options : {kPoint, kSkin}) {
-    Probe few = test::make_scene(one, options), crowd = test::make_scene(many, options);
+    Probe few = test::prepare(one, options), crowd = test::prepare(many, options);
     few.renderer->restart({0, 0, 20});
     crowd.renderer->restart({0, 0, 20});
     std::size_t touched = 0;
@@ -176,8 +169,7 @@ TEST(MeshScene, FarModelsChangeNothing) {
     }
     EXPECT_GT(touched, 500u);
     // And the neighbour is met where the HIP goes there.
-    crowd.renderer->restart({30.1, 0, 20});
-    EXPECT_TRUE(crowd.glide({30.1, 0, 20}, {30.1, 0, 5}, 1.0).contact);
+    EXPECT_TRUE(crowd.press({30.1, 0, 20}, {30.1, 0, 5}, 1.0).contact);
   }
 }
 
@@ -191,7 +183,7 @@ TEST(MeshScene, AModelThatMovesMeetsAHipThatRests) {
     motion.velocity_mm_s = {0, 0, 20};
     scene.models[0].motion = simulation->add(motion);
     scene.simulation = simulation;
-    Probe probe = test::make_scene(scene, options);
+    Probe probe = test::prepare(scene, options);
     probe.renderer->drive(simulation);
     probe.renderer->restart({0.3, 0.2, 1});
     render::Frame frame;
@@ -205,7 +197,7 @@ TEST(MeshScene, AModelThatMovesMeetsAHipThatRests) {
 /// A plane whose stiffness and friction rise with x from point to point.
 render::SceneInput graded_plane(bool friction) {
   render::SceneInput scene;
-  scene.models.push_back(test::model_of(test::height_mesh(40, 10.0, [](double, double) { return 0.0; })));
+  scene.models.push_back(test::model_of(test::flat_mesh(40, 10.0)));
   auto properties = std::make_shared<surface::PointProperties>();
   for (std::size_t i = 0; i < scene.models[0].cloud->size(); ++i) {
     const double x = scene.models[0].cloud->point_mm(i).x();
@@ -218,7 +210,7 @@ render::SceneInput graded_plane(bool friction) {
 
 TEST(MeshScene, PropertiesAreInterpolatedOverFacets) {
   for (const char* options : {kPoint, kSkin}) {
-    Probe probe = test::make_scene(graded_plane(false), options);
+    Probe probe = test::prepare(graded_plane(false), options);
     probe.renderer->restart({-7, 0.3, 1});
     for (double x = -7; x < 7; x += 0.0371) {
       const render::Frame frame = probe.to({x, 0.3, -1});
@@ -232,9 +224,8 @@ TEST(MeshScene, PropertiesAreInterpolatedOverFacets) {
 
 TEST(MeshScene, FrictionFollowsItsConeAndItsPlace) {
   for (const char* options : {kPoint, kSkin}) {
-    Probe probe = test::make_scene(graded_plane(true), options);
-    probe.renderer->restart({-7, 0.3, 1});
-    probe.glide({-7, 0.3, 1}, {-7, 0.3, -1}, 0.05);
+    Probe probe = test::prepare(graded_plane(true), options);
+    probe.press({-7, 0.3, 1}, {-7, 0.3, -1}, 0.05);
     // The coefficient is read at the frictionless contact, so at every place of the slip the ratio is its
     // own.
     for (double x = -7; x < 7; x += 0.05) {
@@ -251,9 +242,8 @@ TEST(MeshScene, FrictionFollowsItsConeAndItsPlace) {
   tilted.models[0].surface.friction = {0.7, 0.4};
   const Vec3 n = Vec3(-0.5, 0, 1).normalized();
   for (const char* options : {kPoint, kSkin}) {
-    Probe probe = test::make_scene(tilted, options);
-    probe.renderer->restart({0, -5, 3});
-    probe.glide({0, -5, 3}, {0.2, -5, -1}, 0.05);
+    Probe probe = test::prepare(tilted, options);
+    probe.press({0, -5, 3}, {0.2, -5, -1}, 0.05);
     const render::Frame frame = probe.glide({0.2, -5, -1}, {0.2, 5, -1}, 0.05);
     const double normal = n.dot(frame.force_n);
     EXPECT_NEAR((frame.force_n - normal * n).norm(), 0.4 * normal, 1e-9);
@@ -263,9 +253,8 @@ TEST(MeshScene, FrictionFollowsItsConeAndItsPlace) {
 // Without friction a closed way over stiffness that varies gives no work.
 TEST(MeshScene, VaryingStiffnessMakesNoEnergy) {
   for (const char* options : {kPoint, kSkin}) {
-    Probe probe = test::make_scene(graded_plane(false), options);
-    probe.renderer->restart({5, 0, 1});
-    probe.glide({5, 0, 1}, {5, 0, -1}, 0.05);
+    Probe probe = test::prepare(graded_plane(false), options);
+    probe.press({5, 0, 1}, {5, 0, -1}, 0.05);
     double work = 0.0, moved = 0.0;
     constexpr int kSteps = 20'000;
     const auto at = [](int i) {
@@ -293,14 +282,13 @@ TEST(MeshScene, NothingPassesThinSlabs) {
     render::SceneInput scene;
     scene.models.push_back(test::model_of(test::subdivided(test::box_mesh(20, 20, thickness / 2), 3)));
     for (const char* options : {kPoint, kSkin, "mesh-proxy:mesh=original:radius=0.01"}) {
-      Probe probe = test::make_scene(scene, options);
+      Probe probe = test::prepare(scene, options);
       for (const double speed_mm_s : {50.0, 500.0, 1000.0, 5000.0})
         for (int i = 0; i < 20; ++i) {
           const double side = i % 2 == 0 ? 1.0 : -1.0;
           const Vec3 from{random.uniform(-10, 10), random.uniform(-10, 10), 3 * side};
           const Vec3 to{random.uniform(-10, 10), random.uniform(-10, 10), -2.5 * side};
-          probe.renderer->restart(from);
-          probe.glide(from, to, 1e-3 * speed_mm_s);
+          probe.press(from, to, 1e-3 * speed_mm_s);
           render::Frame frame;
           for (int k = 0; k < 20; ++k) frame = probe.to(to);
           ++runs;

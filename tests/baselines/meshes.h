@@ -4,8 +4,8 @@
 #include <cmath>
 #include <functional>
 
-#include "toolkit/geometry/rigid_transform.h"
-#include "toolkit/geometry/triangle_mesh.h"
+#include <palpate/rigid_transform.h>
+#include <palpate/triangle_mesh.h>
 
 namespace palpate::test {
 
@@ -26,6 +26,11 @@ inline TriangleMesh height_mesh(int cells, double half, const std::function<doub
       mesh.triangles.push_back({at(row, column), at(row + 1, column + 1), at(row + 1, column)});
     }
   return mesh;
+}
+
+/// z = 0 alike.
+inline TriangleMesh flat_mesh(int cells, double half) {
+  return height_mesh(cells, half, [](double, double) { return 0.0; });
 }
 
 /// The box [-x, x] x [-y, y] x [-z, z], outward.
@@ -71,10 +76,27 @@ inline TriangleMesh moved(TriangleMesh mesh, const geometry::RigidTransform& mot
   return mesh;
 }
 
+/// Two sheets z = 0 over [-10, 10]^2 that cross: the second stands upright at x = 0.3.
+inline TriangleMesh crossing_sheets(int cells) {
+  const TriangleMesh flat = flat_mesh(cells, 10.0);
+  const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
+                                         Vec3(0.3, 0.1, 0.2)};
+  return joined(flat, moved(flat, upright));
+}
+
 /// Table 7's surface.
 inline double sinusoid(double x, double y) {
   constexpr double kRate = 0.04 * 3.14159265358979323846;
   return 10.0 * (std::cos(kRate * x) + std::cos(kRate * y));
+}
+
+/// What a closed mesh encloses, by the divergence theorem; positive where triangles are counter-clockwise
+/// seen from outside.
+inline double volume_of(const TriangleMesh& mesh) {
+  double volume = 0.0;
+  for (const auto& t : mesh.triangles)
+    volume += mesh.vertices_mm[t[0]].dot(mesh.vertices_mm[t[1]].cross(mesh.vertices_mm[t[2]])) / 6.0;
+  return volume;
 }
 
 }  // namespace palpate::test

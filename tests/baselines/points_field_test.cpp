@@ -2,19 +2,12 @@
 #include <algorithm>
 
 #include "baselines/points/voxel_field.h"
-#include "baselines/reconstruct/fixed_order.h"
-#include "tests/baselines/meshes.h"
-#include "tests/baselines/point_rivals.h"
+#include "baselines/reconstruct/mesh_tidy.h"
+#include "tests/baselines/stand.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::test {
 namespace {
-
-render::ModelInput mesh_model(const TriangleMesh& mesh) {
-  render::ModelInput model = model_of(cloud_of(mesh.vertices_mm));
-  model.original_mesh = std::make_shared<const TriangleMesh>(mesh);
-  return model;
-}
 
 TEST(VGraph, GreedyWalksOnItsGraphEndAtTheNearestPoint) {
   Random random(3);
@@ -46,10 +39,10 @@ TEST(VGraph, GreedyWalksOnItsGraphEndAtTheNearestPoint) {
 }
 
 TEST(VGraph, FlatMeshIsExactFromBothSides) {
-  const render::ModelInput model = mesh_model(height_mesh(20, 10.0, [](double, double) { return 0.0; }));
+  const render::ModelInput model = model_of(flat_mesh(20, 10.0));
   for (const char* options :
        {"vgraph:mesh=original", "vgraph:mesh=original:graph=mesh", "vgraph:mesh=original:triangles=ring"}) {
-    const Prepared rival = prepare(model, options);
+    const Probe rival = prepare(model, options);
     for (const double side : {1.0, -1.0}) {
       rival.renderer->restart({0.3, 0.4, side});
       EXPECT_FALSE(rival.to({0.3, 0.4, 0.1 * side}).contact);
@@ -63,11 +56,9 @@ TEST(VGraph, FlatMeshIsExactFromBothSides) {
 
 TEST(VGraph, ConstrainsAsZillesAndSalisburyDo) {
   // A groove holds by two planes: the god object runs along its bottom.
-  const Prepared groove =
-      prepare(mesh_model(height_mesh(20, 10.0, [](double x, double) { return std::abs(x); })),
-              "vgraph:mesh=original");
-  groove.renderer->restart({0.2, 0.1, 3});
-  const render::Frame frame = groove.glide({0.2, 0.1, 3}, {0.1, 2.3, -1}, 0.05);
+  const Probe groove = prepare(model_of(height_mesh(20, 10.0, [](double x, double) { return std::abs(x); })),
+                               "vgraph:mesh=original");
+  const render::Frame frame = groove.press({0.2, 0.1, 3}, {0.1, 2.3, -1}, 0.05);
   ASSERT_TRUE(frame.contact);
   EXPECT_NEAR((frame.god_object_mm - Vec3(0, 2.3, 0)).norm(), 0.0, 1e-9);
 }
@@ -78,11 +69,9 @@ TEST(VGraph, MissesWhatTheNearestVertexDoesNotShare) {
   TriangleMesh mesh;
   mesh.vertices_mm = {{-10, -10, 0}, {10, -10, 0}, {0, 15, 0}, {0, 0, -3}, {1, 0, -3}, {0, 1, -3}};
   mesh.triangles = {{0, 1, 2}, {3, 4, 5}};
-  const Prepared rival = prepare(mesh_model(mesh), "vgraph:mesh=original");
-  rival.renderer->restart({3, 0, 2});
-  EXPECT_FALSE(rival.glide({3, 0, 2}, {3, 0, -1}, 0.05).contact);
-  rival.renderer->restart({-9, -9, 2});
-  EXPECT_TRUE(rival.glide({-9, -9, 2}, {-9, -9, -1}, 0.05).contact);
+  const Probe rival = prepare(model_of(mesh), "vgraph:mesh=original");
+  EXPECT_FALSE(rival.press({3, 0, 2}, {3, 0, -1}, 0.05).contact);
+  EXPECT_TRUE(rival.press({-9, -9, 2}, {-9, -9, -1}, 0.05).contact);
 }
 
 TEST(FixedOrder, IsTheSameForAnyOrderAndOrientation) {
@@ -151,9 +140,8 @@ TEST(VoxelField, IsTrilinearAndExactOnPlanes) {
 }
 
 TEST(VectorField, IsWithinItsInterpolationErrorOnASphere) {
-  const auto made =
-      cloud::generate(parse_named_options("sphere:extent_mm=20:points=40000:mesh=false").value()).value();
-  const Prepared rival = prepare(model_of(made.cloud), "vector-field:voxel_mm=0.4:depth=8");
+  const auto made = generated("sphere:extent_mm=20:points=40000:mesh=false");
+  const Probe rival = prepare(model_of(made.cloud), "vector-field:voxel_mm=0.4:depth=8");
   Random random(5);
   // Curvature: a nearest plane is off by (spacing / sqrt 2)^2 / 2 R, trilinear sums by voxel^2 / 8 R per
   // axis.
@@ -172,18 +160,15 @@ TEST(VectorField, IsWithinItsInterpolationErrorOnASphere) {
 TEST(VectorField, PathIndependenceCostsThinThings) {
   // A plate 1 mm thick, pushed to 0.7: by position alone the other face is nearer, and throws the HIP out
   // there.
-  const auto made =
-      cloud::generate(parse_named_options("slab:extent_mm=20:thickness_mm=1:points=40000:mesh=false").value())
-          .value();
-  const Prepared field = prepare(model_of(made.cloud), "vector-field:voxel=1");
+  const auto made = generated("slab:extent_mm=20:thickness_mm=1:points=40000:mesh=false");
+  const Probe field = prepare(model_of(made.cloud), "vector-field:voxel=1");
   EXPECT_GT(field.to({0.1, 0.2, 0.3}).force_n.z(), 0.05);
   EXPECT_LT(field.to({0.1, 0.2, -0.2}).force_n.z(), -0.05);
 }
 
 TEST(VectorField, OpenSurfacesHaveTheSideTheyAreGiven) {
-  const render::ModelInput model =
-      model_of(cloud_of(height_points(41, 0.25, [](double, double) { return 0.0; })));
-  const Prepared up = prepare(model, "vector-field"), down = prepare(model, "vector-field:flip=true");
+  const render::ModelInput model = model_of(flat_points(41, 0.25));
+  const Probe up = prepare(model, "vector-field"), down = prepare(model, "vector-field:flip=true");
   EXPECT_NEAR(up.to({0, 0, -0.5}).force_n.z(), kStiffness * 0.5, 1e-5);
   EXPECT_FALSE(up.to({0, 0, 0.5}).contact);
   EXPECT_NEAR(down.to({0, 0, 0.5}).force_n.z(), -kStiffness * 0.5, 1e-5);
@@ -192,13 +177,11 @@ TEST(VectorField, OpenSurfacesHaveTheSideTheyAreGiven) {
 }
 
 TEST(VectorField, MemoryIsLimitedWithARemedy) {
-  render::SceneInput scene;
-  scene.models.push_back(model_of(cloud_of(height_points(101, 0.25, [](double, double) { return 0.0; }))));
-  const auto refused = rival("vector-field:voxel=0.2:memory_mb=10")->prepare(scene, {});
-  ASSERT_FALSE(refused.ok());
-  EXPECT_NE(refused.error().what.find("10 MB"), std::string::npos) << refused.error().what;
-  EXPECT_NE(refused.error().remedy.find("voxel"), std::string::npos);
-  const Prepared fits = prepare(scene.models[0], "vector-field:memory_mb=10");
+  render::SceneInput scene = scene_of(model_of(flat_points(101, 0.25)));
+  const Error refused = refusal("vector-field:voxel=0.2:memory_mb=10", scene);
+  EXPECT_NE(refused.what.find("10 MB"), std::string::npos) << refused.what;
+  EXPECT_NE(refused.remedy.find("voxel"), std::string::npos);
+  const Probe fits = prepare(scene.models[0], "vector-field:memory_mb=10");
   EXPECT_LT(fits.report.bytes, 10'000'000u);
   // An extent that no directory could hold.
   scene.models[0] = model_of(cloud_of({{0, 0, 0}, {1e-3, 0, 0}, {0, 1e-3, 0}, {1e9, 1e9, 1e9}}));

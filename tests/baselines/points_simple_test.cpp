@@ -3,7 +3,7 @@
 
 #include "baselines/points/ball_walk.h"
 #include "baselines/points/point_grid.h"
-#include "tests/baselines/point_rivals.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::test {
 namespace {
@@ -25,12 +25,12 @@ std::vector<Vec3> stored(const cloud::Cloud& cloud) {
 
 TEST(PenaltyGrid, IsTheNearestPointOfTheVoxelByBruteForce) {
   const double voxel = 2.0, threshold = 1.5;
-  const render::ModelInput model = model_of(cloud_of(random_points(600, 20.0, 1)));
+  const render::ModelInput model = model_of(random_points(600, 20.0, 1));
   const std::vector<Vec3> points = stored(*model.cloud);
   const Vec3 low = model.cloud->box_mm().low_mm;
   const auto voxel_of = [&](const Vec3& p) { return Vec3(((p - low) / voxel).array().floor()); };
-  const Prepared own = prepare(model, "penalty-grid:voxel_mm=2:threshold_mm=1.5");
-  const Prepared all = prepare(model, "penalty-grid:voxel_mm=2:threshold_mm=1.5:neighbours=27");
+  const Probe own = prepare(model, "penalty-grid:voxel_mm=2:threshold_mm=1.5");
+  const Probe all = prepare(model, "penalty-grid:voxel_mm=2:threshold_mm=1.5:neighbours=27");
   Random random(2);
   std::size_t missed = 0, felt = 0;
   for (int i = 0; i < 20000; ++i) {
@@ -57,15 +57,13 @@ TEST(PenaltyGrid, IsTheNearestPointOfTheVoxelByBruteForce) {
 }
 
 TEST(PenaltyGrid, PushesThroughWithoutAnInsideTestAndHoldsWithOne) {
-  const render::ModelInput model =
-      model_of(cloud_of(height_points(41, 0.25, [](double, double) { return 0.0; })));
-  const Prepared bare = prepare(model, "penalty-grid:neighbours=27");
+  const render::ModelInput model = model_of(flat_points(41, 0.25));
+  const Probe bare = prepare(model, "penalty-grid:neighbours=27");
   EXPECT_GT(bare.to({0.1, 0.05, 0.3}).force_n.z(), 0.1);
   EXPECT_LT(bare.to({0.1, 0.05, -0.3}).force_n.z(), -0.1) << "once under the points it pushes on";
-  const Prepared sided = prepare(model, "penalty-grid:neighbours=27:side=outward:threshold=0");
+  const Probe sided = prepare(model, "penalty-grid:neighbours=27:side=outward:threshold=0");
   for (const double side : {1.0, -1.0}) {
-    sided.renderer->restart({0, 0, 20.0 * side});
-    EXPECT_FALSE(sided.glide({0, 0, 20.0 * side}, {0.1, 0, 0.1 * side}, 0.1).contact);
+    EXPECT_FALSE(sided.press({0, 0, 20.0 * side}, {0.1, 0, 0.1 * side}, 0.1).contact);
     const render::Frame frame = sided.glide({0.1, 0, 0.1 * side}, {0.4, 0.3, -1.5 * side}, 0.05);
     EXPECT_NEAR(frame.force_n.z(), kStiffness * 1.5 * side, 1e-4);
     EXPECT_NEAR(frame.god_object_mm.z(), 0.0, 2e-4);
@@ -159,7 +157,7 @@ TEST(BallWalk, NeverEntersABallAndRestsAtALocalMinimum) {
 }
 
 TEST(BallWalk, AStartWithinBallsIsMovedOut) {
-  const Balls balls(height_points(31, 1.0, [](double, double) { return 0.0; }), 3.0);
+  const Balls balls(flat_points(31, 1.0), 3.0);
   baselines::BallWalk walk = balls.walk();
   for (const double z : {1.0, -1.0, 2.9}) {
     walk.reset({0.2, 0.3, z});
@@ -172,16 +170,14 @@ TEST(SphereProxy, PlaneWithinTheDepthOfItsPits) {
   // Over a square grid the proxy rests in pits: at r - sqrt(r^2 - s^2 / 2) below the balls' tops; it is held
   // there until the pull leaves the cone of the pit, s / (sqrt 2 r) wide.
   const double spacing = 0.2;
-  const render::ModelInput model =
-      model_of(cloud_of(height_points(101, spacing, [](double, double) { return 0.0; })));
+  const render::ModelInput model = model_of(flat_points(101, spacing));
   for (const double ratio : {2.0, 4.0, 8.0}) {
     const double radius = ratio * spacing;
-    const Prepared rival = prepare(model, "sphere-proxy:radius_mm=" + std::to_string(radius));
+    const Probe rival = prepare(model, "sphere-proxy:radius_mm=" + std::to_string(radius));
     const double pit = radius - std::sqrt(radius * radius - 0.5 * spacing * spacing);
     const double sideways = 1.0 / (std::sqrt(2.0) * ratio);
     for (const double side : {1.0, -1.0}) {
-      rival.renderer->restart({-5, -5, 5.0 * side});
-      rival.glide({-5, -5, 5.0 * side}, {-5, -5, -1.0 * side}, 0.05);
+      rival.press({-5, -5, 5.0 * side}, {-5, -5, -1.0 * side}, 0.05);
       for (int i = 0; i < 200; ++i) {
         const Vec3 hip(-5 + 0.05 * i, -5 + 0.031 * i, -1.0 * side);
         const render::Frame frame = rival.to(hip);
@@ -196,11 +192,10 @@ TEST(SphereProxy, PlaneWithinTheDepthOfItsPits) {
 }
 
 TEST(SphereProxy, ThinSlabsHoldAtAnySpeed) {
-  const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
-  const Prepared rival = prepare(model_of(cloud_of(points)), "sphere-proxy:radius=2");
+  const auto points = flat_points(41, 0.25);
+  const Probe rival = prepare(model_of(points), "sphere-proxy:radius=2");
   for (const double step : {0.01, 0.5, 5.0, 50.0}) {
-    rival.renderer->restart({0.1, 0.2, 60});
-    const render::Frame frame = rival.glide({0.1, 0.2, 60}, {0.3, -0.1, -40}, step);
+    const render::Frame frame = rival.press({0.1, 0.2, 60}, {0.3, -0.1, -40}, step);
     ASSERT_TRUE(frame.contact) << step;
     EXPECT_NEAR(frame.god_object_mm.z(), 0.0, 0.2) << step;
     EXPECT_GT(frame.force_n.z(), 10.0);
@@ -209,17 +204,15 @@ TEST(SphereProxy, ThinSlabsHoldAtAnySpeed) {
 
 TEST(SphereProxy, KeptOffsetIsTheRadiusAndClumpsAreThinned) {
   const render::ModelInput model = model_of(cloud_of({{0, 0, 0}}));
-  const Prepared removed = prepare(model, "sphere-proxy:radius_mm=2");
-  const Prepared kept = prepare(model, "sphere-proxy:radius_mm=2:offset=kept");
-  for (const Prepared* rival : {&removed, &kept}) rival->renderer->restart({0, 0, 5});
+  const Probe removed = prepare(model, "sphere-proxy:radius_mm=2");
+  const Probe kept = prepare(model, "sphere-proxy:radius_mm=2:offset=kept");
+  for (const Probe* rival : {&removed, &kept}) rival->renderer->restart({0, 0, 5});
   EXPECT_FALSE(removed.to({0, 0, 1.5}).contact);
   EXPECT_NEAR(kept.to({0, 0, 1.5}).force_n.z(), kStiffness * 0.5, 1e-9);
   // More balls in reach than are kept at hand: one of each small cell stays, and the frames' bound is not
   // hit.
-  const Prepared clump =
-      prepare(model_of(cloud_of(random_points(20000, 0.5, 3))), "sphere-proxy:radius_mm=2");
-  clump.renderer->restart({0.2, 0.2, 20});
-  const render::Frame frame = clump.glide({0.2, 0.2, 20}, {0.2, 0.2, -1.0}, 0.1);
+  const Probe clump = prepare(model_of(random_points(20000, 0.5, 3)), "sphere-proxy:radius_mm=2");
+  const render::Frame frame = clump.press({0.2, 0.2, 20}, {0.2, 0.2, -1.0}, 0.1);
   EXPECT_TRUE(frame.contact);
   // The clump is 0.5 mm high: of the 3.5 mm from the HIP to the ball's place over it, 2 mm are the ball.
   EXPECT_NEAR(frame.force_n.z(), kStiffness * 1.5, kStiffness * 0.1);
@@ -227,14 +220,13 @@ TEST(SphereProxy, KeptOffsetIsTheRadiusAndClumpsAreThinned) {
 }
 
 TEST(SphereProxy, FrictionIsTheSharedStage) {
-  render::ModelInput model = model_of(cloud_of(height_points(101, 0.2, [](double, double) { return 0.0; })));
+  render::ModelInput model = model_of(flat_points(101, 0.2));
   model.surface.friction = {0.5, 0.5};
-  const Prepared rough = prepare(model, "sphere-proxy:radius=8");
+  const Probe rough = prepare(model, "sphere-proxy:radius=8");
   model.surface.friction = {};
-  const Prepared slick = prepare(model, "sphere-proxy:radius=8");
-  const auto slid = [](const Prepared& rival) {
-    rival.renderer->restart({-5, 0, 2});
-    rival.glide({-5, 0, 2}, {-5, 0, -1}, 0.05);
+  const Probe slick = prepare(model, "sphere-proxy:radius=8");
+  const auto slid = [](const Probe& rival) {
+    rival.press({-5, 0, 2}, {-5, 0, -1}, 0.05);
     return rival.glide({-5, 0, -1}, {5, 0, -1}, 0.05).force_n;
   };
   // In slip the cone's part is exactly the coefficient times the frictionless force, square to it, backwards.

@@ -4,7 +4,7 @@
 
 #include "baselines/points/gaps.h"
 #include "baselines/points/sdf_grid.h"
-#include "tests/baselines/point_rivals.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::test {
 namespace {
@@ -16,7 +16,7 @@ struct Uneven {
 };
 
 Uneven uneven(const std::string& generator, double depth) {
-  auto made = cloud::generate(parse_named_options(generator + ":mesh=false").value()).value();
+  auto made = generated(generator + ":mesh=false");
   Uneven out{model_of(made.cloud), weaving(*made.surface, 4000, depth), std::move(made.surface)};
   return out;
 }
@@ -28,7 +28,7 @@ struct Score {
 
 /// `sure_mm`: so deep, or so far outside, a force must be there, or not.
 Score score(const Uneven& set, const std::string& rival, double sure_mm) {
-  const Prepared probe = prepare(set.model, rival, 0);
+  const Probe probe = prepare(set.model, rival, 0);
   probe.renderer->restart(set.path.front());
   Score found;
   double error = 0.0, size = 0.0;
@@ -48,7 +48,7 @@ Score score(const Uneven& set, const std::string& rival, double sure_mm) {
 }
 
 TEST(Gaps, AreTheEmptyCirclesOfALattice) {
-  const auto points = height_points(61, 0.5, [](double, double) { return 0.0; });
+  const auto points = flat_points(61, 0.5);
   const baselines::Gaps gaps = baselines::measure_gaps(cloud_of(points), 1);
   EXPECT_NEAR(gaps.gap_mm, 0.5 / std::sqrt(2.0), 1e-6);
   EXPECT_FALSE(gaps.lines);
@@ -106,15 +106,10 @@ TEST_P(OnUneven, NothingFallsThroughScanLines) {
 INSTANTIATE_TEST_SUITE_P(Points, OnUneven,
                          testing::Values("sphere-proxy", "stream-proxy", "mls-penalty", "mls-proxy",
                                          "vector-field", "sdf-godobject", "variable-proxy"),
-                         [](const auto& rival) {
-                           std::string name = rival.param;
-                           std::replace(name.begin(), name.end(), '-', '_');
-                           return name;
-                         });
+                         [](const auto& rival) { return test_name(rival.param); });
 
 TEST(SdfGrid, HoldsTheDistanceToASphereAndItsGradient) {
-  const auto made =
-      cloud::generate(parse_named_options("sphere:extent_mm=20:points=20000:mesh=false").value()).value();
+  const auto made = generated("sphere:extent_mm=20:points=20000:mesh=false");
   const render::ModelInput model = model_of(made.cloud);
   render::PrepareReport report;
   auto oriented = baselines::build_oriented_grid(model, 1.0, "auto", false, {1, nullptr}, report).value();
@@ -153,10 +148,9 @@ TEST(SdfGrid, HoldsTheDistanceToASphereAndItsGradient) {
 TEST(SdfGodobject, HoldsAThinPlateHoweverDeepTheHip) {
   // 1 mm thick, pushed to 5: a field without a path would throw the HIP out on the other side.
   const Uneven set = uneven("slab:extent_mm=20:thickness_mm=1:sampling=random:points=40000", 0.1);
-  const Prepared rival = prepare(set.model, "sdf-godobject");
+  const Probe rival = prepare(set.model, "sdf-godobject");
   const Vec3 middle = set.model.cloud->box_mm().centre_mm();
-  rival.renderer->restart(middle + Vec3(0.3, 0.2, 5));
-  EXPECT_FALSE(rival.glide(middle + Vec3(0.3, 0.2, 5), middle + Vec3(0.3, 0.2, 0.6), 0.05).contact);
+  EXPECT_FALSE(rival.press(middle + Vec3(0.3, 0.2, 5), middle + Vec3(0.3, 0.2, 0.6), 0.05).contact);
   const render::Frame deep = rival.glide(middle + Vec3(0.3, 0.2, 0.6), middle + Vec3(0.3, 0.2, -4.5), 0.05);
   ASSERT_TRUE(deep.contact);
   EXPECT_NEAR(deep.force_n.z(), 5.0 * kStiffness, 0.05);
@@ -166,7 +160,7 @@ TEST(SdfGodobject, HoldsAThinPlateHoweverDeepTheHip) {
 
 TEST(SdfGodobject, IsEnteredAtAnySpeed) {
   const Uneven set = uneven("sphere:extent_mm=20:sampling=random:points=40000", 0.1);
-  const Prepared rival = prepare(set.model, "sdf-godobject");
+  const Probe rival = prepare(set.model, "sdf-godobject");
   const Vec3 middle = set.model.cloud->box_mm().centre_mm();
   for (const double from : {12.0, 30.0, 1000.0, 1e6}) {
     rival.renderer->restart(middle + Vec3(0, 0, from));
@@ -178,33 +172,25 @@ TEST(SdfGodobject, IsEnteredAtAnySpeed) {
 }
 
 TEST(SdfGodobject, SaysThatOpenSurfacesHaveOneSide) {
-  const render::ModelInput model =
-      model_of(cloud_of(height_points(41, 0.25, [](double, double) { return 0.0; })));
-  const Prepared up = prepare(model, "sdf-godobject"), down = prepare(model, "sdf-godobject:flip=true");
+  const render::ModelInput model = model_of(flat_points(41, 0.25));
+  const Probe up = prepare(model, "sdf-godobject"), down = prepare(model, "sdf-godobject:flip=true");
   EXPECT_EQ(up.report.warnings.size(), 1u);
   EXPECT_NE(up.renderer->describe().work_bound.find("one side"), std::string::npos);
-  up.renderer->restart({0, 0, 1});
-  EXPECT_NEAR(up.glide({0, 0, 1}, {0, 0, -0.5}, 0.05).force_n.z(), kStiffness * 0.5, 1e-5);
-  up.renderer->restart({0, 0, -1});
-  EXPECT_FALSE(up.glide({0, 0, -1}, {0, 0, 0.5}, 0.05).contact);
-  down.renderer->restart({0, 0, -1});
-  EXPECT_NEAR(down.glide({0, 0, -1}, {0, 0, 0.5}, 0.05).force_n.z(), -kStiffness * 0.5, 1e-5);
-  up.renderer->restart({8, 0, 1});
-  EXPECT_FALSE(up.glide({8, 0, 1}, {8, 0, -0.5}, 0.05).contact) << "beyond the border is nothing";
+  EXPECT_NEAR(up.press({0, 0, 1}, {0, 0, -0.5}, 0.05).force_n.z(), kStiffness * 0.5, 1e-5);
+  EXPECT_FALSE(up.press({0, 0, -1}, {0, 0, 0.5}, 0.05).contact);
+  EXPECT_NEAR(down.press({0, 0, -1}, {0, 0, 0.5}, 0.05).force_n.z(), -kStiffness * 0.5, 1e-5);
+  EXPECT_FALSE(up.press({8, 0, 1}, {8, 0, -0.5}, 0.05).contact) << "beyond the border is nothing";
 }
 
 TEST(SdfGodobject, RefusesWhatItCannotHoldWithARemedy) {
-  render::SceneInput scene;
-  scene.models.push_back(model_of(cloud_of(height_points(101, 0.25, [](double, double) { return 0.0; }))));
-  const auto refused = rival("sdf-godobject:voxel=0.1:memory_mb=5")->prepare(scene, {});
-  ASSERT_FALSE(refused.ok());
-  EXPECT_NE(refused.error().what.find("5 MB"), std::string::npos) << refused.error().what;
-  EXPECT_NE(refused.error().remedy.find("voxel"), std::string::npos);
+  render::SceneInput scene = scene_of(model_of(flat_points(101, 0.25)));
+  const Error refused = refusal("sdf-godobject:voxel=0.1:memory_mb=5", scene);
+  EXPECT_NE(refused.what.find("5 MB"), std::string::npos) << refused.what;
+  EXPECT_NE(refused.remedy.find("voxel"), std::string::npos);
   // Voxels that 32 bits cannot count.
   scene.models[0] = model_of(cloud_of({{0, 0, 0}, {1e-3, 0, 0}, {0, 1e-3, 0}, {1e9, 1e9, 1e9}}));
-  const auto uncounted = rival("sdf-godobject:voxel_mm=0.001")->prepare(scene, {});
-  ASSERT_FALSE(uncounted.ok());
-  EXPECT_NE(uncounted.error().remedy.find("voxel"), std::string::npos);
+  const Error uncounted = refusal("sdf-godobject:voxel_mm=0.001", scene);
+  EXPECT_NE(uncounted.remedy.find("voxel"), std::string::npos);
   render::Registry registry;
   baselines::register_baseline_renderers(registry);
   for (const char* bad : {"sdf-godobject:band=1", "sdf-godobject:voxel=0", "variable-proxy:radius=0",
@@ -218,14 +204,13 @@ class InAClump : public testing::TestWithParam<std::string> {};
 
 TEST_P(InAClump, NoMoreThanIsAtHandIsInReach) {
   // A plate, and 40,000 of its points within 1 mm: all of them are in a proxy's reach at once.
-  std::vector<Vec3> points = height_points(41, 0.5, [](double, double) { return 0.0; });
+  std::vector<Vec3> points = flat_points(41, 0.5);
   const std::size_t even = points.size();
   Random random(11);
   for (int i = 0; i < 40000; ++i)
     points.push_back(Vec3{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), 0.0});
-  const Prepared probe = prepare(model_of(cloud_of(points)), GetParam());
-  probe.renderer->restart({-4, 0, 2});
-  probe.glide({-4, 0, 2}, {-4, 0, -0.5}, 0.05);
+  const Probe probe = prepare(model_of(points), GetParam());
+  probe.press({-4, 0, 2}, {-4, 0, -0.5}, 0.05);
   // The mean direction of stream-proxy leans away from a clump beside it, so that its steps may be used up
   // there; balls know no density.
   const bool balls = GetParam().starts_with("sphere");
@@ -246,7 +231,7 @@ TEST_P(InAClump, NoMoreThanIsAtHandIsInReach) {
   };
   EXPECT_TRUE(std::any_of(probe.report.notes.begin(), probe.report.notes.end(), thinned));
   points.resize(even);
-  const Prepared whole = prepare(model_of(cloud_of(points)), GetParam());
+  const Probe whole = prepare(model_of(points), GetParam());
   EXPECT_TRUE(std::none_of(whole.report.notes.begin(), whole.report.notes.end(), thinned));
 }
 
@@ -258,13 +243,11 @@ INSTANTIATE_TEST_SUITE_P(Points, InAClump,
 
 TEST(ShellWalk, StopsAtTheBoundThatIsAskedFor) {
   // One long way along a plate, in a single frame.
-  const render::ModelInput plate =
-      model_of(cloud_of(height_points(81, 0.5, [](double, double) { return 0.0; })));
+  const render::ModelInput plate = model_of(flat_points(81, 0.5));
   double before = -10.0;
   for (const int steps : {4, 16, 200}) {
-    const Prepared probe = prepare(plate, "stream-proxy:walk_steps=" + std::to_string(steps));
-    probe.renderer->restart({-10, 0, 2});
-    probe.glide({-10, 0, 2}, {-10, 0, -0.5}, 0.05);
+    const Probe probe = prepare(plate, "stream-proxy:walk_steps=" + std::to_string(steps));
+    probe.press({-10, 0, 2}, {-10, 0, -0.5}, 0.05);
     const render::Frame frame = probe.to({10, 0, -0.5});
     EXPECT_EQ(frame.status == render::FrameStatus::kBoundHit, steps < 200) << steps;
     EXPECT_GT(frame.god_object_mm.x(), before + 1.0) << steps;
@@ -291,7 +274,7 @@ TEST_P(OnAStep, RadiiFollowTheDensity) {
   // One half 16 times as dense: a proxy of one radius for all must be as large as the sparse half needs.
   const Uneven set = uneven("plane:extent_mm=40:sampling=blue:density=16:points=20000:seed=3", 1.0);
   const auto ratio = [&](const std::string& name) {
-    const Prepared rival = prepare(set.model, name);
+    const Probe rival = prepare(set.model, name);
     const geometry::Aabb box = set.model.cloud->box_mm();
     const auto stays_off = [&](double x) {
       const Vec3 over(x, box.centre_mm().y(), box.high_mm.z() + 10.0);
@@ -312,15 +295,11 @@ TEST_P(OnAStep, RadiiFollowTheDensity) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Points, OnAStep, testing::Values("stream-proxy", "variable-proxy"),
-                         [](const auto& rival) {
-                           std::string name = rival.param;
-                           std::replace(name.begin(), name.end(), '-', '_');
-                           return name;
-                         });
+                         [](const auto& rival) { return test_name(rival.param); });
 
 TEST(StreamProxy, LocalRadiiAreTakenWhereTheDensityChangesAndNowhereElse) {
   const auto choice = [](const std::string& generator, const std::string& name) {
-    const Prepared made = prepare(uneven(generator, 1.0).model, name);
+    const Probe made = prepare(uneven(generator, 1.0).model, name);
     for (const render::ModelDecisions& model : made.report.decisions.models)
       for (const render::Decision& one : model.decisions)
         if (one.about == "radii") return one.choice;

@@ -9,9 +9,9 @@
 #include <fstream>
 #include <thread>
 
-#include "baselines/reconstruct/make_mesh.h"
+#include <palpate/generate.h>
+#include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
-#include "toolkit/cloud/generate.h"
 
 namespace palpate::baselines {
 namespace {

@@ -6,12 +6,11 @@
 #include <numeric>
 #include <set>
 
+#include <palpate/generate.h>
 #include "baselines/mesh/mesh_report.h"
-#include "baselines/reconstruct/make_mesh.h"
-#include "baselines/reconstruct/pole_labels.h"
+#include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/run_limited.h"
-#include "tests/baselines/volume.h"
-#include "toolkit/cloud/generate.h"
+#include "tests/baselines/meshes.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::baselines {
@@ -248,8 +247,8 @@ TEST(Reconstruction, ClosesClosedSurfacesOutward) {
         EXPECT_EQ(report.components, 1u) << name;
       }
       // The regular triangulation that the points come with is turned outward.
-      EXPECT_NEAR(volume_of(made.mesh), volume_of(*model->original_mesh),
-                  0.02 * volume_of(*model->original_mesh))
+      EXPECT_NEAR(test::volume_of(made.mesh), test::volume_of(*model->original_mesh),
+                  0.02 * test::volume_of(*model->original_mesh))
           << name;
     }
 }
@@ -302,7 +301,8 @@ TEST(Reconstruction, DoesNotDependOnTheOrderOfPoints) {
   const auto plain = make("alpha-shape", model.cloud), other = make("alpha-shape", shuffled);
   EXPECT_EQ(keys(plain.mesh, same), keys(other.mesh, order));
   const auto crust = make("power-crust", model.cloud), other_crust = make("power-crust", shuffled);
-  EXPECT_NEAR(volume_of(crust.mesh), volume_of(other_crust.mesh), 1e-3 * volume_of(crust.mesh));
+  EXPECT_NEAR(test::volume_of(crust.mesh), test::volume_of(other_crust.mesh),
+              1e-3 * test::volume_of(crust.mesh));
 }
 
 TEST(Reconstruction, NormalsByPlanesAndByCgalAgreeOnASphere) {
@@ -314,7 +314,8 @@ TEST(Reconstruction, NormalsByPlanesAndByCgalAgreeOnASphere) {
     const Made made = make("poisson", model.cloud, options);
     ASSERT_EQ(made.error, "") << normals;
     EXPECT_TRUE(is_cycle(made.mesh)) << normals;
-    EXPECT_NEAR(volume_of(made.mesh), volume_of(*model.original_mesh), 0.02 * volume_of(*model.original_mesh))
+    EXPECT_NEAR(test::volume_of(made.mesh), test::volume_of(*model.original_mesh),
+                0.02 * test::volume_of(*model.original_mesh))
         << normals;
   }
 }

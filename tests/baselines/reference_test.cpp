@@ -1,13 +1,11 @@
 #include <gtest/gtest.h>
 
+#include <palpate/paths.h>
+#include <palpate/replay.h>
 #include "baselines/reference/facet_tree.h"
 #include "baselines/reference/mesh_reference.h"
-#include "baselines/register.h"
-#include "tests/baselines/meshes.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/random.h"
-#include "toolkit/trace/paths.h"
-#include "toolkit/trace/replay.h"
+#include "tests/baselines/indexed.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::baselines {
 namespace {
@@ -35,8 +33,7 @@ TEST(FacetTree, ClosestAndCrossingAgreeWithBruteForce) {
   const FacetTree tree(*mesh);
   for (int i = 0; i < 500; ++i) {
     const Vec3 p{random.uniform(-60, 60), random.uniform(-60, 60), random.uniform(-60, 60)};
-    double least = 1e300;
-    for (const Facet& f : mesh->facets()) least = std::min(least, closest_on_facet(f, p).distance_sq);
+    const double least = test::least_distance_sq(*mesh, p);
     EXPECT_EQ(tree.closest(p).point.distance_sq, least);
     const Vec3 q{random.uniform(-45, 45), random.uniform(-45, 45), -60};
     EXPECT_NE(tree.first_crossing({q.x(), q.y(), 60}, q).facet, kNoFacet);
@@ -58,29 +55,17 @@ TEST(MeshTruth, SignedDistanceOfABoxEverywhere) {
 }
 
 TEST(MeshReference, AgreesWithTheClosestPointAndWithTheRenderer) {
-  const auto mesh = std::make_shared<geometry::TriangleMesh>(test::height_mesh(250, 50.0, test::sinusoid));
+  const geometry::TriangleMesh mesh = test::height_mesh(250, 50.0, test::sinusoid);
   const trace::ProbePath path = path_over(1.0, 6000);
-  auto truth = MeshTruth::build(*mesh, {});
+  auto truth = MeshTruth::build(mesh, {});
   ASSERT_TRUE(truth.ok());
   auto reference = mesh_reference(**truth, path, 0.5, 0.0, no_progress());
   ASSERT_TRUE(reference.ok()) << reference.error().message();
   ASSERT_EQ(reference->frames.size(), path.size());
   EXPECT_NE(reference->exactness.find("in 0 another part"), std::string::npos) << reference->exactness;
 
-  render::Registry registry;
-  register_baseline_renderers(registry);
-  Options options;
-  options.set("mesh", "original");
-  auto renderer = registry.make("mesh-godobject", options);
-  ASSERT_TRUE(renderer.ok());
-  render::SceneInput scene;
-  scene.models.resize(1);
-  scene.models[0].cloud = std::make_shared<cloud::Cloud>(
-      cloud::build_cloud(mesh->vertices_mm, cloud::NonFinite::kRefuse).value());
-  scene.models[0].original_mesh = mesh;
-  scene.models[0].surface.stiffness_n_per_mm = 0.5;
-  ASSERT_TRUE((*renderer)->prepare(scene, {1, nullptr}).ok());
-  auto trace = trace::replay(**renderer, path);
+  const test::Probe probe = test::prepare(test::model_of(mesh), "mesh-godobject:mesh=original");
+  auto trace = trace::replay(*probe.renderer, path);
   ASSERT_TRUE(trace.ok());
   std::size_t contact = 0, differ = 0;
   double worst = 0.0;
@@ -98,11 +83,11 @@ TEST(MeshReference, AgreesWithTheClosestPointAndWithTheRenderer) {
 }
 
 TEST(MeshReference, AgreesWithTheFormulaOnASphere) {
-  const auto model = cloud::generate(parse_named_options("sphere:points=20000").value()).value();
-  trace::PathTarget target;
+  const auto model = test::generated("sphere:points=20000");
+  paths::PathTarget target;
   target.surface = model.surface.get();
   target.box_mm = model.surface->box_mm();
-  const auto path = trace::make_path(parse_named_options("weave:frames=1500").value(), target).value();
+  const auto path = paths::make_path(parse_named_options("weave:frames=1500").value(), target).value();
   const auto truth = MeshTruth::build(*model.original_mesh, {}).value();
   const auto reference = mesh_reference(*truth, path, 0.5, 0, no_progress()).value();
   std::size_t contacts = 0;

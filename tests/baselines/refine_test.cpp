@@ -8,24 +8,11 @@
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/mesh_holder.h"
 #include "baselines/proximity/crossings.h"
-#include "baselines/proximity/mesh_gap.h"
-#include "tests/baselines/mesh_probe_stand.h"
-#include "tests/baselines/volume.h"
-#include "toolkit/core/random.h"
+#include "tests/baselines/indexed.h"
+#include "tests/baselines/stand.h"
 
 namespace palpate::baselines {
 namespace {
-
-struct Indexed {
-  SurfaceMesh mesh;
-  std::unique_ptr<SegmentIndex> index;
-};
-std::unique_ptr<Indexed> indexed(const geometry::TriangleMesh& source) {
-  auto made = std::make_unique<Indexed>();
-  made->mesh = std::move(SurfaceMesh::build(source, 1)).value();
-  made->index = std::make_unique<SegmentIndex>(std::move(SegmentIndex::build(made->mesh, 1)).value());
-  return made;
-}
 
 double area_of(const geometry::TriangleMesh& mesh) {
   double area = 0.0;
@@ -40,23 +27,18 @@ TEST(MeshGap, IsBruteForceInDouble) {
   constexpr std::uint64_t kSeed = 3;
   Random random(kSeed);
   const auto mesh = test::height_mesh(20, 10.0, [](double x, double y) { return std::sin(x) + 0.1 * y; });
-  const auto held = indexed(mesh);
+  const auto held = test::indexed(mesh);
   std::vector<Vec3> places;
   for (int i = 0; i < 300; ++i)
     places.push_back({random.uniform(-15, 15), random.uniform(-15, 15), random.uniform(-5, 5)});
   double sum = 0.0, most = 0.0;
   for (const Vec3& p : places) {
-    double least = HUGE_VAL;
-    for (const auto& t : mesh.triangles) {
-      Facet f{};
-      for (std::size_t i = 0; i < 3; ++i) f.corner[i] = mesh.vertices_mm[t[i]];
-      least = std::min(least, closest_on_facet(f, p).distance_sq);
-    }
+    const double least = test::least_distance_sq(mesh, p);
     sum += least;
     most = std::max(most, least);
   }
   for (const int threads : {1, 2}) {
-    const MeshGap gap = gap_to(held->mesh, *held->index, places, threads);
+    const MeshGap gap = gap_to(*held.mesh, *held.index, places, threads);
     EXPECT_NEAR(gap.rms_mm, std::sqrt(sum / 300.0), 1e-6);
     EXPECT_NEAR(gap.max_mm, std::sqrt(most), 1e-6);
   }
@@ -66,8 +48,8 @@ TEST(MeshGap, PlacesLieEvenlyOnTheMesh) {
   const auto mesh = test::box_mesh(3, 2, 1);
   const std::vector<Vec3> places = places_on(mesh, 20'000);
   ASSERT_EQ(places.size(), 20'000u);
-  const auto held = indexed(mesh);
-  EXPECT_LT(gap_to(held->mesh, *held->index, places, 1).max_mm, 1e-12);
+  const auto held = test::indexed(mesh);
+  EXPECT_LT(gap_to(*held.mesh, *held.index, places, 1).max_mm, 1e-12);
   // The share of the tops is that of their area, 48 of 88.
   const auto top = [](const Vec3& p) { return std::abs(std::abs(p.z()) - 1.0) < 1e-9; };
   EXPECT_NEAR(static_cast<double>(std::count_if(places.begin(), places.end(), top)) / 20'000.0, 48.0 / 88.0,
@@ -92,7 +74,7 @@ TEST(Repair, OrientsWeldsAndFillsHoles) {
   const SurfaceMeshCounts counts = SurfaceMesh::build(*whole, 1)->counts();
   EXPECT_EQ(counts.boundary_edges, 0u);
   EXPECT_EQ(counts.flipped_edges, 0u);
-  EXPECT_NEAR(std::abs(volume_of(*whole)), 1000.0, 1e-9);
+  EXPECT_NEAR(std::abs(test::volume_of(*whole)), 1000.0, 1e-9);
   EXPECT_NEAR(area_of(*whole), 600.0, 1e-9);
 }
 
@@ -107,7 +89,7 @@ TEST(Repair, KeepsTheRimOfAnOpenSheetAndCutsWhereTooManyMeet) {
   EXPECT_EQ(made->triangles.size(), 3u);
   EXPECT_EQ(report.cut, 1u);
   EXPECT_EQ(SurfaceMesh::build(*made, 1)->counts().boundary_edges > 0, true);
-  const auto sheet = test::height_mesh(40, 10.0, [](double, double) { return 0.0; });
+  const auto sheet = test::flat_mesh(40, 10.0);
   const auto same = repaired(sheet, 100, &report);
   ASSERT_TRUE(same.ok());
   EXPECT_EQ(same->triangles.size(), sheet.triangles.size());
@@ -121,15 +103,15 @@ TEST(Decimate, KeepsWhatItIsAskedAndTheShape) {
     const auto made = decimated(mesh, share);
     ASSERT_TRUE(made.ok());
     EXPECT_NEAR(static_cast<double>(made->triangles.size()), share * 20'000, 2.0);
-    const auto held = indexed(*made);
-    const MeshGap gap = gap_to(held->mesh, *held->index, mesh.vertices_mm, 1);
+    const auto held = test::indexed(*made);
+    const MeshGap gap = gap_to(*held.mesh, *held.index, mesh.vertices_mm, 1);
     EXPECT_GT(gap.rms_mm, former);  // fewer facets, further off
     former = gap.rms_mm;
     // The error of a triangulation with edges e is about curvature e^2 / 8: e^2 = 2 x 1 mm^2 / share here.
     EXPECT_LT(gap.rms_mm, 0.158 * 2.0 / share / 8.0);
   }
   // A plane loses nothing; far from the origin, and small and large, the same is kept.
-  const auto flat = test::height_mesh(30, 10.0, [](double, double) { return 0.0; });
+  const auto flat = test::flat_mesh(30, 10.0);
   for (const double scale : {1e-3, 1.0, 1e6}) {
     const geometry::RigidTransform far{Eigen::Quaterniond::Identity(), Vec3::Constant(1e4 * scale)};
     const auto moved = test::moved(flat, far, scale);
@@ -148,10 +130,10 @@ TEST(Decimate, FoldsNothing) {
   for (const double share : {0.5, 0.1, 0.01}) {
     const auto made = decimated(mesh, share);
     ASSERT_TRUE(made.ok());
-    const auto held = indexed(*made);
-    EXPECT_EQ(Crossings::find(held->mesh, *held->index, 0).pairs(), 0u) << share;
-    for (std::uint32_t f = 0; f < held->mesh.facets().size(); ++f)
-      ASSERT_GT(held->mesh.normal(half_facet(f, 0)).z(), 0.0) << share;
+    const auto held = test::indexed(*made);
+    EXPECT_EQ(Crossings::find(*held.mesh, *held.index, 0).pairs(), 0u) << share;
+    for (std::uint32_t f = 0; f < held.mesh->facets().size(); ++f)
+      ASSERT_GT(held.mesh->normal(half_facet(f, 0)).z(), 0.0) << share;
   }
 }
 
@@ -169,7 +151,7 @@ TEST(Smooth, TakesNoiseAndLeavesAPlane) {
   ASSERT_TRUE(made.ok());
   EXPECT_EQ(made->triangles.size(), noisy.triangles.size());
   EXPECT_LT(rough(*made), 0.5 * rough(noisy));
-  const auto flat = smoothed(test::height_mesh(20, 10.0, [](double, double) { return 0.0; }), 20);
+  const auto flat = smoothed(test::flat_mesh(20, 10.0), 20);
   ASSERT_TRUE(flat.ok());
   for (const Vec3& v : flat->vertices_mm) EXPECT_NEAR(v.z(), 0.0, 1e-12);
 }
@@ -179,7 +161,7 @@ TEST(Refine, IsAnOptionOfMeshRenderers) {
   const auto mesh = test::height_mesh(60, 50.0, test::sinusoid);
   for (const char* name : {"mesh-godobject", "mesh-proxy"}) {
     const std::string options = std::string(name) + ":mesh=original:repair=true:smooth=1:decimate=0.1";
-    test::Probe probe = test::make(mesh, options.c_str());
+    test::Probe probe = test::make(mesh, options);
     const auto* holder = dynamic_cast<const MeshHolder*>(probe.renderer.get());
     ASSERT_NE(holder, nullptr);
     EXPECT_NEAR(static_cast<double>(holder->mesh(0)->triangles.size()), 720.0, 2.0);
@@ -190,8 +172,7 @@ TEST(Refine, IsAnOptionOfMeshRenderers) {
     for (const auto& note : probe.report.notes) notes += note.find("Hausdorff") != std::string::npos;
     EXPECT_EQ(phases, 4u);
     EXPECT_EQ(notes, 1u);
-    probe.renderer->restart({0, 0, 30});
-    EXPECT_TRUE(probe.glide({0, 0, 30}, {0, 0, 18}, 0.5).contact);
+    EXPECT_TRUE(probe.press({0, 0, 30}, {0, 0, 18}, 0.5).contact);
   }
 }
 

@@ -1,29 +1,13 @@
 #include <gtest/gtest.h>
 
 #include "baselines/proximity/crossings.h"
-#include "tests/baselines/meshes.h"
+#include "tests/baselines/indexed.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::baselines {
 namespace {
 
 constexpr std::uint64_t kSeed = 20240607;
-
-struct Built {
-  std::unique_ptr<SurfaceMesh> mesh;
-  std::unique_ptr<SegmentIndex> index;
-};
-
-Built indexed(const geometry::TriangleMesh& mesh) {
-  Built result;
-  auto surface = SurfaceMesh::build(mesh, 1);
-  EXPECT_TRUE(surface.ok());
-  result.mesh = std::make_unique<SurfaceMesh>(std::move(surface).value());
-  auto index = SegmentIndex::build(*result.mesh, 1);
-  EXPECT_TRUE(index.ok());
-  result.index = std::make_unique<SegmentIndex>(std::move(index).value());
-  return result;
-}
 
 /// Segments through vertices, edges and facets of a bumpy surface, at several scales, near and far from the
 /// origin: not one may miss.
@@ -36,7 +20,7 @@ TEST(SegmentIndex, NoSegmentSlipsThroughEdgesOrVertices) {
     for (const double shift : {0.0, 1e5}) {
       const geometry::RigidTransform motion{Eigen::Quaterniond(0.5, 0.1, -0.7, 0.3).normalized(),
                                             Vec3::Constant(shift * scale)};
-      const Built built = indexed(test::moved(unit, motion, scale));
+      const test::Indexed built = test::indexed(test::moved(unit, motion, scale));
       const double reach = 3.0 * scale;
       for (int i = 0; i < 30000; ++i) {
         const auto f = static_cast<std::uint32_t>(random.below(built.mesh->facets().size()));
@@ -64,7 +48,7 @@ TEST(SegmentIndex, NoSegmentSlipsThroughEdgesOrVertices) {
 TEST(SegmentIndex, ChainsOfSegmentsMeetTheSurface) {
   RecordProperty("seed", std::to_string(kSeed));
   Random random(kSeed);
-  const Built built = indexed(test::height_mesh(40, 50.0, test::sinusoid));
+  const test::Indexed built = test::indexed(test::height_mesh(40, 50.0, test::sinusoid));
   std::size_t missed = 0;
   constexpr int kChains = 20000;
   for (int i = 0; i < kChains; ++i) {
@@ -82,11 +66,10 @@ TEST(SegmentIndex, ChainsOfSegmentsMeetTheSurface) {
 TEST(SegmentIndex, WithinAndNearestAgreeWithBruteForce) {
   RecordProperty("seed", std::to_string(kSeed));
   Random random(kSeed);
-  const Built built = indexed(test::height_mesh(20, 50.0, test::sinusoid));
+  const test::Indexed built = test::indexed(test::height_mesh(20, 50.0, test::sinusoid));
   for (int i = 0; i < 300; ++i) {
     const Vec3 p{random.uniform(-40, 40), random.uniform(-40, 40), random.uniform(-30, 30)};
-    double least = 1e300;
-    for (const Facet& f : built.mesh->facets()) least = std::min(least, closest_on_facet(f, p).distance_sq);
+    const double least = test::least_distance_sq(*built.mesh, p);
     const std::uint32_t near = built.index->nearest(p, 200.0);
     ASSERT_NE(near, kNoFacet);
     EXPECT_NEAR(closest_on_facet(built.mesh->facet(near), p).distance_sq, least, 1e-9 * least);
@@ -96,15 +79,12 @@ TEST(SegmentIndex, WithinAndNearestAgreeWithBruteForce) {
 }
 
 TEST(Crossings, TwoCrossingSheetsAreFoundAndAFoldedOneHasNone) {
-  const geometry::TriangleMesh flat = test::height_mesh(8, 10.0, [](double, double) { return 0.0; });
-  const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
-                                         Vec3(0.3, 0.1, 0.2)};
-  const Built crossing = indexed(test::joined(flat, test::moved(flat, upright)));
+  const test::Indexed crossing = test::indexed(test::crossing_sheets(8));
   const Crossings found = Crossings::find(*crossing.mesh, *crossing.index, 1);
   EXPECT_TRUE(found.any());
   for (std::uint32_t f = 0; f < crossing.mesh->facets().size(); ++f)
     for (const std::uint32_t g : found.of(f)) EXPECT_NE(f < 128, g < 128);
-  const Built single = indexed(test::height_mesh(30, 50.0, test::sinusoid));
+  const test::Indexed single = test::indexed(test::height_mesh(30, 50.0, test::sinusoid));
   EXPECT_FALSE(Crossings::find(*single.mesh, *single.index, 2).any());
 }
 

@@ -2,12 +2,14 @@
 #include <cstdio>
 #include <memory>
 
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/options.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include <palpate/generate.h>
+#include <palpate/options.h>
+#include <palpate/registry.h>
 #ifdef CONSUMER_BASELINES
-#include "baselines/register.h"
+#include <palpate/baselines.h>
+#endif
+#ifdef CONSUMER_DEVICE
+#include "device.h"
 #endif
 
 namespace {
@@ -56,6 +58,14 @@ int main() {
 #ifdef CONSUMER_BASELINES
   palpate::baselines::register_baseline_renderers(registry);
   status |= press(registry, "mesh-godobject", scene);
+#endif
+#ifdef CONSUMER_DEVICE
+  auto renderer = registry.make("cloud", {});
+  if (!renderer) return failed(renderer.error());
+  const auto prepared = (*renderer)->prepare(scene, {});
+  if (!prepared) return failed(prepared.error());
+  const auto middle = scene.models[0].analytic->at(0.5, 0.5);
+  status |= hold(**renderer, middle.point_mm, middle.normal);
 #endif
   return status;
 }

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <memory>
 
-#include "device/arms/arm_driver.h"
+#include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
 #include "toolkit/core/random.h"
 
@@ -58,12 +58,19 @@ struct ArmRig {
   int counter = 0;
 };
 
+/// The same, open.
+struct OpenArm : ArmRig {
+  explicit OpenArm(const std::string& name, const std::function<void(ArmDescription&)>& change = {})
+      : ArmRig(name, change) {
+    EXPECT_TRUE(ok(device->open()));
+  }
+};
+
 TEST(ArmDevice, RestsWhereItLiesStillAtTheStart) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   // Moving: not at rest, however long.
   for (int i = 0; i < 1000; ++i) ASSERT_FALSE(rig.counts8(1000 + 3 * i, 0, 0).homed) << i;
-  EXPECT_NE(arm_homing_prompt(rig.device->read().homing_step).find("rest pose"), std::string::npos);
+  EXPECT_TRUE(says(arm_homing_prompt(rig.device->read().homing_step), "rest pose"));
   const DeviceState state = rig.rest8(1234, -77, 50);
   ASSERT_TRUE(state.homed);
   EXPECT_EQ(arm_homing_prompt(rig.device->read().homing_step), "");
@@ -71,16 +78,14 @@ TEST(ArmDevice, RestsWhereItLiesStillAtTheStart) {
   EXPECT_NEAR((state.position_mm - Vec3(25, 0, 205)).norm(), 0.0, 1e-9) << "rest: forearm level, 245 out";
   EXPECT_EQ(state.raw.size, 8);
   // A flicker of an encoder at an edge is lying still too.
-  ArmRig flickering("woodenhaptics");
-  ASSERT_TRUE(flickering.device->open());
+  OpenArm flickering("woodenhaptics");
   DeviceState last;
   for (int i = 0; i < 503; ++i) last = flickering.counts8(7 + i % 2, -i % 3, 0);
   EXPECT_TRUE(last.homed);
 }
 
 TEST(ArmDevice, PositionsFollowTheCountsOverTheirWraps) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   // Rest two counts before the wrap of encoder c, then down by a quarter turn: 6000 counts of it.
   ASSERT_TRUE(rig.rest8(0, 0, 32766).homed);
   DeviceState state;
@@ -93,8 +98,7 @@ TEST(ArmDevice, PositionsFollowTheCountsOverTheirWraps) {
 }
 
 TEST(ArmDevice, AReportThatRepeatsItselfIsSilence) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   EXPECT_EQ(rig.counts8(1, 2, 3).status, ReadStatus::kFresh);
   rig.wire.give(words({9, 9, 9, rig.counter}));
   EXPECT_EQ(rig.frame().status, ReadStatus::kNothingNew);
@@ -103,8 +107,7 @@ TEST(ArmDevice, AReportThatRepeatsItselfIsSilence) {
 }
 
 TEST(ArmDevice, TheNewestOfSeveralReportsCounts) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   ASSERT_TRUE(rig.rest8().homed);
   for (int i = 1; i <= 10; ++i) rig.wire.give(words({5 * i, 0, 0, ++rig.counter}));
   const DeviceState state = rig.frame();
@@ -114,8 +117,7 @@ TEST(ArmDevice, TheNewestOfSeveralReportsCounts) {
 }
 
 TEST(ArmDevice, ForcesBecomeCurrentsByTheTransposedJacobian) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   ASSERT_TRUE(rig.rest8().homed);
   // 1 N upwards at a level forearm of 245: 245 N*mm about C, by 10 / 120 at the motor, at 25.9 N*mm/A: 788
   // mA.
@@ -131,8 +133,7 @@ TEST(ArmDevice, ForcesBecomeCurrentsByTheTransposedJacobian) {
 }
 
 TEST(ArmDevice, TheCapScalesAllThreeAndKeepsTheDirection) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   ASSERT_TRUE(rig.rest8().homed);
   rig.device->send(governed(Vec3(4, 2, 5)));
   const auto ma = rig.last_ma();
@@ -196,8 +197,7 @@ TEST(ArmDevice, TheWeightPassesBelowTheGovernorUntilCut) {
 }
 
 TEST(ArmDevice, OpeningAndEveryEndSendsZero) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   ASSERT_EQ(rig.wire.sent.size(), 1u);
   EXPECT_EQ(rig.wire.sent.front(), words({0, 0, 0, 0}));
   ASSERT_TRUE(rig.rest8().homed);
@@ -216,9 +216,7 @@ TEST(ArmDevice, OpeningAndEveryEndSendsZero) {
 
 TEST(ArmDevice, ASilentArmIsNotOpened) {
   ArmRig rig("woodenhaptics", {}, 3);
-  const auto opened = rig.device->open();
-  ASSERT_FALSE(opened);
-  EXPECT_NE(opened.error().message().find("silent"), std::string::npos);
+  EXPECT_TRUE(refused(rig.device->open(), "silent"));
   EXPECT_FALSE(rig.wire.open);
   rig.wire.give(words({0, 0, 0, 1}));
   EXPECT_TRUE(rig.device->open());
@@ -230,8 +228,7 @@ TEST(ArmDevice, ASilentArmIsNotOpened) {
 }
 
 TEST(ArmDevice, SaysWhatIsWrong) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   ASSERT_TRUE(rig.rest8().homed);
   EXPECT_EQ(rig.frame().status, ReadStatus::kNothingNew);
   for (int i = 0; i < 2; ++i) {
@@ -249,8 +246,7 @@ TEST(ArmDevice, SaysWhatIsWrong) {
 }
 
 TEST(ArmDevice, CountersThatJumpLoseTheRestPose) {
-  ArmRig rig("woodenhaptics");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("woodenhaptics");
   ASSERT_TRUE(rig.rest8(0, 0, 4000).homed);
   // Power was lost: the counters begin anew.
   const DeviceState jumped = rig.counts8(0, 0, 0);
@@ -260,7 +256,7 @@ TEST(ArmDevice, CountersThatJumpLoseTheRestPose) {
   EXPECT_EQ(rig.last_ma(), (std::array<int, 3>{0, 0, 0}));
   // Lying still somewhere is not rest now.
   EXPECT_FALSE(rig.rest8(0, 0, 0).homed);
-  EXPECT_NE(arm_homing_prompt(rig.device->read().homing_step).find("jumped"), std::string::npos);
+  EXPECT_TRUE(says(arm_homing_prompt(rig.device->read().homing_step), "jumped"));
   ASSERT_TRUE(rig.device->open());
   EXPECT_TRUE(rig.rest8(0, 0, 0).homed);
 }
@@ -274,12 +270,11 @@ TEST(ArmDevice, AnArmThatIsNotHomedMovesNothing) {
 }
 
 TEST(ArmDevice, TheButtonSetsTheArmsOwnCounters) {
-  ArmRig rig("polhem-v2");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("polhem-v2");
   EXPECT_FALSE(rig.counts14(100, 200, 300).homed);
   rig.device->send(governed(Vec3(1, 1, 1)));
   EXPECT_EQ(rig.wire.sent.back(), words({0, 0, 0, 0, 0, 0, 0}));
-  EXPECT_NE(arm_homing_prompt(rig.device->read().homing_step).find("button"), std::string::npos);
+  EXPECT_TRUE(says(arm_homing_prompt(rig.device->read().homing_step), "button"));
   EXPECT_FALSE(rig.counts14(100, 200, 300, 0, 1).homed);
   rig.device->send(governed(Vec3::Zero()));
   EXPECT_EQ(rig.wire.sent.back(), words({0, 0, 0, 1, 8327, -10926, 19386})) << "command 1";
@@ -301,8 +296,7 @@ TEST(ArmDevice, TheButtonSetsTheArmsOwnCounters) {
 }
 
 TEST(ArmDevice, AnAlternatingArmGetsOneCommandForEachReport) {
-  ArmRig rig("polhem-v3");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("polhem-v3");
   EXPECT_EQ(rig.wire.last_text(), "[0,0,0]        \n") << "it is woken";
   rig.device->send(governed(Vec3(0, 0, 1)));
   EXPECT_EQ(rig.wire.sent.size(), 1u) << "it has not answered";
@@ -324,8 +318,7 @@ TEST(ArmDevice, AnAlternatingArmGetsOneCommandForEachReport) {
 }
 
 TEST(ArmDevice, TextAddsTheCountsOfItsRestPose) {
-  ArmRig rig("polhem-v3");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("polhem-v3");
   const DeviceState state = rig.line(0, 0, 0);
   // By hand: elbow (-77.2, 135.5), forearm at -30.3 degrees, 35.8 out and 69.6 up, turned by 120.45 degrees.
   EXPECT_NEAR((state.position_mm - Vec3(-18.2 - 204.5, 30.9, 69.6 - 32.5)).norm(), 0.0, 1.0);
@@ -338,8 +331,7 @@ TEST(ArmDevice, TextAddsTheCountsOfItsRestPose) {
 }
 
 TEST(ArmDevice, TextOfAnotherModelOrWithAnErrorIsRefused) {
-  ArmRig rig("polhem-v3");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("polhem-v3");
   EXPECT_EQ(rig.line(0, 0, 0, 2).status, ReadStatus::kGarbled);
   EXPECT_FALSE(rig.line(0, 0, 0, 3).homed);
   EXPECT_EQ(rig.line(0, 0, 0).status, ReadStatus::kFresh);
@@ -357,8 +349,7 @@ TEST(ArmDevice, TextOfAnotherModelOrWithAnErrorIsRefused) {
 }
 
 TEST(ArmDevice, TornLinesAreWhole) {
-  ArmRig rig("polhem-v3");
-  ASSERT_TRUE(rig.device->open());
+  OpenArm rig("polhem-v3");
   rig.wire.give("0,0,0]\n[1,0,0,");
   EXPECT_EQ(rig.frame().status, ReadStatus::kNothingNew);
   rig.wire.give("0,0,0,0,0]\n[1,1,1,1,0,0,0,0]\n[1,2");
@@ -414,34 +405,28 @@ TEST(ArmDevice, LiesNeverGetForceThrough) {
 }
 
 TEST(ArmDriver, MakesWhatIsNamedAndRefusesTheRest) {
-  Drivers drivers;
-  register_arm_driver(drivers);
-  const Driver* driver = drivers.of("arm:polhem-v3");
-  ASSERT_NE(driver, nullptr);
+  const Driver driver = driver_of(&register_arm_driver, "arm:polhem-v3");
   const MonotonicClock clock;
   const auto made =
-      driver->make({"arm:polhem-v3", {}, {{"current_cap_a", "1.5"}, {"path", "/dev/none"}}}, clock);
+      driver.make({"arm:polhem-v3", {}, {{"current_cap_a", "1.5"}, {"path", "/dev/none"}}}, clock);
   ASSERT_TRUE(made) << made.error().message();
   EXPECT_EQ(made->device->name(), "arm:polhem-v3");
   EXPECT_TRUE(made->zero);
   EXPECT_FALSE(made->zero()) << "there is none";
   EXPECT_GE(made->unproven.size(), 1u);
   EXPECT_FALSE(made->device->open());
-  const auto refused = [&](const DeviceRequest& request) {
-    const auto result = driver->make(request, clock);
-    return result ? std::string("made") : result.error().message();
-  };
-  EXPECT_NE(refused({"arm", {}, {}}).find("not which arm"), std::string::npos);
-  EXPECT_NE(refused({"arm:polhem-v4", {}, {}}).find("did you mean"), std::string::npos);
-  EXPECT_NE(refused({"arm:polhem-v3", "x.toml", {}}).find("description given too"), std::string::npos);
-  EXPECT_NE(refused({"arm", "/nowhere/x.toml", {}}).find("/nowhere/x.toml"), std::string::npos);
-  EXPECT_NE(refused({"arm:polhem-v3", {}, {{"colour", "red"}}}).find("no option"), std::string::npos);
-  EXPECT_NE(refused({"arm:polhem-v3", {}, {{"current_cap_a", "3"}}}).find("current_cap_a"), std::string::npos)
+  const auto refused = [&](const DeviceRequest& request) { return refusal_of(driver, request); };
+  EXPECT_TRUE(says(refused({"arm", {}, {}}), "not which arm"));
+  EXPECT_TRUE(says(refused({"arm:polhem-v4", {}, {}}), "did you mean"));
+  EXPECT_TRUE(says(refused({"arm:polhem-v3", "x.toml", {}}), "description given too"));
+  EXPECT_TRUE(says(refused({"arm", "/nowhere/x.toml", {}}), "/nowhere/x.toml"));
+  EXPECT_TRUE(says(refused({"arm:polhem-v3", {}, {{"colour", "red"}}}), "no option"));
+  EXPECT_TRUE(says(refused({"arm:polhem-v3", {}, {{"current_cap_a", "3"}}}), "current_cap_a"))
       << "raised in the description alone";
-  EXPECT_NE(refused({"arm:polhem-v3", {}, {{"force_n", "nan"}}}).find("force_n"), std::string::npos);
-  EXPECT_NE(refused({"arm:polhem-v3", {}, {{"weight", "on"}}}).find("chain"), std::string::npos);
-  EXPECT_NE(refused({"arm:polhem-v3", {}, {{"weight", "yes"}}}).find("on or off"), std::string::npos);
-  const auto entries = driver->look();
+  EXPECT_TRUE(says(refused({"arm:polhem-v3", {}, {{"force_n", "nan"}}}), "force_n"));
+  EXPECT_TRUE(says(refused({"arm:polhem-v3", {}, {{"weight", "on"}}}), "chain"));
+  EXPECT_TRUE(says(refused({"arm:polhem-v3", {}, {{"weight", "yes"}}}), "on or off"));
+  const auto entries = driver.look();
   EXPECT_GE(entries.size(), 6u);
   for (const DeviceEntry& entry : entries) {
     EXPECT_TRUE(entry.name.starts_with("arm:"));

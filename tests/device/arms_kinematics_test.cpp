@@ -1,5 +1,4 @@
 // Chains and five-bar linkages: by the published formulas, by their own constraints, by finite differences.
-#include "device/arms/arm_kinematics.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,4 @@
 // What arms say and hear, to the byte; what is no report; description files and their errors.
-#include "device/arms/arm_protocol.h"
 
 #include <gtest/gtest.h>
 
@@ -8,10 +7,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 
 #include "device/arms/arm_description.h"
+#include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
 #include "toolkit/core/random.h"
 
@@ -96,7 +95,7 @@ TEST(ArmProtocol, LinesAreFoundInADamagedStream) {
   EXPECT_EQ(reader.malformed_in_a_row(), 3u);
   EXPECT_EQ(feed("[1,1,2,3,0,0,0,0]\n"), 1);
   EXPECT_EQ(reader.malformed_in_a_row(), 0u);
-  EXPECT_EQ(feed(std::string(10 * ArmLineReader::kMostLine, 'x')), 0);
+  EXPECT_EQ(feed(std::string(10 * ArmLineReader::kMaxLine, 'x')), 0);
   EXPECT_GE(reader.malformed_in_a_row(), 9u) << "a line that never ends";
   EXPECT_EQ(feed("[1,1,2,3,0,0,0,0]\n"), 0) << "the end of that line";
   EXPECT_EQ(feed("[1,1,2,3,0,0,0,0]\n"), 1);
@@ -196,8 +195,8 @@ TEST(ArmDescription, WhatIsWrongIsSaidWithFileLineAndRemedy) {
     const Error& error = read.error();
     EXPECT_EQ(error.file, "w.toml") << wrong.to;
     EXPECT_GT(error.line, 0) << wrong.to;
-    EXPECT_NE(error.message().find(wrong.what), std::string::npos) << wrong.to << ": " << error.message();
-    EXPECT_NE(error.message().find(wrong.remedy), std::string::npos) << wrong.to << ": " << error.message();
+    EXPECT_TRUE(says(error.message(), wrong.what)) << wrong.to << ": " << error.message();
+    EXPECT_TRUE(says(error.message(), wrong.remedy)) << wrong.to << ": " << error.message();
   }
 }
 
@@ -206,11 +205,9 @@ TEST(ArmDescription, ALinkageThatCannotRestSoIsRefused) {
   for (const KnownArm& known : built_in_arms())
     if (known.name == "polhem-v3") text = known.text;
   const std::string from = "counts = [8312, -10366, 19764]";
-  ASSERT_NE(text.find(from), std::string::npos);
+  ASSERT_TRUE(says(text, from));
   text.replace(text.find(from), from.size(), "counts = [8312, 10366, -19764]");
-  const auto read = parse_arm_description(text, "p.toml");
-  ASSERT_FALSE(read);
-  EXPECT_NE(read.error().message().find("rest pose"), std::string::npos);
+  EXPECT_TRUE(refused(parse_arm_description(text, "p.toml"), "rest pose"));
 }
 
 TEST(ArmDescription, TheUsersOwnStandForThoseBuiltIn) {
@@ -232,20 +229,14 @@ TEST(ArmDescription, TheUsersOwnStandForThoseBuiltIn) {
   else
     ::setenv("XDG_CONFIG_HOME", kept.c_str(), 1);
   ASSERT_FALSE(none);
-  EXPECT_NE(none.error().remedy.find("did you mean"), std::string::npos) << none.error().message();
+  EXPECT_TRUE(says(none.error().remedy, "did you mean")) << none.error().message();
   std::filesystem::remove_all(folder);
 }
 
 TEST(OpenDevicesFuzz, TheCorpusAndManyOthersPass) {
-  int files = 0;
-  for (const auto& entry :
-       std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/open_devices")) {
-    std::ifstream file(entry.path(), std::ios::binary);
-    const TestBytes bytes((std::istreambuf_iterator<char>(file)), {});
-    EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0) << entry.path();
-    ++files;
-  }
-  EXPECT_GE(files, 6);
+  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/open_devices");
+  EXPECT_GE(corpus.size(), 6u);
+  for (const auto& bytes : corpus) EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0);
   Random random(41);
   const std::string kinds = "abcspd";
   const std::string line = "[1,10,20,30,0,0,0,0]\n";

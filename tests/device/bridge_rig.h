@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/clock.h>
+#include <palpate/device/force_governor.h>
 #include "device/bridge/bridge_device.h"
-#include "device/bridge/far_end.h"
-#include "device/interface/force_governor.h"
-#include "toolkit/core/clock.h"
+#include "device/bridge/bridge_server.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::device {
@@ -174,7 +174,7 @@ class HeldDevice final : public Device {
 
 /// Host, network and far end at 1 kHz. The far end ticks half a period after the host.
 struct BridgeRig {
-  explicit BridgeRig(std::uint64_t seed = 1, const FarEndOptions& far_options = {})
+  explicit BridgeRig(std::uint64_t seed = 1, const BridgeServerOptions& far_options = {})
       : network(clock, seed), port(network), far(held, port, clock, far_options) {
     BridgeOptions options;
     options.name = "bridge:rig";
@@ -216,7 +216,7 @@ struct BridgeRig {
   PretendedNetwork network;
   PretendedPort port;
   HeldDevice held{clock};
-  FarEnd far;
+  BridgeServer far;
   PretendedLink* link = nullptr;
   std::unique_ptr<BridgeDevice> device;
   std::optional<ForceGovernor> governor;

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "device/simulated/arm_models.h"
-#include "device/simulated/loop_theory.h"
 #include "tests/device/rig.h"
 
 namespace palpate::device {
@@ -39,7 +38,7 @@ TEST(ClosedLoop, APressedWallAndAHandShareTheDepthAsTwoSprings) {
   EXPECT_EQ(done.fault, Fault::kNone);
   // 2 mm of goal, 0.4 N/mm of hand, 0.5 N/mm of wall.
   EXPECT_NEAR(done.hip.hip_mm.back().z(), -2.0 * 0.4 / 0.9, 1e-4);
-  EXPECT_NEAR(done.shown_n.back().z(), 0.5 * 2.0 * 0.4 / 0.9, 1e-4);
+  EXPECT_NEAR(done.motor_force_n.back().z(), 0.5 * 2.0 * 0.4 / 0.9, 1e-4);
   EXPECT_FALSE(swing_of(done.hip, Vec3::UnitZ(), 1e-6).sustained);
 }
 
@@ -102,7 +101,7 @@ TEST(ClosedLoop, TooStiffAWallIsSeenToBuzzAndASoftOneToRest) {
 
 TEST(ClosedLoop, LetGoTheDeviceLeavesTheWallAndFrictionHoldsIt) {
   LoopCase c;
-  c.script = let_go(kPlace, {});
+  c.script = release_contact(kPlace, {});
   const LoopRun done = run(c);
   EXPECT_GT(done.hip.hip_mm.back().z(), 0.0);
   EXPECT_EQ(done.felt.frames.back().force_n, Vec3::Zero());
@@ -151,7 +150,7 @@ void expect_same_run(const LoopRun& a, const LoopRun& b) {
   EXPECT_EQ(trace::path_hash(a.measured), trace::path_hash(b.measured));
   EXPECT_EQ(trace::trace_hash(a.felt), trace::trace_hash(b.felt));
   EXPECT_EQ(a.sent_n, b.sent_n);
-  EXPECT_EQ(a.shown_n, b.shown_n);
+  EXPECT_EQ(a.motor_force_n, b.motor_force_n);
   EXPECT_EQ(a.least_environment_mj, b.least_environment_mj);
   EXPECT_EQ(a.energy.hand(), b.energy.hand());
   EXPECT_EQ(a.fault, b.fault);
@@ -181,7 +180,7 @@ TEST(ClosedLoop, WhatStillMovesOrIsStillToChangeIsSimulated) {
   expect_same_run(run_counted(swinging, changing_too), ended);
   EXPECT_LT(ended.hip.hip_mm.back().z(), ended.hip.hip_mm[1400].z() - 0.1) << "deeper into a softer wall";
   LoopCase released;  // the hand lets go later: what rests before that does not rest for good
-  released.script = let_go(kPlace, {});
+  released.script = release_contact(kPlace, {});
   released.loop.still_s = 0.1;
   CountedPlane wall, same_wall;
   const LoopRun let = run_counted(released, wall);
@@ -257,7 +256,7 @@ TEST(Admittance, RendersAStifferWallThanAnyImpedanceDeviceUnderTheSameHand) {
   EXPECT_EQ(done.fault, Fault::kNone);
   EXPECT_FALSE(swing_of(done.hip, Vec3::UnitZ(), 0.01).sustained);
   EXPECT_NEAR(done.hip.hip_mm.back().z(), -4.0 * 0.4 / 20.4, 0.02);
-  EXPECT_NEAR(done.shown_n.back().z(), 0.4 * (4.0 - 4.0 * 0.4 / 20.4), 0.02) << "what the hand feels";
+  EXPECT_NEAR(done.motor_force_n.back().z(), 0.4 * (4.0 - 4.0 * 0.4 / 20.4), 0.02) << "what the hand feels";
 }
 
 TEST(Admittance, RefusesWhatIsNotRight) {

@@ -5,8 +5,9 @@
 #include <iterator>
 #include <set>
 
-#include "device/drivers/all_drivers.h"
-#include "device/drivers/known_usb.h"
+#include <palpate/device/drivers.h>
+#include "device/drivers/usb_ids.h"
+#include "tests/device/helpers.h"
 
 namespace palpate::device {
 namespace {
@@ -49,11 +50,11 @@ TEST(UdevRules, TheInstalledFileIsThatOfTheTable) {
 }
 
 TEST(UdevRules, GiveAccessToWhoSitsThereAndToNobodyElse) {
-  for (const KnownUsb& device : known_usb()) {
+  for (const UsbId& device : known_usb_ids()) {
     const std::string rule = udev_rule(device);
-    EXPECT_NE(rule.find("MODE=\"0660\", TAG+=\"uaccess\""), std::string::npos) << rule;
-    EXPECT_NE(rule.find(device.vendor), std::string::npos) << rule;
-    EXPECT_EQ(rule.find("0666"), std::string::npos) << rule;
+    EXPECT_TRUE(says(rule, "MODE=\"0660\", TAG+=\"uaccess\""));
+    EXPECT_TRUE(says(rule, device.vendor));
+    EXPECT_FALSE(says(rule, "0666"));
     EXPECT_EQ(std::string(device.vendor).size(), 4u);
   }
   EXPECT_EQ(
@@ -69,7 +70,7 @@ TEST(UdevRules, OpenNoKeyboard) {
   const std::set<std::string> shared = {"046d", "256f"};
   const std::set<std::string> others = {"c650", "c651", "c654", "c655", "c656",
                                         "c657", "c658", "c664", "c665", "c668"};
-  for (const KnownUsb& device : known_usb()) {
+  for (const UsbId& device : known_usb_ids()) {
     EXPECT_TRUE(shared.count(device.vendor) == 0 || device.product[0] != '\0') << device.vendor;
     EXPECT_EQ(others.count(device.product), 0u) << device.product;
   }

@@ -1,7 +1,5 @@
 // The Falcon's set-up and the device over it, against a simulated Falcon on virtual time, with the real
 // governor and servo: no frame with force follows a fault.
-#include "device/falcon/falcon_device.h"
-
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -9,8 +7,12 @@
 #include <utility>
 #include <vector>
 
-#include "device/safety/watchdog.h"
-#include "device/servo/servo.h"
+#include <palpate/clock.h>
+#include <palpate/device/servo.h>
+#include <palpate/device/watchdog.h>
+#include "device/falcon/falcon_device.h"
+#include "tests/device/helpers.h"
+#include "tests/device/hid_fake_link.h"
 #include "tests/device/mock/falcon_link.h"
 #include "tests/device/rig.h"
 
@@ -18,15 +20,6 @@ namespace palpate::device {
 namespace {
 
 constexpr std::array<int, 3> kCentreCounts = {-96, -96, -96};
-
-std::array<int, 3> counts_at(const Vec3& device_mm) {
-  const Vec3 counts =
-      falcon_counts_of_angles(falcon_angles(device_mm + Vec3{0.0, 0.0, kFalconCentreMm}).value());
-  std::array<int, 3> rounded{};
-  for (int leg = 0; leg < 3; ++leg)
-    rounded[static_cast<std::size_t>(leg)] = static_cast<int>(std::lround(counts[leg]));
-  return rounded;
-}
 
 struct FalconRig {
   explicit FalconRig(FalconOptions options = {}) {
@@ -58,8 +51,7 @@ struct FalconRig {
 
 TEST(FalconBoot, LoadsTheImageByteForByteWhereNoneRuns) {
   FalconRig rig;
-  const Status opened = rig.device->open();
-  ASSERT_TRUE(opened) << opened.error().message();
+  ASSERT_TRUE(ok(rig.device->open()));
   EXPECT_EQ(rig.board.loaded(), rig.image);
   EXPECT_EQ(rig.board.stage(), FalconBoard::Stage::kRunning);
   EXPECT_EQ(rig.board.resets(), 1);
@@ -122,7 +114,7 @@ TEST(FalconBoot, AWrongEchoIsTriedAgainUpToTenTimes) {
   hopeless.board.faults.wrong_echoes = 1000;
   const Status opened = hopeless.device->open();
   ASSERT_FALSE(opened);
-  EXPECT_NE(opened.error().what.find("echoed"), std::string::npos) << opened.error().message();
+  EXPECT_TRUE(says(opened.error().what, "echoed")) << opened.error().message();
   EXPECT_EQ(hopeless.link->opens, 10);
   EXPECT_NE(hopeless.board.stage(), FalconBoard::Stage::kRunning);
 }
@@ -131,9 +123,7 @@ TEST(FalconBoot, WithoutFirmwareItSaysWhatIsMissingAndSendsNoByteOfIt) {
   FalconOptions options;
   options.firmware = [] { return find_falcon_firmware({"", "", {"/nowhere/at/all"}}); };
   FalconRig rig(options);
-  const Status opened = rig.device->open();
-  ASSERT_FALSE(opened);
-  EXPECT_NE(opened.error().message().find("/nowhere/at/all"), std::string::npos);
+  EXPECT_TRUE(refused(rig.device->open(), "/nowhere/at/all"));
   EXPECT_EQ(rig.board.resets(), 0) << "not even reset";
   FalconRig wrong;
   wrong.image[0] = 0xAB;
@@ -152,14 +142,11 @@ TEST(FalconBoot, EveryOtherFailureIsBoundedAndSaid) {
     EXPECT_FALSE(rig.device->cut_force()) << "closed again";
     return opened ? std::string() : opened.error().what;
   };
-  EXPECT_NE(failure([](FalconRig& rig) { rig.board.faults.mute_rom = true; }).find("does not answer"),
-            std::string::npos);
-  EXPECT_NE(
-      failure([](FalconRig& rig) { rig.board.faults.dead_image = true; }).find("does not answer packets"),
-      std::string::npos);
-  EXPECT_NE(failure([](FalconRig& rig) { rig.link->jammed = true; }).find("takes no bytes"),
-            std::string::npos);
-  EXPECT_NE(failure([](FalconRig& rig) { rig.link->unplugged = true; }).find("no device"), std::string::npos);
+  EXPECT_TRUE(says(failure([](FalconRig& rig) { rig.board.faults.mute_rom = true; }), "does not answer"));
+  EXPECT_TRUE(
+      says(failure([](FalconRig& rig) { rig.board.faults.dead_image = true; }), "does not answer packets"));
+  EXPECT_TRUE(says(failure([](FalconRig& rig) { rig.link->jammed = true; }), "takes no bytes"));
+  EXPECT_TRUE(says(failure([](FalconRig& rig) { rig.link->unplugged = true; }), "no device"));
 }
 
 TEST(FalconBoot, TheEventCharacterIsOnInUseAloneAndOnlyWhenAsked) {
@@ -178,7 +165,7 @@ TEST(FalconDevice, ReadsPositionsButtonsBytesAndTimes) {
   FalconRig::prepared(rig.board);
   ASSERT_TRUE(rig.device->open());
   (void)rig.exchange();
-  rig.board.counts = counts_at(Vec3{10, -20, 15});
+  rig.board.counts = falcon_counts_at(Vec3{10, -20, 15});
   rig.board.buttons = 5;
   const DeviceState state = rig.exchange();
   EXPECT_EQ(state.status, ReadStatus::kFresh);
@@ -200,26 +187,16 @@ TEST(FalconDevice, LimitsAreTwoNewtonsUntilCalibrated) {
   EXPECT_FALSE(FalconRig(options).device->open());
 }
 
-/// A governed force, over a soft start.
-GovernedForce governed(ForceGovernor& governor, const Vec3& newtons) {
-  governor.arm(0.0);
-  DeviceState state;
-  state.status = ReadStatus::kFresh;
-  for (int i = 0; i < 600; ++i) (void)governor.govern(i * 1e-3, state, newtons);
-  return governor.govern(0.6, state, newtons);
-}
-
 TEST(FalconDevice, ForceBecomesTheTorquesOfTheKnownPoseTimesK) {
   for (const double k : {10.0, 3.6}) {
     FalconOptions options;
     options.counts_per_n_mm = k;
     FalconRig rig(options);
     rig.board.run_firmware();
-    rig.board.home(counts_at(Vec3::Zero()));
+    rig.board.home(falcon_counts_at(Vec3::Zero()));
     ASSERT_TRUE(rig.device->open());
     ASSERT_TRUE(rig.exchange().homed);
-    ForceGovernor governor = ForceGovernor::create(rig.device->limits(), {}).value();
-    rig.device->send(governed(governor, Vec3{1.0, 0.0, 0.0}));
+    rig.device->send(governed(Vec3{1.0, 0.0, 0.0}));
     const std::array<double, 3> known = {18.64, -62.99, 44.35};  // N mm for 1 N along x
     for (std::size_t leg = 0; leg < 3; ++leg)
       EXPECT_NEAR(rig.board.held().motors[leg], -k * known[leg], 0.5 + 0.02 * k) << leg;
@@ -236,10 +213,7 @@ TEST(FalconDevice, AForceBeyondTheMotorsKeepsItsDirection) {
   FalconRig::prepared(rig.board);
   ASSERT_TRUE(rig.device->open());
   ASSERT_TRUE(rig.exchange().homed);
-  GovernorOptions strong;
-  strong.user_limit_n = 8.0;
-  ForceGovernor governor = ForceGovernor::create(rig.device->limits(), strong).value();
-  rig.device->send(governed(governor, Vec3{4.0, 0.0, 0.0}));
+  rig.device->send(governed(Vec3{4.0, 0.0, 0.0}));
   EXPECT_EQ(rig.board.held().motors[1], 4095);
   EXPECT_NEAR(rig.board.held().motors[0], -4095.0 * 18.64 / 62.99, 10.0);
   EXPECT_NEAR(rig.board.held().motors[2], -4095.0 * 44.35 / 62.99, 10.0);
@@ -250,10 +224,9 @@ TEST(FalconDevice, HomingIsPromptedAndNothingPushesBeforeIt) {
   rig.board.run_firmware();
   rig.board.counts = {12'000, -7'000, 31'000};  // nonsense that no pose has
   ASSERT_TRUE(rig.device->open());
-  EXPECT_NE(falcon_homing_prompt(0).find("Pull the grip all the way out"), std::string::npos);
-  EXPECT_NE(falcon_homing_prompt(5).find("2 of 3"), std::string::npos);
+  EXPECT_TRUE(says(falcon_homing_prompt(0), "Pull the grip all the way out"));
+  EXPECT_TRUE(says(falcon_homing_prompt(5), "2 of 3"));
   EXPECT_TRUE(falcon_homing_prompt(FalconReply::kAllLegs).empty());
-  ForceGovernor governor = ForceGovernor::create(rig.device->limits(), {}).value();
   for (const std::uint8_t legs : std::array<std::uint8_t, 3>{0, 1, 3}) {
     rig.board.homed = legs;
     const DeviceState state = rig.exchange();
@@ -261,11 +234,11 @@ TEST(FalconDevice, HomingIsPromptedAndNothingPushesBeforeIt) {
     EXPECT_FALSE(state.homed);
     EXPECT_EQ(rig.device->homed_legs(), legs);
     EXPECT_EQ(state.position_mm, Vec3::Zero());
-    rig.device->send(governed(governor, Vec3{1.0, 0.0, 0.0}));
+    rig.device->send(governed(Vec3{1.0, 0.0, 0.0}));
     EXPECT_FALSE(rig.board.holds_force()) << "whatever is asked";
     EXPECT_EQ(rig.board.held().flags, FalconCommand::kHoming | FalconCommand::kRed);
   }
-  rig.board.home(counts_at(Vec3{0, 0, 30}));
+  rig.board.home(falcon_counts_at(Vec3{0, 0, 30}));
   const DeviceState homed = rig.exchange();
   EXPECT_TRUE(homed.homed);
   EXPECT_LT((homed.position_mm - Vec3(0, 0, 30)).norm(), 0.1);
@@ -334,7 +307,7 @@ struct PressRig : FalconRig {
     EXPECT_TRUE(servo.start().ok());
     for (int i = 0; i < 10; ++i) tick();
     for (int step = 0; step <= 50; ++step) {  // slowly into the plane z = 0
-      board.counts = counts_at(Vec3{0, 0, 1.0 - 0.1 * step});
+      board.counts = falcon_counts_at(Vec3{0, 0, 1.0 - 0.1 * step});
       tick();
     }
     for (int i = 0; i < 700; ++i) tick();
@@ -387,7 +360,7 @@ TEST(FalconFaults, EachIsSeenAndFollowedByZero) {
   EXPECT_EQ(homing, Fault::kHomingLost);
   EXPECT_LE(homing_ms, 3);
   const auto [jump, jump_ms] = after([](PressRig& rig) {
-    const std::array<int, 3> far = counts_at(Vec3{0, 12, -4});
+    const std::array<int, 3> far = falcon_counts_at(Vec3{0, 12, -4});
     for (std::size_t leg = 0; leg < 3; ++leg) rig.board.faults.jump[leg] = far[leg] - rig.board.counts[leg];
   });
   EXPECT_EQ(jump, Fault::kJump);
@@ -432,5 +405,60 @@ TEST(FalconFaults, UnpluggedAndBackTenTimes) {
   }
 }
 
+using Options = std::vector<std::pair<std::string, std::string>>;
+
+Result<MadeDevice> made_falcon(const std::string& name, Options options = {},
+                               const std::string& description = {}) {
+  static const MonotonicClock clock;
+  return driver_of(&register_falcon_driver, name).make({name, description, std::move(options)}, clock);
+}
+
+std::string problem(const std::string& name, Options options = {}, const std::string& description = {}) {
+  const auto made = made_falcon(name, std::move(options), description);
+  return made ? std::string("fine") : made.error().message();
+}
+
+TEST(FalconDriver, MakesADeviceThatIsNotOpen) {
+  const auto made = made_falcon("falcon");
+  ASSERT_TRUE(made);
+  EXPECT_EQ(made->device->name(), "falcon");
+  EXPECT_EQ(made->device->limits().force_max_n, 2.0);
+  EXPECT_EQ(made->device->read().status, ReadStatus::kLost);
+  EXPECT_FALSE(made->device->cut_force());
+  EXPECT_TRUE(made->zero);
+  EXPECT_GE(made->unproven.size(), 4u);
+}
+
+TEST(FalconDriver, CalibratedItIsStrongerAndDoubtsLess) {
+  const auto made = made_falcon(
+      "falcon:A7", {{"k", "3.6"}, {"calibrated", "yes"}, {"event-character", "off"}, {"firmware", "f.bin"}});
+  ASSERT_TRUE(made) << made.error().message();
+  EXPECT_EQ(made->device->limits().force_max_n, 8.0);
+  EXPECT_EQ(made->unproven.size(), 3u);
+  EXPECT_EQ(made_falcon("falcon", {{"event-character", "on"}})->unproven.size(), 5u);
+}
+
+TEST(FalconDriver, SaysWhatIsNotRight) {
+  const auto holds = [](const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+  };
+  EXPECT_TRUE(holds(problem("falcon", {{"colour", "red"}}), "no option colour"));
+  for (const std::string k : {"0.5", "101", "ten", "nan", ""})
+    EXPECT_TRUE(holds(problem("falcon", {{"k", k}}), "k: ")) << k;
+  EXPECT_TRUE(holds(problem("falcon", {{"calibrated", "perhaps"}}), "calibrated=yes"));
+  EXPECT_TRUE(holds(problem("falcon", {{"calibrated", "yes"}}), "give k=COUNTS too"));
+  EXPECT_TRUE(holds(problem("falcon", {{"firmware", ""}}), "firmware=FILE"));
+  EXPECT_TRUE(holds(problem("falcon:"), "serial"));
+  EXPECT_TRUE(holds(problem("falcon", {}, "arm.toml"), "takes no description"));
+}
+
+TEST(FalconDriver, IsListedWhetherOneIsThereOrNot) {
+  const std::vector<DeviceEntry> found = driver_of(&register_falcon_driver, "falcon").look();
+  ASSERT_FALSE(found.empty());
+  EXPECT_EQ(found[0].name, "falcon");
+  EXPECT_TRUE(found[0].status == DeviceStatus::kReady || !found[0].needs.empty());
+}
+
 }  // namespace
+
 }  // namespace palpate::device

@@ -1,5 +1,5 @@
 // The Falcon's arm against published and computed numbers, against itself, and against finite differences.
-#include "device/falcon/falcon_kinematics.h"
+#include "device/falcon/falcon_device.h"
 
 #include <gtest/gtest.h>
 

@@ -9,12 +9,12 @@
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
-#include <iterator>
 #include <limits>
 #include <string>
 #include <vector>
 
-#include "device/falcon/falcon_firmware.h"
+#include "device/falcon/falcon_boot.h"
+#include "tests/device/helpers.h"
 #include "tests/device/mock/falcon_board.h"
 #include "toolkit/core/random.h"
 
@@ -162,10 +162,10 @@ TEST(FalconFirmware, SaysWhatIsWrongAndWhere) {
     const auto image = check_falcon_firmware(bytes);
     return image ? std::string("fine") : image.error().what;
   };
-  EXPECT_NE(problem(0, 0xAB).find("key AA 08 is missing at byte 0"), std::string::npos) << problem(0, 0xAB);
-  EXPECT_NE(problem(18, 0x40).find("entry"), std::string::npos);
-  EXPECT_NE(problem(24, 0x40).find("addresses that the processor does not have"), std::string::npos);
-  EXPECT_NE(problem(22, 200).find("ends within a block"), std::string::npos);
+  EXPECT_TRUE(says(problem(0, 0xAB), "key AA 08 is missing at byte 0")) << problem(0, 0xAB);
+  EXPECT_TRUE(says(problem(18, 0x40), "entry"));
+  EXPECT_TRUE(says(problem(24, 0x40), "addresses that the processor does not have"));
+  EXPECT_TRUE(says(problem(22, 200), "ends within a block"));
   EXPECT_EQ(problem(30, 0x77), "fine") << "a word's value is anybody's";
   // The last address that there is, and one more.
   std::vector<std::uint8_t> edge = made_up_image(1, 5);
@@ -196,8 +196,8 @@ TEST_F(FirmwareFolder, IsSearchedInOrder) {
   FalconFirmwarePlaces places{"", "", {folder_ / "missing", folder_ / "a", folder_ / "b"}};
   const auto nothing = find_falcon_firmware(places);
   ASSERT_FALSE(nothing);
-  EXPECT_NE(nothing.error().remedy.find("firmware=FILE"), std::string::npos);
-  EXPECT_NE(nothing.error().remedy.find(path("a")), std::string::npos) << "where to put it";
+  EXPECT_TRUE(says(nothing.error().remedy, "firmware=FILE"));
+  EXPECT_TRUE(says(nothing.error().remedy, path("a"))) << "where to put it";
   write("b/second.bin", made_up_image(2, 9));
   EXPECT_EQ(find_falcon_firmware(places)->path, path("b/second.bin"));
   write("a/readme.txt", {1});
@@ -234,14 +234,9 @@ TEST_F(FirmwareFolder, PlacesComeFromTheEnvironment) {
 
 // The fuzz target aborts where something is wrong.
 TEST(FalconFuzz, TheCorpusIsRead) {
-  int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/falcon")) {
-    std::ifstream in(entry.path(), std::ios::binary);
-    const std::vector<char> text{std::istreambuf_iterator<char>(in), {}};
-    EXPECT_EQ(LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()), 0);
-    ++files;
-  }
-  EXPECT_GE(files, 8);
+  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/falcon");
+  EXPECT_GE(corpus.size(), 8u);
+  for (const auto& bytes : corpus) EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0);
   Random random(17);
   for (int run = 0; run < 2000; ++run) {
     // Mostly starts, replies and torn ones: plain noise holds none.

@@ -3,8 +3,9 @@
 
 #include <cmath>
 
-#include "device/interface/force_governor.h"
+#include <palpate/device/force_governor.h>
 #include "device/interface/workspace_edge.h"
+#include "tests/device/helpers.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::device {
@@ -288,7 +289,7 @@ TEST(SurfaceFits, NamesTheLimitThatAScaledSurfaceBreaks) {
   EXPECT_TRUE(surface_fits(limits, 1.0, 0.005).ok());
   const Status stiff = surface_fits(limits, 1.2, 0.0);
   ASSERT_FALSE(stiff);
-  EXPECT_NE(stiff.error().what.find("stiffness is 1.2"), std::string::npos);
+  EXPECT_TRUE(says(stiff.error().what, "stiffness is 1.2"));
   EXPECT_FALSE(stiff.error().remedy.empty());
   EXPECT_FALSE(surface_fits(limits, 0.5, 0.006));
   EXPECT_FALSE(surface_fits(limits, std::nan(""), 0.0));

@@ -1,6 +1,6 @@
 // The guard process and the end of a program, in child processes that die in every way. The board stands in
 // memory that they share, and holds its torque for ever unless it is told.
-#include "device/safety/guard.h"
+#include <palpate/device/guard.h>
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -13,27 +13,16 @@
 #include <string>
 #include <thread>
 
-#include "device/simulated/death_trial.h"
+#include <palpate/clock.h>
+#include <palpate/stop_callback.h>
 #include "device/simulated/packet_device.h"
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/clock.h"
+#include "experiments/benchmarks/death_trial.h"
+#include "tests/device/helpers.h"
 
 namespace palpate::device {
 namespace {
 
-constexpr double kPatienceS = 20.0;  // of a busy machine; only the outcome is asserted
 constexpr timespec kShort{0, 1'000'000};
-
-/// Until it is so; false where it did not come to be.
-template <class Condition>
-bool waited_for(const Condition& condition) {
-  const Stopwatch watch;
-  while (!condition()) {
-    if (watch.ms() > 1e3 * kPatienceS) return false;
-    ::nanosleep(&kShort, nullptr);
-  }
-  return true;
-}
 
 /// A child that presses; gone with this.
 class Child {
@@ -41,7 +30,7 @@ class Child {
   explicit Child(const PressOptions& options = {}) : shared_(SharedBoard::create().value()) {
     pid_ = ::fork();
     if (pid_ == 0) press_for_ever(board(), options);
-    EXPECT_TRUE(waited_for([&] { return board().holds_force(); })) << "it presses";
+    EXPECT_TRUE(comes([&] { return board().holds_force(); })) << "it presses";
   }
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
@@ -88,7 +77,7 @@ TEST_P(EveryDeath, IsFollowedByZero) {
   Child child;
   child.send(GetParam());
   (void)child.status();
-  EXPECT_TRUE(waited_for([&] { return !child.board().holds_force(); })) << "signal " << GetParam();
+  EXPECT_TRUE(comes([&] { return !child.board().holds_force(); })) << "signal " << GetParam();
 }
 
 INSTANTIATE_TEST_SUITE_P(Signals, EveryDeath,
@@ -139,7 +128,7 @@ TEST(Guard, AStoppedProgramIsKilledWhereThatIsAllowedAndLeftWhereNot) {
   {
     Child stopped({.guarded = true, .guard = {.kill_after_s = 0.5}});
     stopped.send(SIGSTOP);
-    EXPECT_TRUE(waited_for([&] { return !stopped.board().holds_force(); }));
+    EXPECT_TRUE(comes([&] { return !stopped.board().holds_force(); }));
     EXPECT_EQ(WTERMSIG(stopped.status()), SIGKILL);
   }
   for (const GuardOptions& leaves : {GuardOptions{}, GuardOptions{.kill_after_s = 0.05, .debugger = true}}) {
@@ -148,7 +137,7 @@ TEST(Guard, AStoppedProgramIsKilledWhereThatIsAllowedAndLeftWhereNot) {
     for (int i = 0; i < 300; ++i) ::nanosleep(&kShort, nullptr);
     EXPECT_TRUE(stopped.board().holds_force()) << "as it must where killing is off";
     stopped.send(SIGKILL);
-    EXPECT_TRUE(waited_for([&] { return !stopped.board().holds_force(); }));
+    EXPECT_TRUE(comes([&] { return !stopped.board().holds_force(); }));
   }
 }
 
@@ -167,8 +156,8 @@ TEST(ServoEnds, AStopOfTheProgramSendsZeroThatStays) {
   if (child == 0) {
     // The servo in a thread of its own, as in a program; the list belongs to this process.
     std::thread([&shared] { press_for_ever(shared.board(), {.guarded = false}); }).detach();
-    if (!waited_for([&shared] { return shared.board().holds_force(); })) ::_exit(3);
-    const std::string said = run_stop_actions();
+    if (!comes([&shared] { return shared.board().holds_force(); })) ::_exit(3);
+    const std::string said = run_stop_callbacks();
     ::_exit(said.empty() ? 0 : 4);
   }
   int status = -1;

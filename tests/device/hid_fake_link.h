@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "device/interface/force_governor.h"
-#include "device/interface/link.h"
+#include <palpate/device/force_governor.h>
+#include <palpate/device/link.h>
 
 namespace palpate::device {
 

@@ -1,5 +1,5 @@
 // What goes wrong between a servo and a device over the real hidapi, a pseudo-terminal and UDP sockets. See
-// docs/safety.md for the table.
+// docs/results/hands-and-loops.md for the table.
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -16,12 +16,11 @@
 #include <thread>
 
 #include "device/arms/arm_device.h"
-#include "device/arms/arm_driver.h"
-#include "device/bridge/far_end.h"
+#include "device/bridge/bridge_server.h"
 #include "device/links/udp_link.h"
 #include "tests/device/bridge_rig.h"
+#include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
-#include "tests/device/hid_faults.h"
 #include "tests/device/link_benches.h"
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/hidraw_double.h"
@@ -112,7 +111,7 @@ class Relay {
     pollfd waits[] = {{own_, POLLIN, 0}, {far_, POLLIN, 0}};
     constexpr int kLookMs = 5;
     ::poll(waits, 2, kLookMs);
-    std::uint8_t bytes[kMostDatagramBytes + 1];
+    std::uint8_t bytes[kMaxDatagramBytes + 1];
     sockaddr_in from{};
     socklen_t size = sizeof from;
     ssize_t got = ::recvfrom(own_, bytes, sizeof bytes, 0, as_address(from), &size);
@@ -151,7 +150,7 @@ class UdpBench final : public LinkBench {
     BridgeOptions options;
     options.name = "bridge:relay";
     options.session = 0x1234'5678'9ABC'DEF0;
-    if (!as_in_a_session_) options.most_age_s = kPatientS;
+    if (!as_in_a_session_) options.max_age_s = kPatientS;
     device_ = std::make_unique<BridgeDevice>(
         std::make_unique<UdpLink>(UdpAddress::of(relay_->where()).value()), clock_, options);
   }
@@ -168,10 +167,10 @@ class UdpBench final : public LinkBench {
 
  private:
   static constexpr double kPatientS = 0.5;
-  [[nodiscard]] FarEndOptions far_options() const {
-    FarEndOptions options;
+  [[nodiscard]] BridgeServerOptions far_options() const {
+    BridgeServerOptions options;
     if (as_in_a_session_) return options;
-    options.watchdog_s = options.most_age_s = kPatientS;
+    options.watchdog_s = options.max_age_s = kPatientS;
     options.late_zero_s = options.latch_late_s = options.silence_s = 30.0;
     return options;
   }
@@ -180,7 +179,7 @@ class UdpBench final : public LinkBench {
   MonotonicClock clock_;
   HeldDevice held_{clock_};
   UdpPort port_;
-  FarEnd far_;
+  BridgeServer far_;
   std::optional<Relay> relay_;
   std::optional<Repeating> ticker_;
   std::unique_ptr<BridgeDevice> device_;
@@ -218,10 +217,8 @@ TEST(TextArm, HalfACommandDoesNotSpoilTheGuardsZero) {
     return TtyBoard::Bytes{};
   });
   const MonotonicClock clock;
-  Drivers drivers;
-  register_arm_driver(drivers);
-  const Result<MadeDevice> made =
-      drivers.of("arm:polhem-v3")->make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
+  const Result<MadeDevice> made = driver_of(&register_arm_driver, "arm:polhem-v3")
+                                      .make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
   ASSERT_TRUE(made) << made.error().message();
   const int line = ::open(board.path().c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
   ASSERT_EQ(::write(line, "[900,0,", 7), 7);
@@ -239,14 +236,14 @@ TEST(TextArm, HalfACommandDoesNotSpoilTheGuardsZero) {
 
 // The page names what is tested here, each fault on each link.
 TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {
-  std::ifstream file(PALPATE_SOURCE_ROOT "/docs/safety.md");
+  std::ifstream file(PALPATE_SOURCE_ROOT "/docs/results/hands-and-loops.md");
   const std::string page{std::istreambuf_iterator<char>(file), {}};
   for (int i = 0; i < kLinkWrongs; ++i)
     for (const char* link :
          {"libusb, Falcon", "hidapi, arm with reports", "terminal, arm with text", "UDP bridge"}) {
       const std::string begins =
           std::string("\n| ") + link_wrong_name(static_cast<LinkWrong>(i)) + " | " + link + " | ";
-      EXPECT_NE(page.find(begins), std::string::npos) << begins;
+      EXPECT_TRUE(says(page, begins)) << begins;
     }
 }
 

@@ -4,13 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "device/haply/inverse3_driver.h"
-#include "device/interface/force_governor.h"
+#include <palpate/device/force_governor.h>
+#include "tests/device/helpers.h"
+#include "tests/device/hid_fake_link.h"
 #include "toolkit/core/random.h"
 
 extern "C" int palpate_fuzz_inverse3(const std::uint8_t* data,
@@ -42,7 +40,7 @@ TEST(Inverse3Texts, AStateIsInMillimetres) {
   EXPECT_EQ(read.position_mm, Vec3(10, -100, 250));
   EXPECT_EQ(read.buttons, 5u);
   EXPECT_EQ(read.devices, 1);
-  EXPECT_NE(read.config.find("right"), std::string::npos);
+  EXPECT_TRUE(says(read.config, "right"));
   EXPECT_FALSE(parsed_inverse3(state_text("049D", 0, 0, 0), "OTHER").has_device);
 }
 
@@ -138,14 +136,6 @@ struct Inverse3Rig {
     link = owned.get();
     device = std::make_unique<Inverse3Device>(std::move(owned), clock, options);
   }
-  GovernedForce force(const Vec3& newtons) {
-    ForceGovernor governor = ForceGovernor::create(device->limits(), {}).value();
-    governor.arm(0.0);
-    DeviceState state;
-    state.status = ReadStatus::kFresh;
-    for (int i = 0; i < 600; ++i) (void)governor.govern(i * 1e-3, state, newtons);
-    return governor.govern(0.6, state, newtons);
-  }
   VirtualClock clock;
   PretendedTextLink* link = nullptr;
   std::string says = state_text("049D", 0.0, -0.1, 0.2);
@@ -156,10 +146,9 @@ struct Inverse3Rig {
 
 TEST(Inverse3, OpensWithZeroAndItsFiltersSetAndRecorded) {
   Inverse3Rig rig;
-  const Status opened = rig.device->open();
-  ASSERT_TRUE(opened) << opened.error().message();
+  ASSERT_TRUE(ok(rig.device->open()));
   ASSERT_GE(rig.link->sent.size(), 2u);
-  EXPECT_NE(rig.link->sent[0].find("force_gate"), std::string::npos) << "before any force";
+  EXPECT_TRUE(says(rig.link->sent[0], "force_gate")) << "before any force";
   EXPECT_TRUE(force_in(rig.link->sent[1]).isZero(0.0));
   ASSERT_GE(rig.requests.size(), 2u);
   EXPECT_EQ(rig.requests[0].method, "POST");
@@ -177,7 +166,7 @@ TEST(Inverse3, OpensWithZeroAndItsFiltersSetAndRecorded) {
   Inverse3Rig deaf;
   deaf.http_fails = true;
   ASSERT_TRUE(deaf.device->open());
-  EXPECT_NE(deaf.device->facts()[5].second.find("not answered"), std::string::npos);
+  EXPECT_TRUE(says(deaf.device->facts()[5].second, "not answered"));
 }
 
 TEST(Inverse3, ReadsAndShowsForce) {
@@ -191,13 +180,13 @@ TEST(Inverse3, ReadsAndShowsForce) {
   EXPECT_EQ(state.buttons, 5u);
   EXPECT_EQ(state.packet_ns, 1'000'000'000);
   EXPECT_EQ(rig.device->read().status, ReadStatus::kNothingNew);
-  rig.device->send(rig.force(Vec3{0.5, -1, 0.25}));
+  rig.device->send(governed(Vec3{0.5, -1, 0.25}));
   rig.link->say(rig.says);
   EXPECT_LT((force_in(rig.link->sent.back()) - Vec3{0.5, -1, 0.25}).norm(), 1e-4);
   EXPECT_TRUE(rig.device->cut_force());
   rig.link->say(rig.says);
   EXPECT_TRUE(force_in(rig.link->sent.back()).isZero(0.0));
-  rig.device->send(rig.force(Vec3{0.5, -1, 0.25}));
+  rig.device->send(governed(Vec3{0.5, -1, 0.25}));
   rig.device->close();
   EXPECT_TRUE(force_in(rig.link->sent.back()).isZero(0.0)) << "the last that it hears";
 }
@@ -212,11 +201,10 @@ TEST(Inverse3, SaysWhatIsMissing) {
     return opened ? std::string() : opened.error().message();
   };
   const auto as_it_is = [](Inverse3Rig&) {};
-  EXPECT_NE(opening("x", [](Inverse3Rig& rig) { rig.link->refuses = true; }).find("no service"),
-            std::string::npos);
-  EXPECT_NE(opening("", as_it_is).find("says nothing"), std::string::npos);
-  EXPECT_NE(opening("{nonsense", as_it_is).find("not understood"), std::string::npos);
-  EXPECT_NE(opening(R"({"inverse3":[]})", as_it_is).find("no Inverse3"), std::string::npos);
+  EXPECT_TRUE(says(opening("x", [](Inverse3Rig& rig) { rig.link->refuses = true; }), "no service"));
+  EXPECT_TRUE(says(opening("", as_it_is), "says nothing"));
+  EXPECT_TRUE(says(opening("{nonsense", as_it_is), "not understood"));
+  EXPECT_TRUE(says(opening(R"({"inverse3":[]})", as_it_is), "no Inverse3"));
 }
 
 TEST(Inverse3, AServiceThatLiesNeverGetsForceThrough) {
@@ -243,9 +231,7 @@ TEST(Inverse3, AServiceThatLiesNeverGetsForceThrough) {
 }
 
 TEST(Inverse3Driver, ReadsItsOptionsAndRefusesOthers) {
-  Drivers drivers;
-  register_inverse3_driver(drivers);
-  const Driver& driver = *drivers.of("inverse3:049D");
+  const Driver driver = driver_of(&register_inverse3_driver, "inverse3:049D");
   const MonotonicClock clock;
   const auto made = driver.make({"inverse3:049D",
                                  {},
@@ -262,23 +248,15 @@ TEST(Inverse3Driver, ReadsItsOptionsAndRefusesOthers) {
                                                      {"centre-mm", "1/2"},  {"service", "nowhere"},
                                                      {"force-max-n", "99"}, {"colour", "red"}};
   for (const auto& [key, value] : bad) {
-    const auto refused = driver.make({"inverse3", {}, {{key, value}}}, clock);
-    ASSERT_FALSE(refused) << key;
-    EXPECT_NE(refused.error().message().find(std::string(key) == "service" ? "port" : key), std::string::npos)
-        << refused.error().message();
+    EXPECT_TRUE(refused(driver.make({"inverse3", {}, {{key, value}}}, clock),
+                        std::string(key) == "service" ? "port" : key));
   }
 }
 
 TEST(Inverse3Fuzz, TheCorpusIsRead) {
-  int files = 0;
-  for (const auto& entry :
-       std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/inverse3")) {
-    std::ifstream in(entry.path(), std::ios::binary);
-    const std::vector<char> text{std::istreambuf_iterator<char>(in), {}};
-    EXPECT_EQ(palpate_fuzz_inverse3(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()), 0);
-    ++files;
-  }
-  EXPECT_GE(files, 10);
+  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/inverse3");
+  EXPECT_GE(corpus.size(), 10u);
+  for (const auto& bytes : corpus) EXPECT_EQ(palpate_fuzz_inverse3(bytes.data(), bytes.size()), 0);
   Random random(23);
   const std::string whole = state_text("049D", 0.01, -0.1, 0.25);
   for (int run = 0; run < 3000; ++run) {

@@ -1,8 +1,8 @@
 // What goes wrong between a servo and a device over libusb, hidapi and a kernel that knows the devices: below
 // its USB core a virtual controller (vhci-hcd), below its HID core uhid. Where the kernel has neither, which
-// tests/nightly/run mends with a virtual machine, it is skipped. See docs/add-a-device.md.
+// tests/nightly/run mends with a virtual machine, it is skipped. See docs/tutorials/your-device.md.
 //
-//   test_kernel --faults RUNS FILE.json     the rows of docs/safety.md, in real time
+//   test_kernel --faults RUNS FILE.json     the rows of docs/results/hands-and-loops.md, in real time
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "device/links/usb_link.h"
+#include "tests/device/helpers.h"
 #include "tests/device/link_benches.h"
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/uhid_double.h"
@@ -50,8 +51,7 @@ TEST(KernelFalcon, LoadsFirmware) {
   FalconDevice device(
       std::make_unique<UsbLink>(UsbAddress{0x0403, 0xCB48, ""}, UsbInterface{}, "falcon", falcon_lets_go, 0),
       clock, options);
-  const Status opened = device.open();
-  ASSERT_TRUE(opened) << opened.error().message();
+  ASSERT_TRUE(ok(device.open()));
   EXPECT_FALSE(device.booted().was_running);
   usb.with([&](FalconBoard& now) { EXPECT_EQ(now.loaded(), image); });
 }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <span>
@@ -14,14 +13,13 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/clock.h>
 #include "device/arms/arm_device.h"
-#include "device/arms/arm_driver.h"
 #include "device/falcon/falcon_device.h"
 #include "device/links/usb_link.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/falcon_board.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 
@@ -53,9 +51,7 @@ class FalconBench final : public LinkBench {
   FalconBench(std::string name, int link_priority, int pretending)
       : name_(std::move(name)), device_(made_link(link_priority), clock_, {}) {
     board_.run_firmware();
-    const Vec3 counts = falcon_counts_of_angles(falcon_angles(Vec3{0.0, 0.0, kFalconCentreMm}).value());
-    board_.home({static_cast<int>(std::lround(counts[0])), static_cast<int>(std::lround(counts[1])),
-                 static_cast<int>(std::lround(counts[2]))});
+    board_.home(falcon_counts_at(Vec3::Zero()));
     board_.instead = [this](std::vector<std::uint8_t> reply) { return replies.instead_of(std::move(reply)); };
     board_.commanded = [this](const FalconBoard& now) { held.tell(now.holds_force()); };
     cable_ = std::make_unique<Cable>(board_);

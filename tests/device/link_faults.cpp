@@ -16,15 +16,15 @@
 #include <optional>
 #include <thread>
 
-#include "device/drivers/all_drivers.h"
-#include "device/safety/guard.h"
-#include "device/safety/watchdog.h"
-#include "device/servo/scheduling.h"
-#include "device/servo/servo.h"
+#include <palpate/clock.h>
+#include <palpate/device/drivers.h>
+#include <palpate/device/guard.h>
+#include <palpate/device/scheduling.h>
+#include <palpate/device/servo.h>
+#include <palpate/device/watchdog.h>
 #include "tests/device/rig.h"
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/render/scene_free_renderer.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {
 namespace {
@@ -202,8 +202,8 @@ LinkFaultOutcome run_link_death(LinkBench& bench, int signal) {
     ::nanosleep(&kLook, nullptr);
     if (::waitpid(child, nullptr, WNOHANG) != child) continue;
     // It was refused: the device may still be another program's, which was killed before.
-    constexpr timespec kLetGo{0, 200'000'000};
-    ::nanosleep(&kLetGo, nullptr);
+    constexpr timespec kReleaseContact{0, 200'000'000};
+    ::nanosleep(&kReleaseContact, nullptr);
     child = start_pressing(bench, signal);
   }
   outcome.counts = bench.held.holds();

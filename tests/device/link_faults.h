@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
-#include "device/interface/device.h"
-#include "device/interface/device_facts.h"
-#include "device/interface/force_governor.h"
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
+#include <palpate/device/device.h>
+#include <palpate/device/force_governor.h>
+#include "device/interface/driver_options.h"
 
 namespace palpate::device {
 
@@ -32,7 +32,7 @@ enum class LinkWrong : std::uint8_t {
   kStopped,
 };
 inline constexpr int kLinkWrongs = 11;
-/// As docs/safety.md has it.
+/// As docs/results/hands-and-loops.md has it.
 [[nodiscard]] const char* link_wrong_name(LinkWrong wrong) noexcept;
 
 /// Between a board's replies and the link: what is set to go wrong, does. Any thread.
@@ -124,6 +124,9 @@ inline constexpr const char* kPressArgument = "--press-until-killed";
 /// exit status.
 [[nodiscard]] int measured_faults(int argc, char** argv,
                                   const std::function<bool(int, std::string&)>& measure);
+/// As measure_link_faults(), over the real libusb; over the real hidapi, a terminal and UDP sockets.
+[[nodiscard]] bool measure_usb_faults(int runs, std::string& rows_json);
+[[nodiscard]] bool measure_hid_faults(int runs, std::string& rows_json);
 /// A value of a device's facts; empty: there is none of that key.
 [[nodiscard]] inline std::string fact_of(const DeviceFacts& facts, const std::string& key) {
   for (const auto& [name, value] : facts)

@@ -200,7 +200,7 @@ TEST(Mixer, AFaultInAFadeEndsInZeroAndGoesOnWithWhoIsHealthy) {
     EXPECT_EQ(rig.mixer.last().decision, MixDecision::kAborted);
     EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kFault);
     EXPECT_EQ(rig.rest(-1.0, 5).force_n, Vec3::Zero()) << "not to one, not to the other";
-    rig.mixer.let_go(Vec3(0.0, 0.0, 1.0));
+    rig.mixer.release_contact(Vec3(0.0, 0.0, 1.0));
     const render::Frame after = rig.rest(-1.0, 5);
     EXPECT_DOUBLE_EQ(after.force_n.z(), old_one ? 0.8 : 0.5);
     EXPECT_EQ(rig.felt(), old_one ? 1 : 0);
@@ -214,7 +214,7 @@ TEST(Mixer, LettingGoEndsAFadeWhereItBegan) {
   rig.rest(-1.0, 200);
   rig.ask(1);
   rig.rest(-1.0, 60);
-  rig.mixer.let_go(Vec3(0.0, 0.0, 1.0));
+  rig.mixer.release_contact(Vec3(0.0, 0.0, 1.0));
   rig.step(-1.0);
   EXPECT_EQ(rig.mixer.last().decision, MixDecision::kAborted);
   EXPECT_DOUBLE_EQ(rig.rest(-1.0, 5).force_n.z(), 0.5);
@@ -227,9 +227,9 @@ TEST(Mixer, EachIsBroughtUpFromWhereItWasFreeItself) {
   rig.begin(5.0);
   for (int i = 0; i <= 40; ++i) rig.step(5.0 - 0.1 * i);
   rig.rest(1.0, 10);
-  rig.mixer.let_go(Vec3(0.0, 0.0, 1.0));
-  EXPECT_DOUBLE_EQ(rig.a->placed_mm.z(), 1.0);
-  EXPECT_GE(rig.b->placed_mm.z(), 2.0) << "its own last free place";
+  rig.mixer.release_contact(Vec3(0.0, 0.0, 1.0));
+  EXPECT_DOUBLE_EQ(rig.a->new_points_mm.z(), 1.0);
+  EXPECT_GE(rig.b->new_points_mm.z(), 2.0) << "its own last free place";
   rig.rest(1.0, 5);
   EXPECT_TRUE(rig.mixer.last().tracked[1].ready);
 }
@@ -410,7 +410,7 @@ TEST(Mixer, FramesAllocateNothing) {
     const double z_mm = i / 500 % 2 == 0 ? -1.0 : 3.0;
     {
       const house::AllocationCount allocations(house::AllocationCount::Threads::kThisOne);
-      if (i == kFaultAt) rig.mixer.let_go(Vec3(0.0, 0.0, 3.0));
+      if (i == kFaultAt) rig.mixer.release_contact(Vec3(0.0, 0.0, 3.0));
       (void)rig.step(z_mm);
       counted += allocations.count();
     }

@@ -2,14 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <bit>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <string>
 #include <vector>
 
 #include "device/live/remote_command.h"
+#include "tests/device/helpers.h"
 #include "toolkit/core/random.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);  // tests/fuzz/fuzz_osc.cpp
@@ -121,7 +119,7 @@ TEST(LiveOsc, ABundleIsReadWholeOrNotAtAll) {
   EXPECT_FALSE(read_osc_packet(padded("#bundl3") + word(0) + word(1)));
   EXPECT_FALSE(read_osc_packet({}));
   Bytes deep = bundle({mark});
-  for (int depth = 1; depth < kMostOscDepth; ++depth) deep = bundle({deep});
+  for (int depth = 1; depth < kMaxOscDepth; ++depth) deep = bundle({deep});
   EXPECT_TRUE(read_osc_packet(deep));
   EXPECT_FALSE(read_osc_packet(bundle({deep}))) << "too deep";
 }
@@ -161,21 +159,22 @@ TEST(LiveRemote, NumbersThatAreNoneSelectNothing) {
 
 TEST(LiveRemote, TextsAreCutAtACharacterAndHoldNoControl) {
   std::string umlauts;
-  while (umlauts.size() < 2 * kMostRemoteText) umlauts += "ü";
-  EXPECT_EQ(remote_text(umlauts).size(), kMostRemoteText);
-  EXPECT_EQ(remote_text("x" + umlauts).size(), kMostRemoteText - 1) << "not half of one";
+  while (umlauts.size() < 2 * kMaxRemoteText) umlauts += "ü";
+  EXPECT_EQ(remote_text(umlauts).size(), kMaxRemoteText);
+  EXPECT_EQ(remote_text("x" + umlauts).size(), kMaxRemoteText - 1) << "not half of one";
   EXPECT_EQ(remote_text(std::string("a\0b\x1b[31m", 8)), "a b [31m");
   EXPECT_EQ(remote_text(""), "");
+  const std::string later_bytes(2 * kMaxRemoteText, '\x90');
+  EXPECT_EQ(remote_text(later_bytes).size(), kMaxRemoteText) << "no UTF-8: cut anywhere, never to nothing";
 }
 
 TEST(LiveRemote, TheCorpusAndDamagedMessagesAreAnsweredWithoutHarm) {
   constexpr std::uint64_t kSeed = 11;
   Random random(kSeed);
-  int files = 0, understood = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(PALPATE_CORPUS "/osc")) {
-    std::ifstream in(entry.path(), std::ios::binary);
-    const Bytes whole{std::istreambuf_iterator<char>(in), {}};
-    ++files;
+  int understood = 0;
+  const auto corpus = corpus_of(PALPATE_CORPUS "/osc");
+  EXPECT_GE(corpus.size(), 14u);
+  for (const Bytes& whole : corpus) {
     EXPECT_EQ(LLVMFuzzerTestOneInput(whole.data(), whole.size()), 0);
     for (int i = 0; i < 2000; ++i) {
       Bytes bytes = whole;
@@ -185,7 +184,6 @@ TEST(LiveRemote, TheCorpusAndDamagedMessagesAreAnsweredWithoutHarm) {
       if (read_osc_packet(bytes)) ++understood;
     }
   }
-  EXPECT_GE(files, 14);
   EXPECT_GT(understood, 1000);
 }
 

@@ -3,8 +3,8 @@
 
 #include <limits>
 
+#include <palpate/clock.h>
 #include "device/live/mixer.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 
@@ -24,11 +24,11 @@ class HighPlane final : public render::HapticRenderer {
   }
   void restart(const Vec3& hip_mm, double) noexcept override {
     ++restarts;
-    placed_mm = hip_mm;
+    new_points_mm = hip_mm;
   }
-  void let_go(const Vec3& hip_mm) noexcept override {
+  void release_contact(const Vec3& hip_mm) noexcept override {
     ++lettings_go;
-    placed_mm = hip_mm;
+    new_points_mm = hip_mm;
   }
   render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
     ++steps;
@@ -60,7 +60,7 @@ class HighPlane final : public render::HapticRenderer {
   int* destroyed = nullptr;
   int prepared = 0, restarts = 0, lettings_go = 0, steps = 0, back_in_time = 0;
   double last_s = -1.0;
-  Vec3 placed_mm = Vec3::Zero();
+  Vec3 new_points_mm = Vec3::Zero();
 };
 
 /// A mixer of two planes on a virtual clock, stepped by hand.

@@ -7,11 +7,11 @@
 #include <thread>
 #include <vector>
 
-#include "device/live/switch_request.h"
 #include "device/live/switch_rules.h"
 #include "device/live/triggers.h"
 #include "device/live/workspace.h"
 #include "device/simulated/simulated_device.h"
+#include "tests/device/helpers.h"
 #include "tests/device/rig.h"
 
 namespace palpate::device {
@@ -46,7 +46,7 @@ TEST(SwitchRules, NumbersThatAreNotRightAreNamed) {
   SwitchOptions options = usual();
   options.device_force_max_n = 0.0;
   ASSERT_FALSE(check(options));
-  EXPECT_NE(check(options).error().message().find("force"), std::string::npos);
+  EXPECT_TRUE(says(check(options).error().message(), "force"));
   for (double SwitchOptions::*number :
        {&SwitchOptions::force_limit_n, &SwitchOptions::world_per_device, &SwitchOptions::period_s,
         &SwitchOptions::free_force_n, &SwitchOptions::free_s, &SwitchOptions::clearance_mm,

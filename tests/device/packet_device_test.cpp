@@ -5,13 +5,12 @@
 
 #include <array>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <utility>
 #include <vector>
 
 #include "device/simulated/simulated_link.h"
+#include "tests/device/helpers.h"
+#include "tests/device/hid_fake_link.h"
 #include "tests/device/rig.h"
 #include "toolkit/core/random.h"
 
@@ -102,14 +101,9 @@ TEST(PacketReader, APacketWithinADamagedOneIsFound) {
 
 // The fuzz target aborts where something is wrong.
 TEST(PacketReader, TheFuzzCorpusIsRead) {
-  int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/packets")) {
-    std::ifstream in(entry.path(), std::ios::binary);
-    const std::vector<char> text{std::istreambuf_iterator<char>(in), {}};
-    EXPECT_EQ(LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()), 0);
-    ++files;
-  }
-  EXPECT_GE(files, 7);
+  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/packets");
+  EXPECT_GE(corpus.size(), 7u);
+  for (const auto& bytes : corpus) EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0);
   Random random(17);
   for (int run = 0; run < 2000; ++run) {
     // Mostly starts, packets and torn ones: plain noise holds none.
@@ -135,15 +129,6 @@ struct LinkRig {
           .value();
   SimulatedLink link;
   PacketDevice device;
-  ForceGovernor governor = ForceGovernor::create(PacketDeviceOptions{}.limits, {}).value();
-
-  GovernedForce force(const Vec3& newtons) {  // over a soft start
-    governor.arm(0.0);
-    DeviceState state;
-    state.status = ReadStatus::kFresh;
-    for (int i = 0; i < 600; ++i) (void)governor.govern(i * 1e-3, state, newtons);
-    return governor.govern(0.6, state, newtons);
-  }
 };
 
 TEST(PacketDevice, ReadsPositionsInCountsWithTheirBytesAndTimes) {
@@ -165,7 +150,7 @@ TEST(PacketDevice, ReadsPositionsInCountsWithTheirBytesAndTimes) {
 TEST(PacketDevice, CommandsForcesAndHoldsThemUntilTold) {
   LinkRig rig;
   ASSERT_TRUE(rig.device.open());
-  rig.device.send(rig.force(Vec3{0.5, -1.25, 0.001}));
+  rig.device.send(governed(Vec3{0.5, -1.25, 0.001}));
   EXPECT_EQ(rig.board.held(), (SimulatedBoard::Counts{500, -1250, 1}));
   rig.clock.advance(100.0);
   EXPECT_TRUE(rig.board.holds_force()) << "for ever";
@@ -182,9 +167,8 @@ TEST(PacketDevice, AForceBeyondItsCountsKeepsItsDirectionAndNeverWraps) {
   PacketDeviceOptions fine;
   fine.n_per_count = 1e-5;  // 32767 of them are 0.33 N
   PacketDevice device(link, clock, fine);
-  LinkRig rig;
   ASSERT_TRUE(device.open());
-  device.send(rig.force(Vec3{1.5, -0.75, 0}));
+  device.send(governed(Vec3{1.5, -0.75, 0}));
   EXPECT_EQ(board.held()[0], 32767);
   EXPECT_NEAR(board.held()[1], -16383.5, 1.0);
 }

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <utility>
 
-#include "device/haply/planar_driver.h"
+#include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/device/planar_board.h"
 #include "toolkit/core/random.h"
@@ -109,7 +109,7 @@ TEST(PlanarProtocol, MessagesHaveTheseBytes) {
 
 // A program that is killed may leave any part of a command: zero must be whole for the board all the same.
 TEST(PlanarProtocol, NoPartOfACommandBeforeSpoilsLettingGo) {
-  const CommandBytes let_go = encoded_let_go();
+  const CommandBytes release_contact = encoded_let_go();
   constexpr float kHeldNm = 0.1F, kCutNm = 0.123F;
   const CommandBytes held = encoded_torques({kHeldNm, -kHeldNm});
   for (const CommandBytes& cut : {encoded_torques({kCutNm, -kCutNm}), encoded_set_up(*planar_model(3))})
@@ -120,7 +120,7 @@ TEST(PlanarProtocol, NoPartOfACommandBeforeSpoilsLettingGo) {
         ASSERT_EQ(board.torques, (std::array<float, 2>{-kHeldNm, kHeldNm}));
         board.take(cut.span().first(sent));
         const int obeyed = board.obeyed;
-        board.take(let_go.span());
+        board.take(release_contact.span());
         EXPECT_EQ(board.torques, (std::array<float, 2>{})) << sent << " of " << cut.size;
         EXPECT_GT(board.obeyed, obeyed);
         EXPECT_LE(board.most, kCutNm) << "what it made of the part";
@@ -339,31 +339,21 @@ TEST(PlanarDevice, KeepsTheBeatAndSaysWhatIsWrong) {
 
 TEST(PlanarDevice, ASilentBoardIsNotOpened) {
   PlaneRig rig(2);
-  const auto opened = rig.device->open();
-  ASSERT_FALSE(opened);
-  EXPECT_NE(opened.error().message().find("does not answer"), std::string::npos);
+  EXPECT_TRUE(refused(rig.device->open(), "does not answer"));
   EXPECT_EQ(rig.wire.sent.back(), kPlaneZero);
   EXPECT_FALSE(rig.wire.open);
 }
 
 TEST(PlanarDriver, WantsItsLineNamed) {
-  Drivers drivers;
-  register_planar_driver(drivers);
-  const Driver* driver = drivers.of("planar");
-  ASSERT_NE(driver, nullptr);
-  EXPECT_EQ(driver->look().size(), 1u);
+  const Driver driver = driver_of(&register_planar_driver, "planar");
+  EXPECT_EQ(driver.look().size(), 1u);
   const MonotonicClock clock;
-  const auto refused = [&](const DeviceRequest& request) {
-    const auto made = driver->make(request, clock);
-    return made ? std::string("made") : made.error().message();
-  };
-  EXPECT_NE(refused({"planar", {}, {}}).find("must be named"), std::string::npos);
-  EXPECT_NE(refused({"planar", {}, {{"path", "/dev/none"}, {"generation", "1"}}}).find("give 2 or 3"),
-            std::string::npos);
-  EXPECT_NE(refused({"planar", {}, {{"path", "/dev/none"}, {"force_n", "9"}}}).find("force_n"),
-            std::string::npos);
-  EXPECT_NE(refused({"planar", {}, {{"pat", "/dev/none"}}}).find("did you mean 'path'"), std::string::npos);
-  const auto made = driver->make({"planar", {}, {{"path", "/dev/none"}}}, clock);
+  const auto refused = [&](const DeviceRequest& request) { return refusal_of(driver, request); };
+  EXPECT_TRUE(says(refused({"planar", {}, {}}), "must be named"));
+  EXPECT_TRUE(says(refused({"planar", {}, {{"path", "/dev/none"}, {"generation", "1"}}}), "give 2 or 3"));
+  EXPECT_TRUE(says(refused({"planar", {}, {{"path", "/dev/none"}, {"force_n", "9"}}}), "force_n"));
+  EXPECT_TRUE(says(refused({"planar", {}, {{"pat", "/dev/none"}}}), "did you mean 'path'"));
+  const auto made = driver.make({"planar", {}, {{"path", "/dev/none"}}}, clock);
   ASSERT_TRUE(made);
   EXPECT_FALSE(made->zero());
   EXPECT_FALSE(made->device->open());

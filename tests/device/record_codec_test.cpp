@@ -1,11 +1,12 @@
 // Ticks as bytes and back; files as they are, cut at every byte, with every byte changed.
-#include "device/record/tick_codec.h"
+#include "device/record/recording_codec.h"
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 
+#include "tests/device/helpers.h"
 #include "tests/device/record_rig.h"
 
 namespace palpate::device {
@@ -21,8 +22,8 @@ constexpr std::size_t kByteStep = 1;
 #endif
 
 TEST(RecordCodec, ATickReadsBackToTheLastBit) {
-  RandomTicks source(kSeed, RecordedTick::kMostTracks);
-  std::vector<std::byte> bytes(kMostBytesATick);
+  RandomTicks source(kSeed, RecordedTick::kMaxTracks);
+  std::vector<std::byte> bytes(kMaxBytesATick);
   CallStorage calls{};
   for (int i = 0; i < 2000; ++i) {
     const Tick tick = source.next();
@@ -34,10 +35,10 @@ TEST(RecordCodec, ATickReadsBackToTheLastBit) {
     given.lost_before = i % 7 == 0 ? 12u : 0u;
     source.fill(tick, given);
     const std::size_t size = encode(given, bytes);
-    ASSERT_LE(size, kMostBytesATick);
+    ASSERT_LE(size, kMaxBytesATick);
     RecordedTick read;
     ByteReader from{std::span<const std::byte>(bytes).first(size)};
-    ASSERT_TRUE(decode(from, {RecordedTick::kMostTracks, 4}, calls, read)) << i;
+    ASSERT_TRUE(decode(from, {RecordedTick::kMaxTracks, 4}, calls, read)) << i;
     EXPECT_EQ(from.left(), 0u);
     ASSERT_EQ(difference(given, read), "") << "tick " << i << ", seed " << kSeed;
   }
@@ -50,16 +51,16 @@ TEST(RecordCodec, TheLongestTickHasItsBound) {
   tick.state.raw.size = RawPacket::kMost;
   tick.lost_before = 1;
   tick.request = 1;
-  tick.track_count = RecordedTick::kMostTracks;
-  std::array<RendererCall, kMostCalls> calls{};
+  tick.track_count = RecordedTick::kMaxTracks;
+  std::array<RendererCall, kMaxCalls> calls{};
   for (RendererCall& call : calls) call = {RendererCall::Kind::kRestart, Vec3{1.0, 2.0, 3.0}, 1.0};
   for (RecordedTrack& track : tick.tracked()) {
     track.stepped = true;
     track.frame.force_n = Vec3{1.0, 0.0, 0.0};
     track.calls = calls;
   }
-  std::vector<std::byte> bytes(kMostBytesATick);
-  EXPECT_EQ(encode(tick, bytes), kMostBytesATick);
+  std::vector<std::byte> bytes(kMaxBytesATick);
+  EXPECT_EQ(encode(tick, bytes), kMaxBytesATick);
 }
 
 TEST(RecordCodec, WhatIsNoTickIsRefused) {
@@ -67,7 +68,7 @@ TEST(RecordCodec, WhatIsNoTickIsRefused) {
   const RendererCall call{RendererCall::Kind::kStep, tick.hip_mm, tick.t_s};
   tick.tracks[0].stepped = true;
   tick.tracks[0].calls = std::span(&call, 1);
-  std::vector<std::byte> bytes(kMostBytesATick);
+  std::vector<std::byte> bytes(kMaxBytesATick);
   bytes.resize(encode(tick, bytes));
   CallStorage calls{};
   RecordedTick read;
@@ -132,7 +133,7 @@ TEST(RecordCodec, AnAnswerWhoseCallsNobodyNotedIsKeptAndSaysSo) {
   RecordedTick tick, read;
   tick.tracks[0].stepped = true;
   tick.tracks[0].frame.force_n = Vec3{0.0, 0.0, 1.0};
-  std::vector<std::byte> bytes(kMostBytesATick);
+  std::vector<std::byte> bytes(kMaxBytesATick);
   bytes.resize(encode(tick, bytes));
   CallStorage calls{};
   ByteReader from{std::span<const std::byte>(bytes)};
@@ -245,7 +246,7 @@ TEST_F(RecordFile, AnyByteThatIsChangedIsNoticed) {
     // In the last chunk it is a torn tail.
     ASSERT_TRUE(!error.empty() || !end.closed) << "byte " << at;
     if (!error.empty()) {
-      EXPECT_NE(error.find("memory.palrec"), std::string::npos);
+      EXPECT_TRUE(says(error, "memory.palrec"));
     }
   }
 }
@@ -256,8 +257,8 @@ TEST_F(RecordFile, DamageInTheMiddleIsRefusedAndCanBeLeftOut) {
   std::string error;
   const std::size_t front = read(wrong, error);
   EXPECT_LT(front, 30u);
-  EXPECT_NE(error.find("--skip-damaged"), std::string::npos) << error;
-  EXPECT_NE(error.find("byte "), std::string::npos) << error;
+  EXPECT_TRUE(says(error, "--skip-damaged"));
+  EXPECT_TRUE(says(error, "byte "));
   RecordingEnd end;
   const std::size_t rest = read(wrong, error, &end, true);
   EXPECT_EQ(error, "");
@@ -272,23 +273,23 @@ TEST_F(RecordFile, ANewerVersionAndAnotherFileAreRefusedByName) {
   std::vector<std::byte> wrong = disk_.bytes;
   wrong[8] = std::byte{9};
   read(wrong, error);
-  EXPECT_NE(error.find("version 9"), std::string::npos) << error;
-  EXPECT_NE(error.find("newer Palpate"), std::string::npos) << error;
+  EXPECT_TRUE(says(error, "version 9"));
+  EXPECT_TRUE(says(error, "newer Palpate"));
   read(std::vector<std::byte>(64, std::byte{'x'}), error);
-  EXPECT_NE(error.find("is no recording"), std::string::npos) << error;
+  EXPECT_TRUE(says(error, "is no recording"));
 }
 
 TEST_F(RecordFile, AFileMadeOfFalseHeadsCostsLittle) {
   // Heads whose own checksum is right and whose payload is not.
-  ChunkHead head{ChunkKind::kTicks, 1, static_cast<std::uint32_t>(kMostPayloadBytes), 1, 0, 1};
+  ChunkHead head{ChunkKind::kTicks, 1, static_cast<std::uint32_t>(kMaxPayloadBytes), 1, 0, 1};
   const auto one = encode(head);
   std::vector<std::byte> wrong = disk_.bytes;
-  for (std::size_t i = 0; i < 3 * kMostPayloadBytes / one.size(); ++i)
+  for (std::size_t i = 0; i < 3 * kMaxPayloadBytes / one.size(); ++i)
     wrong.insert(wrong.end(), one.begin(), one.end());
   std::string error;
   RecordingEnd end;
   read(wrong, error, &end);
-  EXPECT_NE(error.find("damaged in more than"), std::string::npos) << error;
+  EXPECT_TRUE(says(error, "damaged in more than"));
 }
 
 }  // namespace

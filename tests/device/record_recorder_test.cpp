@@ -9,10 +9,11 @@
 #include <filesystem>
 #include <thread>
 
+#include <palpate/clock.h>
+#include "tests/device/helpers.h"
 #include "tests/device/record_rig.h"
 #include "tests/house/allocation_count.h"
 #include "tests/in_folder.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 namespace {
@@ -80,8 +81,8 @@ TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
   const Status done = recorder.finish();
   const RecorderCounts counts = recorder.counts();
   ASSERT_FALSE(done);
-  EXPECT_NE(done.error().what.find("were lost"), std::string::npos) << done.error().message();
-  EXPECT_NE(done.error().what.find(" s are kept"), std::string::npos) << done.error().message();
+  EXPECT_TRUE(says(done.error().what, "were lost")) << done.error().message();
+  EXPECT_TRUE(says(done.error().what, " s are kept")) << done.error().message();
   EXPECT_GT(counts.lost, 0u);
   EXPECT_EQ(counts.ticks, counts.written + counts.lost);
   RecordingEnd end;
@@ -128,9 +129,9 @@ TEST(Recorder, ADiskThatStaysFullLosesTheRestAndSaysWhy) {
   for (int i = 0; i < 600; ++i) recorder.took(source.next());
   const Status done = recorder.finish();
   ASSERT_FALSE(done);
-  EXPECT_NE(done.error().what.find("No space left"), std::string::npos) << done.error().message();
-  EXPECT_NE(done.error().remedy.find("free some space"), std::string::npos);
-  EXPECT_NE(done.error().what.find("; 0 s are kept"), std::string::npos) << done.error().message();
+  EXPECT_TRUE(says(done.error().what, "No space left")) << done.error().message();
+  EXPECT_TRUE(says(done.error().remedy, "free some space"));
+  EXPECT_TRUE(says(done.error().what, "; 0 s are kept")) << done.error().message();
   EXPECT_EQ(recorder.counts().lost, 600u);
   RecordingEnd end;
   EXPECT_EQ(ticks_of(disk.copy(), end), 0u);
@@ -197,7 +198,7 @@ TEST(Recorder, TheTapNotesEveryCall) {
       return render::PrepareReport{};
     }
     void restart(const Vec3&, double) noexcept override {}
-    void let_go(const Vec3&) noexcept override {}
+    void release_contact(const Vec3&) noexcept override {}
     render::Frame step(const Vec3& hip_mm, double) noexcept override {
       render::Frame frame;
       frame.god_object_mm = hip_mm;
@@ -210,15 +211,15 @@ TEST(Recorder, TheTapNotesEveryCall) {
   VirtualClock clock;
   RendererTap tap(inner, clock);
   const Vec3 a{1.0, 2.0, 3.0}, b{4.0, 5.0, 6.0};
-  tap.let_go(b);
+  tap.release_contact(b);
   tap.restart(a, 0.5);
-  tap.let_go(a);
+  tap.release_contact(a);
   static_cast<void>(tap.step(b, 0.6));
   RecordedTrack track;
   tap.fill(track);
   ASSERT_EQ(track.calls.size(), 3u) << "what was before a restart is undone by it";
   EXPECT_EQ(track.calls[0], (RendererCall{RendererCall::Kind::kRestart, a, 0.5}));
-  EXPECT_EQ(track.calls[1], (RendererCall{RendererCall::Kind::kLetGo, a, 0.0}));
+  EXPECT_EQ(track.calls[1], (RendererCall{RendererCall::Kind::kReleaseContact, a, 0.0}));
   EXPECT_EQ(track.calls[2], (RendererCall{RendererCall::Kind::kStep, b, 0.6}));
   EXPECT_TRUE(track.stepped);
   EXPECT_EQ(track.frame.god_object_mm, b);
@@ -226,10 +227,10 @@ TEST(Recorder, TheTapNotesEveryCall) {
   tap.fill(track);
   EXPECT_TRUE(track.calls.empty());
   EXPECT_FALSE(track.stepped);
-  for (std::size_t i = 0; i <= kMostCalls; ++i) static_cast<void>(tap.step(a, 1.0 + static_cast<double>(i)));
+  for (std::size_t i = 0; i <= kMaxCalls; ++i) static_cast<void>(tap.step(a, 1.0 + static_cast<double>(i)));
   tap.fill(track);
   EXPECT_TRUE(track.calls_lost);
-  EXPECT_EQ(track.calls.size(), kMostCalls);
+  EXPECT_EQ(track.calls.size(), kMaxCalls);
 }
 
 class RecorderOnDisk : public InFolder {
@@ -288,16 +289,16 @@ TEST_F(RecorderOnDisk, KilledInTheMiddleItLosesASecondAtMost) {
   }
   EXPECT_GE(ticks, last - 1000) << "of " << last << " ticks, a millisecond each";
   EXPECT_FALSE(recording->end().closed);
-  EXPECT_NE(recording->end().warnings().front().find("crashed"), std::string::npos);
+  EXPECT_TRUE(says(recording->end().warnings().front(), "crashed"));
 }
 
 TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
   const std::string path = in("limited.palrec");
-  constexpr rlim_t kMostBytes = 250'000;  // two chunks and a half
+  constexpr rlim_t kMaxBytes = 250'000;  // two chunks and a half
   const pid_t pid = ::fork();
   if (pid == 0) {
     std::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{kMostBytes, kMostBytes};
+    const rlimit limit{kMaxBytes, kMaxBytes};
     ::setrlimit(RLIMIT_FSIZE, &limit);
     RandomTicks source(kRecorderSeed);
     source.keeps = false;
@@ -317,7 +318,7 @@ TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
   ::waitpid(pid, &status, 0);
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 0);
-  EXPECT_LE(std::filesystem::file_size(path), kMostBytes);
+  EXPECT_LE(std::filesystem::file_size(path), kMaxBytes);
   Result<Recording> recording = Recording::open(path);
   ASSERT_TRUE(recording);
   RecordedTick tick;
@@ -336,17 +337,12 @@ TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {
     ASSERT_TRUE(first);
     RecorderOptions replacing;
     replacing.replace = true;
-    const auto busy = Recorder::create(path, some_header(), source, replacing);
-    ASSERT_FALSE(busy);
-    EXPECT_NE(busy.error().what.find("another program"), std::string::npos);
+    EXPECT_TRUE(refused(Recorder::create(path, some_header(), source, replacing), "another program"));
   }
-  const auto again = Recorder::create(path, some_header(), source);
-  ASSERT_FALSE(again);
-  EXPECT_NE(again.error().remedy.find("--force"), std::string::npos);
+  EXPECT_TRUE(refused(Recorder::create(path, some_header(), source), "--force"));
   EXPECT_TRUE(is_recording(path));
-  const auto nowhere = Recorder::create(in("no/such/folder.palrec"), some_header(), source);
-  ASSERT_FALSE(nowhere);
-  EXPECT_NE(nowhere.error().message().find("create the folder"), std::string::npos);
+  EXPECT_TRUE(
+      refused(Recorder::create(in("no/such/folder.palrec"), some_header(), source), "create the folder"));
   const auto folder = Recorder::create(folder_.string(), some_header(), source);
   ASSERT_FALSE(folder);
 }

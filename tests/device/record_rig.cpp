@@ -54,7 +54,7 @@ void RandomTicks::fill(const Tick& /*tick*/, RecordedTick& out) noexcept {
     out.request = 1;
     out.decision = 2;
   }
-  using Kept = std::array<std::vector<RendererCall>, RecordedTick::kMostTracks>;
+  using Kept = std::array<std::vector<RendererCall>, RecordedTick::kMaxTracks>;
   std::unique_ptr<Kept> keeping = keeps ? std::make_unique<Kept>() : nullptr;
   for (std::size_t i = 0; i < tracks_; ++i) {
     RecordedTrack& track = out.tracks[i];
@@ -66,7 +66,8 @@ void RandomTicks::fill(const Tick& /*tick*/, RecordedTick& out) noexcept {
       count = static_cast<std::size_t>(40.0 * random_.uniform());
       for (std::size_t c = 0; c < count; ++c) {
         const auto kind = static_cast<RendererCall::Kind>(2.99 * random_.uniform());
-        calls_[i][c] = {kind, anywhere(), kind == RendererCall::Kind::kLetGo ? 0.0 : random_.uniform()};
+        calls_[i][c] = {kind, anywhere(),
+                        kind == RendererCall::Kind::kReleaseContact ? 0.0 : random_.uniform()};
       }
     }
     if (track.stepped) {

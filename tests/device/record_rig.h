@@ -51,7 +51,7 @@ class RandomTicks final : public TickSource {
   void recorded() noexcept override {}
   /// As they were given to the recorder; calls are kept as well. Only of a source that keeps.
   std::vector<RecordedTick> given;
-  std::vector<std::unique_ptr<std::array<std::vector<RendererCall>, RecordedTick::kMostTracks>>> kept;
+  std::vector<std::unique_ptr<std::array<std::vector<RendererCall>, RecordedTick::kMaxTracks>>> kept;
   bool keeps = true;
 
  private:
@@ -59,7 +59,7 @@ class RandomTicks final : public TickSource {
   Random random_;
   std::size_t tracks_;
   std::int64_t t_ns_ = 0;
-  std::array<std::array<RendererCall, kMostCalls>, RecordedTick::kMostTracks> calls_{};
+  std::array<std::array<RendererCall, kMaxCalls>, RecordedTick::kMaxTracks> calls_{};
 };
 
 [[nodiscard]] inline RecordingHeader some_header() {

@@ -3,7 +3,7 @@
 
 #include "device/simulated/closed_loop.h"
 #include "device/simulated/simulated_arm.h"
-#include "toolkit/render/scene_free_renderer.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {
 
@@ -42,6 +42,13 @@ inline LoopOptions bare_loop(double period_s, double duration_s) {
   options.slew_n_per_s = 1e12;
   options.soft_start_s = 1e-9;
   return options;
+}
+
+/// From 1 mm above to 2 mm below z = 0 within 0.05 s.
+inline HandScript press_script() {
+  return HandScript::create("press", {0.0, 0.05}, {Vec3{0.0, 0.0, 1.0}, Vec3{0.0, 0.0, -2.0}},
+                            HandScript::Between::kMinimumJerk)
+      .value();
 }
 
 inline HandScript resting_at(const Vec3& place_mm) {

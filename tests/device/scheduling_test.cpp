@@ -1,5 +1,5 @@
 // What the kernel tells about itself, and that what is said to be obtained was obtained.
-#include "device/servo/scheduling.h"
+#include <palpate/device/scheduling.h>
 
 #include <gtest/gtest.h>
 #include <sched.h>
@@ -8,6 +8,8 @@
 #include <thread>
 #if defined(__SSE2__)
 #include <immintrin.h>
+
+#include "tests/device/helpers.h"
 #endif
 
 namespace palpate::device {
@@ -62,7 +64,7 @@ TEST(Scheduling, WhatIsSaidToBeObtainedIsWhatTheThreadHas) {
   for (const std::string& sentence : mode.not_obtained)
     slack_lines += sentence.find("--doctor") != std::string::npos ? 1 : 0;
   EXPECT_EQ(slack_lines, mode.fifo ? 0 : 1) << "with its remedy";
-  EXPECT_NE(mode.text().find(mode.fifo ? "SCHED_FIFO 80" : "SCHED_OTHER"), std::string::npos) << mode.text();
+  EXPECT_TRUE(says(mode.text(), mode.fifo ? "SCHED_FIFO 80" : "SCHED_OTHER"));
 }
 
 TEST(Scheduling, WhatIsNotAskedForIsNotTaken) {
@@ -80,7 +82,7 @@ TEST(Scheduling, WhatIsNotAskedForIsNotTaken) {
   EXPECT_EQ(mode.pinned_cpu, -1);
   EXPECT_TRUE(mode.not_obtained.empty());
   EXPECT_EQ(mode.timer_slack_ns, 1);
-  EXPECT_NE(mode.text().find(" on any CPU"), std::string::npos) << mode.text();
+  EXPECT_TRUE(says(mode.text(), " on any CPU"));
 }
 
 #if defined(__SSE2__)

@@ -1,5 +1,5 @@
 // Renderer, governor and simulated device together on a virtual clock.
-#include "device/servo/servo.h"
+#include <palpate/device/servo.h>
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "device/simulated/simulated_device.h"
-#include "toolkit/render/scene_free_renderer.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {
 namespace {
@@ -24,7 +24,7 @@ class Wall final : public render::SceneFreeRenderer {
     placed_at_mm = hip_mm;
     last_s = t_s;
   }
-  void let_go(const Vec3& hip_mm) noexcept override {
+  void release_contact(const Vec3& hip_mm) noexcept override {
     ++lettings_go;
     placed_at_mm = hip_mm;
   }

@@ -7,7 +7,7 @@
 #include <memory>
 #include <set>
 
-#include "device/spacemouse/spacemouse_driver.h"
+#include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
 
 namespace palpate::device {
@@ -191,21 +191,15 @@ TEST(SpaceMouse, ItPassesTheGovernorAndSendsNoForce) {
 }
 
 TEST(SpaceMouseDriver, SaysWhatIsMissing) {
-  Drivers drivers;
-  register_spacemouse_driver(drivers);
-  const Driver* driver = drivers.of("spacemouse");
-  ASSERT_NE(driver, nullptr);
-  EXPECT_GE(driver->look().size(), 1u);
+  const Driver driver = driver_of(&register_spacemouse_driver, "spacemouse");
+  EXPECT_GE(driver.look().size(), 1u);
   const MonotonicClock clock;
-  const auto refused = [&](const DeviceRequest& request) {
-    const auto made = driver->make(request, clock);
-    return made ? std::string("made") : made.error().message();
-  };
-  EXPECT_NE(refused({"spacemouse", {}, {{"path", "/dev/none"}}}).find("no 3Dconnexion"), std::string::npos);
-  EXPECT_NE(refused({"spacemouse", {}, {{"curv", "2"}}}).find("did you mean 'curve'"), std::string::npos);
-  EXPECT_NE(refused({"spacemouse", {}, {{"curve", "0.5"}}}).find("curve"), std::string::npos);
-  EXPECT_NE(refused({"spacemouse", {}, {{"dead_zone", "1"}}}).find("dead_zone"), std::string::npos);
-  EXPECT_NE(refused({"spacemouse:x", {}, {}}).find("takes no name"), std::string::npos);
+  const auto refused = [&](const DeviceRequest& request) { return refusal_of(driver, request); };
+  EXPECT_TRUE(says(refused({"spacemouse", {}, {{"path", "/dev/none"}}}), "no 3Dconnexion"));
+  EXPECT_TRUE(says(refused({"spacemouse", {}, {{"curv", "2"}}}), "did you mean 'curve'"));
+  EXPECT_TRUE(says(refused({"spacemouse", {}, {{"curve", "0.5"}}}), "curve"));
+  EXPECT_TRUE(says(refused({"spacemouse", {}, {{"dead_zone", "1"}}}), "dead_zone"));
+  EXPECT_TRUE(says(refused({"spacemouse:x", {}, {}}), "takes no name"));
 }
 
 }  // namespace

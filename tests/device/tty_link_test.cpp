@@ -8,19 +8,21 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <chrono>
+#include <cstring>
 #include <filesystem>
 #include <mutex>
 #include <set>
 #include <thread>
 
+#include <palpate/device/guard.h>
 #include "device/arms/arm_device.h"
-#include "device/arms/arm_driver.h"
 #include "device/haply/planar_device.h"
-#include "device/haply/planar_driver.h"
-#include "device/interface/device_facts.h"
+#include "device/interface/driver_options.h"
 #include "device/links/newest_command.h"
-#include "device/safety/guard.h"
+#include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/device/planar_board.h"
 #include "tests/device/tty_board.h"
@@ -28,18 +30,6 @@
 
 namespace palpate::device {
 namespace {
-
-// Not a deadline: after so long a test says that it failed instead of hanging.
-constexpr int kPatienceMs = 20'000;
-
-template <class Condition>
-bool comes_true(const Condition& condition) {
-  for (int ms = 0; ms < kPatienceMs; ++ms) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return false;
-}
 
 std::vector<std::uint8_t> bytes_of(const std::string& text) {
   return {text.begin(), text.end()};
@@ -92,6 +82,46 @@ TEST(NewestCommand, ManyPutAndWhatIsTakenIsWhole) {
   EXPECT_EQ(taken + newest.replaced(), put);
 }
 
+std::array<std::uint8_t, 8> numbered(std::uint32_t writer, std::uint32_t number) {
+  std::array<std::uint8_t, 8> bytes{};
+  std::memcpy(bytes.data(), &writer, 4);
+  std::memcpy(bytes.data() + 4, &number, 4);
+  return bytes;
+}
+
+// As a USB link uses it: the servo puts a command in every frame, the watchdog cuts meanwhile, the link's
+// thread takes; what a thread has put is never taken after what it put later, and a zero at the end is the
+// last.
+TEST(NewestCommandOfALink, ServoWatchdogAndLinkAtOnceKeepTheOrderAndEndInTheLastZero) {
+  constexpr std::uint32_t kFrames = 30'000, kServo = 1, kCut = 2, kEnd = 3;
+  NewestCommand newest;
+  std::atomic<int> running{2};
+  const auto put_all = [&](std::uint32_t writer) {
+    for (std::uint32_t i = 1; i <= kFrames; ++i) EXPECT_TRUE(newest.put(numbered(writer, i)));
+    --running;
+  };
+  std::thread servo([&] { put_all(kServo); }), watchdog([&] { put_all(kCut); });
+  std::array<std::uint32_t, 4> last{};
+  std::uint32_t writer = 0, number = 0;
+  CommandBytes command;
+  const auto take_all = [&] {
+    while (newest.take(command)) {
+      ASSERT_EQ(command.size, 8u);
+      std::memcpy(&writer, command.bytes.data(), 4);
+      std::memcpy(&number, command.bytes.data() + 4, 4);
+      ASSERT_GT(number, last.at(writer)) << "of " << writer;
+      last.at(writer) = number;
+    }
+  };
+  while (running.load() > 0) take_all();
+  servo.join();
+  watchdog.join();
+  EXPECT_TRUE(newest.put(numbered(kEnd, 1)));
+  take_all();
+  EXPECT_EQ(writer, kEnd) << "the zero of close() goes out last";
+  EXPECT_TRUE(newest.empty());
+}
+
 TEST(TtyLink, CarriesRawBytesBothWays) {
   TtyBoard board;
   TtyLink link({board.path()});
@@ -103,10 +133,10 @@ TEST(TtyLink, CarriesRawBytesBothWays) {
   // What a terminal in its usual mode would change: carriage returns, ends, Ctrl-C, Ctrl-S.
   const std::vector<std::uint8_t> odd = {0x0D, 0x0A, 0x03, 0x13, 0x11, 0x04, 0x00, 0xFF, 0x7F, 0x1A};
   EXPECT_TRUE(link.submit(odd));
-  EXPECT_TRUE(comes_true([&] { return board.received() == odd; }));
+  EXPECT_TRUE(comes([&] { return board.received() == odd; }));
   board.say(text_of(odd));
   std::vector<std::uint8_t> came;
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(comes([&] {
     const Polled polled = link.poll(into);
     came.insert(came.end(), into.begin(), into.begin() + static_cast<std::ptrdiff_t>(polled.size));
     return came.size() >= odd.size();
@@ -125,9 +155,9 @@ TEST(TtyLink, SaysWhatIsNotRight) {
     const auto opened = link.open();
     return opened ? std::string("opened") : opened.error().message();
   };
-  EXPECT_NE(refused({"/dev/palpate-none-*"}).find("there is no serial line"), std::string::npos);
-  EXPECT_NE(refused({"/dev/null"}).find("no serial line"), std::string::npos);
-  EXPECT_NE(refused({"/dev/nul[l]", 12345}).find("no rate"), std::string::npos);
+  EXPECT_TRUE(says(refused({"/dev/palpate-none-*"}), "there is no serial line"));
+  EXPECT_TRUE(says(refused({"/dev/null"}), "no serial line"));
+  EXPECT_TRUE(says(refused({"/dev/nul[l]", 12345}), "no rate"));
   const std::filesystem::path folder = std::filesystem::temp_directory_path() / "palpate_tty_test";
   std::filesystem::remove_all(folder);
   std::filesystem::create_directories(folder);
@@ -135,8 +165,8 @@ TEST(TtyLink, SaysWhatIsNotRight) {
   std::filesystem::create_symlink(one.path(), folder / "usb-Board_1");
   std::filesystem::create_symlink(two.path(), folder / "usb-Board_2");
   const std::string both = (folder / "usb-Board_*").string();
-  EXPECT_NE(refused({both}).find("several serial lines fit"), std::string::npos);
-  EXPECT_NE(refused({both}).find("usb-Board_2"), std::string::npos);
+  EXPECT_TRUE(says(refused({both}), "several serial lines fit"));
+  EXPECT_TRUE(says(refused({both}), "usb-Board_2"));
   EXPECT_EQ(tty_lines(both).size(), 2u);
   EXPECT_TRUE(tty_lines(both).front().allowed);
   TtyLink link({(folder / "usb-*_2").string()});
@@ -151,7 +181,7 @@ TEST(TtyLink, AnUnpluggedBoardIsGone) {
   ASSERT_TRUE(link.open());
   board.reset();
   std::array<std::uint8_t, 16> into{};
-  EXPECT_TRUE(comes_true([&] { return link.poll(into).gone; }));
+  EXPECT_TRUE(comes([&] { return link.poll(into).gone; }));
   EXPECT_FALSE(link.submit(bytes_of("x")));
   link.close();
 }
@@ -174,7 +204,7 @@ TEST(TtyLink, AFullLineKeepsCommandsWholeAndTheNewestLast) {
   board.stop_reading(false);
   std::array<std::uint8_t, 16> into{};
   const std::string end = "<00019999" + filling + ">";
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(comes([&] {
     (void)link.poll(into);  // finishes what was taken in part
     return text_of(board.received()).ends_with(end);
   }));
@@ -203,7 +233,7 @@ TEST(TtyLink, ManyThreadsSubmitAndEveryLineIsWhole) {
   std::array<std::uint8_t, 16> into{};
   for (int i = 0; i < 1000; ++i) (void)link.poll(into);
   for (std::thread& thread : threads) thread.join();
-  ASSERT_TRUE(comes_true([&] {
+  ASSERT_TRUE(comes([&] {
     (void)link.poll(into);
     return board.received().size() == 32 * link.counters().written && link.counters().written > 0;
   }));
@@ -258,30 +288,28 @@ TEST(TtyLink, AnArmSpeaksTextOverIt) {
   arm.serial_line = board->path();
   const MonotonicClock clock;
   ArmDevice device(arm, arm_link(arm), clock);
-  const auto opened = device.open();
-  ASSERT_TRUE(opened) << opened.error().message();
+  ASSERT_TRUE(ok(device.open()));
   int fresh = 0;
-  ASSERT_TRUE(comes_true([&] {
+  ASSERT_TRUE(comes([&] {
     const DeviceState state = device.read();
     fresh += state.status == ReadStatus::kFresh ? 1 : 0;
     device.send(governed(Vec3(0, 0, 0.5)));
     return fresh >= 200;
   }));
   EXPECT_EQ(device.counters().malformed, 0u);
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(comes([&] {
     const std::lock_guard lock(mutex);
     return last != "[0,0,0]        \n";
   }));
   EXPECT_TRUE(device.cut_force());
   device.close();
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(comes([&] {
     const std::lock_guard lock(mutex);
     return last == "[0,0,0]        \n";
   })) << "zero is the last that it hears";
   // The guard's way, with a handle of its own.
-  Drivers drivers;
-  register_arm_driver(drivers);
-  const auto made = drivers.of("arm")->make({"arm:polhem-v3", {}, {{"path", board->path()}}}, clock);
+  const auto made =
+      driver_of(&register_arm_driver, "arm").make({"arm:polhem-v3", {}, {{"path", board->path()}}}, clock);
   ASSERT_TRUE(made);
   std::this_thread::sleep_for(std::chrono::milliseconds(50));  // what was under way
   const int before = lines;
@@ -293,11 +321,11 @@ TEST(TtyLink, AnArmSpeaksTextOverIt) {
                                       {"rest", "power-on"},
                                       {"reports", "0"}})
     EXPECT_NE(std::find(facts.begin(), facts.end(), fact), facts.end()) << fact.first;
-  EXPECT_TRUE(comes_true([&] { return lines > before; }));
+  EXPECT_TRUE(comes([&] { return lines > before; }));
   // Unplugged in a session, and plugged in again.
   ASSERT_TRUE(device.open());
   board.reset();
-  EXPECT_TRUE(comes_true([&] { return device.read().status == ReadStatus::kLost; }));
+  EXPECT_TRUE(comes([&] { return device.read().status == ReadStatus::kLost; }));
   EXPECT_FALSE(device.cut_force());
   device.close();
 }
@@ -330,12 +358,6 @@ TEST(TtyLink, FramesOfAnArmAllocateNothing) {
   EXPECT_EQ(allocated, 0u);
 }
 
-#if defined(__SANITIZE_THREAD__) || defined(PALPATE_STD_THREADS)
-#define PALPATE_SKIP_FORKS() GTEST_SKIP() << "ThreadSanitizer cannot be forked"
-#else
-#define PALPATE_SKIP_FORKS() static_cast<void>(0)
-#endif
-
 TEST(TtyLink, WhenTheProgramIsKilledTheGuardSendsZeroThroughAHandleOfItsOwn) {
   PALPATE_SKIP_FORKS();
   const std::string zero = "[0,0,0]        \n";
@@ -352,9 +374,8 @@ TEST(TtyLink, WhenTheProgramIsKilledTheGuardSendsZeroThroughAHandleOfItsOwn) {
     ASSERT_GE(program, 0);
     if (program == 0) {
       const MonotonicClock clock;
-      Drivers drivers;
-      register_arm_driver(drivers);
-      auto made = drivers.of("arm")->make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
+      auto made =
+          driver_of(&register_arm_driver, "arm").make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
       if (!made) ::_exit(1);
       const Result<Guard> guard = Guard::start(made->zero);
       if (!guard || !made->device->open()) ::_exit(2);
@@ -364,9 +385,9 @@ TEST(TtyLink, WhenTheProgramIsKilledTheGuardSendsZeroThroughAHandleOfItsOwn) {
       }
     }
     board.start();
-    EXPECT_TRUE(comes_true([&] { return !heard().empty() && heard() != zero; })) << "round " << round;
+    EXPECT_TRUE(comes([&] { return !heard().empty() && heard() != zero; })) << "round " << round;
     ::kill(program, SIGKILL);
-    EXPECT_TRUE(comes_true([&] { return heard() == zero; })) << "round " << round;
+    EXPECT_TRUE(comes([&] { return heard() == zero; })) << "round " << round;
     int status = 0;
     ::waitpid(program, &status, 0);
     EXPECT_TRUE(WIFSIGNALED(status)) << "it did not end by itself, with " << WEXITSTATUS(status);
@@ -384,9 +405,8 @@ TEST(TtyLink, APlaneLetsGoOfWhatAPartOfACommandLeft) {
       return plane.take(bytes);
     });
     const MonotonicClock clock;
-    Drivers drivers;
-    register_planar_driver(drivers);
-    const auto made = drivers.of("planar")->make({"planar", {}, {{"path", board.path()}}}, clock);
+    const auto made =
+        driver_of(&register_planar_driver, "planar").make({"planar", {}, {{"path", board.path()}}}, clock);
     ASSERT_TRUE(made) << made.error().message();
     const int line = ::open(board.path().c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
     ASSERT_EQ(::write(line, held.bytes.data(), held.size), static_cast<ssize_t>(held.size));
@@ -395,12 +415,12 @@ TEST(TtyLink, APlaneLetsGoOfWhatAPartOfACommandLeft) {
       const std::lock_guard lock(mutex);
       return plane.torques;
     };
-    ASSERT_TRUE(comes_true([&] { return torques() == std::array<float, 2>{-0.1F, 0.1F}; }));
-    EXPECT_TRUE(comes_true([&] { return made->zero(); })) << "as a guard does, until the board has answered";
+    ASSERT_TRUE(comes([&] { return torques() == std::array<float, 2>{-0.1F, 0.1F}; }));
+    EXPECT_TRUE(comes([&] { return made->zero(); })) << "as a guard does, until the board has answered";
     const DeviceFacts facts = made->facts();
     EXPECT_EQ(facts.front(), (std::pair<std::string, std::string>{"model", "2DIY, generation 2"}));
     ::close(line);
-    EXPECT_TRUE(comes_true([&] { return torques() == std::array<float, 2>{}; })) << sent;
+    EXPECT_TRUE(comes([&] { return torques() == std::array<float, 2>{}; })) << sent;
     const std::lock_guard lock(mutex);
     EXPECT_LE(plane.most, 0.1F);
   }
@@ -412,8 +432,7 @@ TEST(TtyLink, APlaneThatAnswersNothingIsNotSaidToHaveLetGo) {
   ASSERT_TRUE(link.open());
   EXPECT_FALSE(planar_let_go(link));
   link.close();
-  ASSERT_TRUE(comes_true([&] { return board.received().size() >= encoded_let_go().size; }))
-      << "but it was told";
+  ASSERT_TRUE(comes([&] { return board.received().size() >= encoded_let_go().size; })) << "but it was told";
 }
 
 TEST(TtyLink, APlaneSpeaksOverIt) {
@@ -436,16 +455,15 @@ TEST(TtyLink, APlaneSpeaksOverIt) {
   });
   const MonotonicClock clock;
   PlanarDevice device(std::make_unique<TtyLink>(TtyLinkOptions{board.path()}), clock, *planar_model(2));
-  const auto opened = device.open();
-  ASSERT_TRUE(opened) << opened.error().message();
+  ASSERT_TRUE(ok(device.open()));
   int fresh = 0;
-  ASSERT_TRUE(comes_true([&] {
+  ASSERT_TRUE(comes([&] {
     fresh += device.read().status == ReadStatus::kFresh ? 1 : 0;
     device.send(governed(Vec3(0.5, 0, 0)));
     return fresh >= 100;
   }));
   device.close();
-  EXPECT_TRUE(comes_true([&] {
+  EXPECT_TRUE(comes([&] {
     const std::lock_guard lock(mutex);
     return commands.back() == TtyBoard::Bytes{2, 5, 0, 0, 0, 0, 0, 0, 0, 0};
   }));

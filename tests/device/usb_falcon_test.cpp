@@ -1,13 +1,13 @@
 // The Falcon's driver over the real libusb, with a pretended Falcon below it: run by umockdev-wrapper. What
 // is asserted is what happens, never how soon.
 //
-//   umockdev-wrapper test_usb --measure 60     round trips at 1 kHz for so many seconds, as JSON; with
-//   SCHED_FIFO
-//                                              where that is allowed
-//   umockdev-wrapper test_usb --faults RUNS FILE.json     the fault table of docs/safety.md, in real time
+//   umockdev-wrapper test_usb --measure SECONDS         round trips at 1 kHz, as JSON; SCHED_FIFO if allowed
+//   umockdev-wrapper test_usb --faults RUNS FILE.json   the table of docs/results/hands-and-loops.md
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <pthread.h>
+#include <sched.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -22,48 +22,27 @@
 #include <thread>
 #include <vector>
 
+#include <palpate/clock.h>
+#include <palpate/device/guard.h>
+#include <palpate/device/servo.h>
+#include <palpate/stop_callback.h>
 #include "device/falcon/falcon_device.h"
-#include "device/falcon/falcon_driver.h"
 #include "device/links/usb_link.h"
-#include "device/safety/guard.h"
-#include "device/servo/servo.h"
+#include "tests/device/helpers.h"
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/usbfs_double.h"
 #include "tests/device/rig.h"
-#include "tests/device/usb_faults.h"
-#include "tests/device/usb_round_trip.h"
+#include "tests/device/round_trip.h"
 #include "tests/house/allocation_count.h"
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 namespace {
 
-constexpr double kPatienceS = 30.0;  // of a busy machine
 constexpr timespec kMillisecond{0, 1'000'000};
 const UsbAddress kAddress{0x0403, 0xCB48, ""};
 
-template <class Condition>
-bool comes(const Condition& condition) {
-  const Stopwatch watch;
-  while (!condition()) {
-    if (watch.ms() > 1e3 * kPatienceS) return false;
-    ::nanosleep(&kMillisecond, nullptr);
-  }
-  return true;
-}
-
 std::unique_ptr<UsbLink> falcon_link() {
   return std::make_unique<UsbLink>(kAddress, UsbInterface{}, "falcon", falcon_lets_go, 0);
-}
-
-std::array<int, 3> pose_counts(const Vec3& device_mm) {
-  const Vec3 counts =
-      falcon_counts_of_angles(falcon_angles(device_mm + Vec3{0.0, 0.0, kFalconCentreMm}).value());
-  std::array<int, 3> rounded{};
-  for (std::size_t leg = 0; leg < 3; ++leg)
-    rounded[leg] = static_cast<int>(std::lround(counts[static_cast<Eigen::Index>(leg)]));
-  return rounded;
 }
 
 std::vector<std::uint8_t> garbled_reply() {
@@ -72,11 +51,8 @@ std::vector<std::uint8_t> garbled_reply() {
   return {bytes.begin(), bytes.end()};
 }
 
-/// Nothing of the governor's is to end what a busy machine delays.
 GovernorOptions patient() {
-  GovernorOptions options;
-  options.soft_start_s = 0.02;
-  options.late_zero_s = options.latch_late_s = options.silence_s = kPatienceS;
+  GovernorOptions options = patient_governor(0.02);
   options.jump_mm_per_s = 1e6;
   return options;
 }
@@ -84,9 +60,7 @@ GovernorOptions patient() {
 /// The driver's process in the tests of its death: presses until it is killed.
 [[noreturn]] void press_over_usb(bool guarded) {
   const MonotonicClock clock;
-  Drivers drivers;
-  register_falcon_driver(drivers);
-  Result<MadeDevice> made = drivers.of("falcon")->make({"falcon", {}, {}}, clock);
+  Result<MadeDevice> made = driver_of(&register_falcon_driver, "falcon").make({"falcon", {}, {}}, clock);
   if (!made) ::_exit(3);
   std::unique_ptr<Guard> guard;
   if (guarded) {
@@ -127,7 +101,7 @@ GovernorOptions patient() {
   }).detach();
   int number = 0;
   ::sigwait(&stop, &number);
-  static_cast<void>(run_stop_actions());
+  static_cast<void>(run_stop_callbacks());
   ::_exit(0);
 }
 
@@ -135,9 +109,7 @@ GovernorOptions patient() {
 [[noreturn]] void be_refused() {
   constexpr unsigned kNobody = 65534;
   if (::geteuid() == 0 && (::setgid(kNobody) != 0 || ::setuid(kNobody) != 0)) ::_exit(5);
-  Drivers drivers;
-  register_falcon_driver(drivers);
-  const DeviceEntry entry = drivers.all()[0].look().at(0);
+  const DeviceEntry entry = driver_of(&register_falcon_driver, "falcon").look().at(0);
   const std::string rule = usb_udev_rule(kAddress.vendor, kAddress.product);
   if (entry.status != DeviceStatus::kRefused || entry.needs.at(0).find(rule) == std::string::npos) ::_exit(6);
   const Status opened = falcon_link()->open();
@@ -145,11 +117,19 @@ GovernorOptions patient() {
   ::_exit(0);
 }
 
+/// This program once more, in a process of its own.
+pid_t run_self(const char* argument) {
+  const pid_t child = ::fork();
+  if (child != 0) return child;
+  ::execl("/proc/self/exe", "test_usb", argument, static_cast<char*>(nullptr));
+  ::_exit(9);
+}
+
 class UsbFalcon : public testing::Test {
  protected:
   void SetUp() override {
     board.run_firmware();
-    board.home(pose_counts(Vec3{0, 0, -2}));
+    board.home(falcon_counts_at(Vec3{0, 0, -2}));
     usb = std::make_unique<UsbfsDouble>(board);
   }
   /// Of the board, which another thread works on.
@@ -172,17 +152,13 @@ TEST_F(UsbFalcon, IsFoundAndListed) {
   ASSERT_EQ(usb_devices(0x0403, 0xCB48).size(), 1u);
   EXPECT_TRUE(usb_devices(0x0403, 0xCB48)[0].may_open);
   EXPECT_TRUE(usb_devices(0x0403, 0x6001).empty());
-  Drivers drivers;
-  register_falcon_driver(drivers);
-  EXPECT_EQ(drivers.all()[0].look().at(0).status, DeviceStatus::kReady);
+  EXPECT_EQ(driver_of(&register_falcon_driver, "falcon").look().at(0).status, DeviceStatus::kReady);
   usb->unplug();
   EXPECT_TRUE(usb_devices(0x0403, 0xCB48).empty());
-  const DeviceEntry missing = drivers.all()[0].look().at(0);
+  const DeviceEntry missing = driver_of(&register_falcon_driver, "falcon").look().at(0);
   EXPECT_EQ(missing.status, DeviceStatus::kMissing);
   EXPECT_FALSE(missing.needs.empty());
-  const Status opened = falcon_link()->open();
-  ASSERT_FALSE(opened);
-  EXPECT_NE(opened.error().message().find("0403:cb48"), std::string::npos) << opened.error().message();
+  EXPECT_TRUE(refused(falcon_link()->open(), "0403:cb48"));
 }
 
 TEST_F(UsbFalcon, AUserWhoMayNotOpenItIsToldTheRule) {
@@ -190,11 +166,7 @@ TEST_F(UsbFalcon, AUserWhoMayNotOpenItIsToldTheRule) {
       usb_udev_rule(0x0403, 0xCB48),
       R"(SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48", MODE="0660", TAG+="uaccess")");
   usb->forbid();
-  const pid_t child = ::fork();
-  if (child == 0) {
-    ::execl("/proc/self/exe", "test_usb", "--be-refused", static_cast<char*>(nullptr));
-    ::_exit(9);
-  }
+  const pid_t child = run_self("--be-refused");
   int status = -1;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_EQ(WIFEXITED(status) ? WEXITSTATUS(status) : -1, 0);
@@ -214,7 +186,7 @@ TEST_F(UsbFalcon, LoadsFirmwareFromAFileAndReads) {
   ASSERT_TRUE(opened) << opened.error().message();
   EXPECT_FALSE(device.booted().was_running);
   EXPECT_EQ(seen([](const FalconBoard& now) { return now.loaded(); }), image);
-  usb->with([](FalconBoard& now) { now.home(pose_counts(Vec3{10, -5, 20})), now.buttons = 4; });
+  usb->with([](FalconBoard& now) { now.home(falcon_counts_at(Vec3{10, -5, 20})), now.buttons = 4; });
   DeviceState state;
   ASSERT_TRUE(comes([&] {
     device.cut_force();
@@ -228,9 +200,8 @@ TEST_F(UsbFalcon, LoadsFirmwareFromAFileAndReads) {
 
 // For the report that a first user sends back.
 TEST_F(UsbFalcon, ItsFactsTellFirmwareCalibrationAndWhatTheCableCarried) {
-  Drivers drivers;
-  register_falcon_driver(drivers);
-  const auto made = drivers.of("falcon")->make({"falcon", {}, {{"k", "12.5"}, {"calibrated", "yes"}}}, clock);
+  const auto made = driver_of(&register_falcon_driver, "falcon")
+                        .make({"falcon", {}, {{"k", "12.5"}, {"calibrated", "yes"}}}, clock);
   ASSERT_TRUE(made) << made.error().message();
   ASSERT_TRUE(made->device->open());
   usb->with([](FalconBoard& now) {
@@ -255,9 +226,7 @@ TEST_F(UsbFalcon, ItsFactsTellFirmwareCalibrationAndWhatTheCableCarried) {
 TEST_F(UsbFalcon, HasOneOwnerAtATime) {
   const auto first = falcon_link();
   ASSERT_TRUE(first->open());
-  const Status second = falcon_link()->open();
-  ASSERT_FALSE(second);
-  EXPECT_NE(second.error().what.find("another program has"), std::string::npos);
+  EXPECT_TRUE(refused(falcon_link()->open(), "another program has"));
   const FalconBytes zero = falcon_zero();
   EXPECT_EQ(usb_send_once(kAddress, {}, zero, 100), UsbSent::kRefused) << "the guard tries again";
   first->close();
@@ -324,8 +293,7 @@ TEST_F(UsbFalcon, IsUnpluggedAndBackTenTimesInALiveSession) {
     usb->plug();
     ASSERT_TRUE(comes([&] { return !usb_devices(0x0403, 0xCB48).empty(); }));
   }
-  const Status started = live.servo.start();
-  ASSERT_TRUE(started) << started.error().message();
+  ASSERT_TRUE(ok(live.servo.start()));
   EXPECT_TRUE(comes([&] { return !holds_force(); }))
       << "opening lets go of what was held when the cable went";
   live.servo.stop();
@@ -366,7 +334,7 @@ INSTANTIATE_TEST_SUITE_P(Falcon, UsbFalconFaults,
                                                     [](FalconBoard& now) { now.faults.lost_homing = true; }},
                                          SpoiltCase{"jump", Fault::kJump,
                                                     [](FalconBoard& now) {
-                                                      now.counts = pose_counts(Vec3{0, 30, -2});
+                                                      now.counts = falcon_counts_at(Vec3{0, 30, -2});
                                                     }},
                                          SpoiltCase{"nowhere", Fault::kGarbled,
                                                     [](FalconBoard& now) {
@@ -374,18 +342,9 @@ INSTANTIATE_TEST_SUITE_P(Falcon, UsbFalconFaults,
                                                     }}),
                          [](const auto& instance) { return std::string(instance.param.name); });
 
-/// The driver in a process of its own, with or without a guard.
-pid_t press_in_child(bool guarded) {
-  const pid_t child = ::fork();
-  if (child != 0) return child;
-  ::execl("/proc/self/exe", "test_usb", guarded ? "--press" : "--press-unguarded",
-          static_cast<char*>(nullptr));
-  ::_exit(9);
-}
-
 TEST_F(UsbFalcon, TheGuardSendsZeroAfterEveryDeathOfTheProgram) {
   for (const int number : {SIGKILL, SIGSEGV, SIGABRT}) {
-    const pid_t child = press_in_child(true);
+    const pid_t child = run_self("--press");
     ASSERT_TRUE(comes([&] { return holds_force(); })) << "it presses";
     const Stopwatch watch;
     ::kill(child, number);
@@ -403,7 +362,7 @@ TEST_F(UsbFalcon, TheGuardSendsZeroAfterEveryDeathOfTheProgram) {
 }
 
 TEST_F(UsbFalcon, WithoutTheGuardTheTorqueStays) {
-  const pid_t child = press_in_child(false);
+  const pid_t child = run_self("--press-unguarded");
   ASSERT_TRUE(comes([&] { return holds_force(); }));
   ::kill(child, SIGKILL);
   ASSERT_EQ(::waitpid(child, nullptr, 0), child);
@@ -412,11 +371,7 @@ TEST_F(UsbFalcon, WithoutTheGuardTheTorqueStays) {
 }
 
 TEST_F(UsbFalcon, AStopOfTheProgramSendsZeroThatLeavesIt) {
-  const pid_t child = ::fork();
-  if (child == 0) {
-    ::execl("/proc/self/exe", "test_usb", "--press-and-stop", static_cast<char*>(nullptr));
-    ::_exit(9);
-  }
+  const pid_t child = run_self("--press-and-stop");
   ASSERT_TRUE(comes([&] { return holds_force(); })) << "it presses";
   ::kill(child, SIGTERM);
   int status = -1;
@@ -441,11 +396,50 @@ TEST_F(UsbFalcon, FramesAllocateNothing) {
   EXPECT_GT(fresh, 0);
 }
 
+/// One packet a millisecond, each answered by one that holds its number; printed as JSON. `real_time`: asks
+/// for SCHED_FIFO, for the loop, the link and what pretends to be a device.
+RoundTrips measure_usb_trips(double seconds, bool event_character, bool real_time) {
+  constexpr int kLoopPriority = 80, kDoublePriority = 82;
+  constexpr std::uint32_t kNumbers = 4000;  // a command's range; more than can be under way
+  FalconBoard board;
+  board.run_firmware();
+  board.echo_motors = true;
+  UsbfsDouble usb(board);
+  sched_param priority{}, before{};
+  priority.sched_priority = kLoopPriority;
+  int policy = 0;
+  ::pthread_getschedparam(::pthread_self(), &policy, &before);
+  const bool fifo = real_time && ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority) == 0;
+  if (fifo) usb.run_at(kDoublePriority);
+  UsbLink link(kAddress, {}, "falcon", falcon_lets_go, fifo ? UsbLink::kPriority : 0);
+  const auto no_firmware = []() -> Result<FalconFirmware> { return Error{"it runs", "", "", 0}; };
+  if (!link.open() || !boot_falcon(link, {no_firmware, [](int ms) { sleep_ms(ms); }, event_character}))
+    std::abort();
+  FalconReader reader;
+  const TripProtocol protocol{
+      kNumbers,
+      [](std::uint32_t number) {
+        const FalconBytes bytes = encoded(FalconCommand{{static_cast<int>(number), 0, 0}, 1});
+        return std::vector<std::uint8_t>(bytes.begin(), bytes.end());
+      },
+      [&reader](std::span<const std::uint8_t> polled, const auto& answered) {
+        for (const std::uint8_t byte : ftdi_payload(polled))
+          if (const auto reply = reader.take(byte)) answered(static_cast<std::uint32_t>(reply->counts[0]));
+      },
+      [&link] { return link.counters().overtaken; }};
+  RoundTrips trips = measure_round_trips(link, seconds, protocol);
+  trips.fifo = fifo;
+  trips.malformed = reader.malformed();
+  trips.overrun = link.counters().overrun;
+  link.close();
+  ::pthread_setschedparam(::pthread_self(), policy, &before);
+  fmt::print("{}\n", trips.json(event_character ? "libusb, umockdev, event character" : "libusb, umockdev"));
+  return trips;
+}
+
 TEST(UsbRoundTrip, EveryPacketIsAnswered) {
   for (const bool event_character : {false, true}) {
-    const RoundTrips trips = measure_round_trips({.seconds = 2.0, .event_character = event_character});
-    fmt::print("{}\n",
-               trips.json(event_character ? "libusb, umockdev, event character" : "libusb, umockdev"));
+    const RoundTrips trips = measure_usb_trips(2.0, event_character, false);
     EXPECT_GT(trips.answered, 0u);
     EXPECT_EQ(trips.malformed, 0u);
     EXPECT_TRUE(trips.lost == 0 || trips.overrun > 0) << "none vanishes uncounted";
@@ -473,9 +467,7 @@ int main(int argc, char** argv) {
   if (first == "--measure") {
     const double seconds = argc > 2 ? std::strtod(argv[2], nullptr) : 60.0;
     for (const bool event_character : {false, true})
-      fmt::print("{}\n",
-                 measure_round_trips({seconds, event_character, true})
-                     .json(event_character ? "libusb, umockdev, event character" : "libusb, umockdev"));
+      static_cast<void>(measure_usb_trips(seconds, event_character, true));
     return 0;
   }
   testing::InitGoogleTest(&argc, argv);

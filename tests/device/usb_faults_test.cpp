@@ -1,17 +1,18 @@
-// What goes wrong between a servo and a Falcon, over the real libusb. See docs/safety.md for the table.
+// What goes wrong between a servo and a Falcon, over the real libusb. See docs/results/hands-and-loops.md for
+// the table.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <time.h>
 
 #include <vector>
 
+#include <palpate/clock.h>
 #include "device/falcon/falcon_packets.h"
 #include "device/links/usb_link.h"
+#include "tests/device/helpers.h"
 #include "tests/device/link_benches.h"
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/usbfs_double.h"
-#include "tests/device/usb_faults.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 namespace {
@@ -21,17 +22,6 @@ constexpr const char* kUsbFaultsName = "libusb, Falcon";
 constexpr int kPretendingPriority = 82;
 
 constexpr timespec kTransferTime{0, 1'000'000};  // the link's thread hands over what it may in far less
-template <class Condition>
-bool happens(const Condition& condition) {
-  constexpr double kLongMs = 30'000.0;  // of a busy machine
-  const Stopwatch watch;
-  while (!condition()) {
-    if (watch.ms() > kLongMs) return false;
-    ::nanosleep(&kTransferTime, nullptr);
-  }
-  return true;
-}
-
 // What is with the kernel cannot be called back: so that is one transfer of a force. What waits is replaced,
 // and a zero does not wait.
 TEST(UsbLink, AZeroHasOneTransferBeforeItAtMost) {
@@ -53,7 +43,7 @@ TEST(UsbLink, AZeroHasOneTransferBeforeItAtMost) {
   };
   usb.hold_out(true);
   ASSERT_TRUE(force(100));
-  ASSERT_TRUE(happens([&] { return usb.out_under_way() == 1; }));
+  ASSERT_TRUE(comes([&] { return usb.out_under_way() == 1; }));
   constexpr int kForces = 20;
   for (int i = 1; i <= kForces; ++i) {
     ASSERT_TRUE(force(100 + i));
@@ -61,14 +51,14 @@ TEST(UsbLink, AZeroHasOneTransferBeforeItAtMost) {
     ASSERT_EQ(usb.out_under_way(), 1) << i;
   }
   ASSERT_TRUE(link.submit(falcon_zero()));
-  ASSERT_TRUE(happens([&] { return usb.out_under_way() == 2; })) << "though nothing has moved";
+  ASSERT_TRUE(comes([&] { return usb.out_under_way() == 2; })) << "though nothing has moved";
   for (const int counts : {0, 7, 0, 8}) {
     ASSERT_TRUE(force(counts));
     ::nanosleep(&kTransferTime, nullptr);
     ASSERT_EQ(usb.out_under_way(), 2) << counts;
   }
   usb.hold_out(false);
-  ASSERT_TRUE(happens([&] { return commands() >= 3; }));
+  ASSERT_TRUE(comes([&] { return commands() >= 3; }));
   link.close();
   usb.with([](FalconBoard& now) { now.commanded = {}; });
   EXPECT_EQ(taken, (std::vector<int>{100, 0, 8})) << "what was under way, the zero, and then the newest";

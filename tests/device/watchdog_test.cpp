@@ -1,6 +1,6 @@
 // Heartbeat, watchdog, and every way in which a servo ends, in one process. In real time nothing is asserted
 // but what no load can change.
-#include "device/safety/watchdog.h"
+#include <palpate/device/watchdog.h>
 
 #include <gtest/gtest.h>
 
@@ -12,12 +12,13 @@
 #include <string>
 #include <thread>
 
-#include "device/safety/guard.h"
-#include "device/servo/scheduling.h"
-#include "device/servo/servo.h"
-#include "device/simulated/fault_trial.h"
+#include <palpate/device/guard.h>
+#include <palpate/device/scheduling.h>
+#include <palpate/device/servo.h>
 #include "device/simulated/packet_device.h"
 #include "device/simulated/simulated_link.h"
+#include "experiments/benchmarks/fault_trial.h"
+#include "tests/device/helpers.h"
 #include "tests/device/rig.h"
 
 namespace palpate::device {
@@ -26,7 +27,7 @@ namespace {
 constexpr std::int64_t kMsNs = 1'000'000;
 
 // What scheduling.h says to users is what is asked for.
-static_assert(Watchdog::kPriority == kWatchdogPriority && Guard::kPriority == kGuardPriority);
+static_assert(Watchdog::kPriority == kWatchdogPriority);
 
 /// Counts what it is told to cut.
 class CutDevice final : public Device {
@@ -165,9 +166,7 @@ struct Pressed {
   }
   SimulatedBoard board;
   VirtualClock clock;
-  HandScript script = HandScript::create("press", {0.0, 0.05}, {Vec3{0, 0, 1}, Vec3{0, 0, -2}},
-                                         HandScript::Between::kMinimumJerk)
-                          .value();
+  HandScript script = press_script();
   SimulatedLink link{board, script, clock};
   PacketDevice device;
   SpringPlane wall;
@@ -208,9 +207,7 @@ TEST(ServoEnds, AnExceptionThroughItSendsZero) {
   SimulatedBoard board;
   try {
     VirtualClock clock;
-    HandScript script = HandScript::create("press", {0.0, 0.05}, {Vec3{0, 0, 1}, Vec3{0, 0, -2}},
-                                           HandScript::Between::kMinimumJerk)
-                            .value();
+    HandScript script = press_script();
     SimulatedLink link(board, script, clock);
     PacketDevice device(link, clock);
     SpringPlane wall(0.5);
@@ -235,9 +232,7 @@ TEST(ServoEnds, ADeviceWhoseLimitsAreNoneIsClosedAgain) {
   SimulatedLink link(board, rig.script, rig.clock);
   PacketDevice device(link, rig.clock, none);
   Servo servo(rig.wall, {}, device, rig.clock, {});
-  const Status started = servo.start();
-  ASSERT_FALSE(started);
-  EXPECT_NE(started.error().message().find("force limit"), std::string::npos);
+  EXPECT_TRUE(refused(servo.start(), "force limit"));
   EXPECT_EQ(device.read().status, ReadStatus::kLost) << "closed";
   EXPECT_EQ(servo.governor(), nullptr);
 }

@@ -1,4 +1,4 @@
-// palpate ablate and plan --check, as a user runs them, on tiny scenes.
+// palpate compare ablate and plan --check, as a user runs them, on tiny scenes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -6,8 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
-#include "toolkit/core/instructions.h"
+#include "toolkit/core/instruction_counter.h"
 
 namespace palpate::experiments {
 namespace {
@@ -47,15 +46,15 @@ force_limit_n = 0.1
 )";
 const char* const kPress = "weave:frames=900:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 
-class Ablate : public InFolder {
+class Ablate : public OnCommandLine {
  protected:
-  ProcessOutcome ablate(const std::string& scene, const std::string& out,
-                        std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments = {"ablate", scene, "--path", kPress, "--out", in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
+  /// Instructions are counted in the program, started again.
+  void count() { apart_ = true; }
+  template <class... More>
+  Words ablate(const std::string& scene, const std::string& out, const More&... more) const {
+    return words("compare ablate", scene, "--path", kPress, "--out", in(out), more...);
   }
-  json document(const std::string& out) const { return json::parse(file_text(in(out + "/ablate.json"))); }
+  json document(const std::string& out) const { return json_in(out + "/ablate.json"); }
   static std::map<std::string, json> by_stage(const json& document) {
     std::map<std::string, json> rows;
     for (const json& row : document["rows"])
@@ -65,13 +64,11 @@ class Ablate : public InFolder {
 };
 
 TEST_F(Ablate, EveryStageOfASceneIsLeftOutInTurn) {
+  count();
   write_text(in("much.toml"), kMuch);
-  const ProcessOutcome run = ablate(in("much.toml"), "out");
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(
-      schema_violations(std::string(PALPATE_DOCS) + "/ablate.schema.json", file_text(in("out/ablate.json"))),
-      "");
-  EXPECT_TRUE(std::filesystem::exists(in("out/report.html")));
+  succeeds(ablate(in("much.toml"), "out"));
+  expect_valid("ablate", text_in("out/ablate.json"));
+  EXPECT_TRUE(exists("out/report.html"));
   const json whole_document = document("out");
   const std::map<std::string, json> rows = by_stage(whole_document);
   const json& whole = rows.at("");
@@ -96,12 +93,12 @@ TEST_F(Ablate, EveryStageOfASceneIsLeftOutInTurn) {
 }
 
 TEST_F(Ablate, InstructionsAreTheSameOnEveryRun) {
-  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
+  if (const Status able = can_count_instructions(); !able) GTEST_SKIP() << able.error().message();
+  count();
   const std::string scene = "sinusoid:points=961:extent_mm=20:wavelength_mm=20:amplitude_mm=1";
   std::vector<std::map<std::string, json>> runs;
   for (const char* out : {"one", "two"}) {
-    const ProcessOutcome run = ablate(scene, out, {"--renderer", "cloud", "--friction", "0.7,0.5"});
-    ASSERT_EQ(run.exit_code, 0) << run.err;
+    succeeds(ablate(scene, out, "--renderer cloud --friction 0.7,0.5"));
     runs.push_back(by_stage(document(out)));
   }
   for (const auto& [stage, row] : runs[0]) {
@@ -113,14 +110,12 @@ TEST_F(Ablate, InstructionsAreTheSameOnEveryRun) {
 }
 
 TEST_F(Ablate, ASceneThatAsksForNothingIsSaidToNeedAllThatItHas) {
-  const ProcessOutcome run = ablate("sinusoid:points=961:extent_mm=20:wavelength_mm=20:amplitude_mm=1", "out",
-                                    {"--renderer", "cloud", "--budget", "0", "--json"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  const json printed = json::parse(run.out);
-  EXPECT_EQ(printed, document("out"));
-  ASSERT_EQ(printed["rows"].size(), 1u);
-  EXPECT_TRUE(printed["rows"][0]["instructions"].is_null());
-  EXPECT_GT(printed["rows"][0]["truth_percent"].get<double>(), 0.0);
+  const json answer = printed(ablate("sinusoid:points=961:extent_mm=20:wavelength_mm=20:amplitude_mm=1",
+                                     "out", "--renderer cloud --budget 0 --json"));
+  EXPECT_EQ(answer, document("out"));
+  ASSERT_EQ(answer["rows"].size(), 1u);
+  EXPECT_TRUE(answer["rows"][0]["instructions"].is_null());
+  EXPECT_GT(answer["rows"][0]["truth_percent"].get<double>(), 0.0);
 }
 
 TEST_F(Ablate, CleaningIsAStageOfItsOwn) {
@@ -136,8 +131,7 @@ amplitude_mm = 1
 [renderer]
 name = "cloud"
 )");
-  const ProcessOutcome run = ablate(in("clean.toml"), "out", {"--budget", "0"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  succeeds(ablate(in("clean.toml"), "out", "--budget 0"));
   const std::map<std::string, json> rows = by_stage(document("out"));
   ASSERT_TRUE(rows.contains("cleaning of the scene"));
   EXPECT_LT(rows.at("cleaning of the scene")["saves"]["bytes"].get<double>(), 0.0) << "more points are left";
@@ -146,38 +140,28 @@ name = "cloud"
 TEST_F(Ablate, WhatIsWrongIsSaidAndLeavesNoFile) {
   write_text(in("typo.toml"), "[[model]]\ngenerat = \"plane\"\n");
   write_text(in("inside.csv"), "t_s,x_mm,y_mm,z_mm\n0,0,0,-5\n0.001,0,0,-5\n");
-  const std::string plane = "plane:points=441:extent_mm=20";
-  struct Case {
-    std::vector<std::string> arguments;
-    const char* says;
-  };
-  for (const Case& c : std::vector<Case>{{{in("typo.toml")}, "generat"},
-                                         {{in("nothing.ply")}, "nothing.ply"},
-                                         {{plane, "--renderer", "nonsense"}, "nonsense"},
-                                         {{plane, "--renderer", "cloud,cloud-smooth"}, "one renderer"},
-                                         {{plane, "--renderer", "cloud-smooth:detail=nan"}, "detail"},
-                                         {{plane, "--budget", "nan"}, "budget"},
-                                         {{plane, "--budget", "-1"}, "budget"},
-                                         {{plane, "--friction", "2,3"}, "friction"},
-                                         {{plane, "--path", in("inside.csv")}, "inside"}}) {
-    std::vector<std::string> arguments = {"ablate"};
-    arguments.insert(arguments.end(), c.arguments.begin(), c.arguments.end());
-    arguments.insert(arguments.end(), {"--out", in("out")});
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 2) << c.says << run.err;
-    EXPECT_NE(run.err.find(c.says), std::string::npos) << run.err;
-    EXPECT_FALSE(std::filesystem::exists(in("out/ablate.json"))) << c.says;
-    EXPECT_FALSE(std::filesystem::exists(in("out/report.html"))) << c.says;
+  for (const auto& [line, says] : std::vector<std::pair<const char*, const char*>>{
+           {"@/typo.toml", "generat"},
+           {"@/nothing.ply", "nothing.ply"},
+           {"plane --renderer nonsense", "nonsense"},
+           {"plane --renderer cloud,cloud-smooth", "one renderer"},
+           {"plane --renderer cloud-smooth:detail=nan", "detail"},
+           {"plane --budget nan", "budget"},
+           {"plane --budget -1", "budget"},
+           {"plane --friction 2,3", "friction"},
+           {"plane --path @/inside.csv", "inside"}}) {
+    refuses(says, "compare ablate", line, "--out @/out");
+    EXPECT_FALSE(exists("out/ablate.json")) << says;
+    EXPECT_FALSE(exists("out/report.html")) << says;
   }
 }
 
 TEST_F(Ablate, ThePlanIsCheckedByRunningIt) {
   Environment cache("XDG_CACHE_HOME", in("cache").c_str());
-  for (const char* renderer : {"cloud", "cloud-smooth", "heightfield", "cloud:surface=vertices"}) {
+  for (const char* renderer : {"cloud", "cloud-smooth", "heightfield", "cloud-vertices"}) {
     const ProcessOutcome run =
-        palpate_command({"plan", "sinusoid:points=10201", "--renderer", renderer, "--check", "--json"});
-    ASSERT_EQ(run.exit_code, 0) << run.err;
-    EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/plan.schema.json", run.out), "");
+        succeeds("info plan sinusoid:points=10201 --renderer", renderer, "--check --json");
+    expect_valid("plan", run.out);
     const json plan = json::parse(run.out);
     EXPECT_LE(std::abs(plan["measured"]["bytes_off_percent"].get<double>()), 25.0) << renderer;
     EXPECT_GT(plan["measured"]["frame_us"].get<double>(), 0.0);

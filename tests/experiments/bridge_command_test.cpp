@@ -1,10 +1,10 @@
-// palpate bridge and palpate devices --report, as a user runs them. Where one waits for another, it waits as
-// long as it takes.
+// palpate live serve and palpate devices --report, as a user runs them. Where one waits for another, it waits
+// as long as it takes.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
-#include "device/drivers/known_usb.h"
+#include "device/drivers/usb_ids.h"
 #include "experiments/live/device_report.h"
 #include "experiments/live/session_device.h"
 #include "tests/experiments/program.h"
@@ -15,12 +15,12 @@ namespace {
 
 using nlohmann::json;
 
-const std::string kReportSchema = std::string(PALPATE_DOCS) + "/device-report.schema.json";
-const std::string kCountsSchema = std::string(PALPATE_DOCS) + "/bridge.schema.json";
+const std::string kReportSchema = std::string(PALPATE_DOCS) + "/schemas/device-report.schema.json";
+const std::string kCountsSchema = std::string(PALPATE_DOCS) + "/schemas/bridge.schema.json";
 
-class BridgeCommand : public InFolder {
+class BridgeCommand : public OnCommandLine {
  protected:
-  /// "ADDRESS:PORT" at which a started `palpate bridge` listens; empty where it ended.
+  /// "ADDRESS:PORT" at which a started `palpate live serve` listens; empty where it ended.
   static std::string address_of(Started& bridge) {
     std::string where;
     bridge.wait_for([&] {
@@ -35,13 +35,12 @@ class BridgeCommand : public InFolder {
 };
 
 TEST_F(BridgeCommand, AProgramAtAnotherProcessFeelsTheDevice) {
-  Started bridge(folder_, {"bridge", "--device", "sim:falcon", "--listen", "127.0.0.1:0", "--watchdog-ms",
-                           "1000", "--most-age-ms", "1000"});
+  Started bridge(folder_, {"live", "serve", "--device", "sim:falcon", "--listen", "127.0.0.1:0",
+                           "--watchdog-ms", "1000", "--most-age-ms", "1000"});
   const std::string where = address_of(bridge);
   ASSERT_NE(where, "") << bridge.err();
-  const ProcessOutcome run = palpate_command(
-      {"devices", "--report", "bridge:" + where, "--seconds", "0.5", "--device-option", "most-age-ms=1000"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const ProcessOutcome run =
+      succeeds("list devices --report", "bridge:" + where, "--seconds 0.5 --device-option most-age-ms=1000");
   EXPECT_EQ(schema_violations(kReportSchema, run.out), "");
   const json report = json::parse(run.out);
   EXPECT_TRUE(report["opened"].get<bool>());
@@ -56,9 +55,7 @@ TEST_F(BridgeCommand, AProgramAtAnotherProcessFeelsTheDevice) {
 }
 
 TEST_F(BridgeCommand, CountsWhatItDid) {
-  const ProcessOutcome run =
-      palpate_command({"bridge", "--listen", "127.0.0.1:0", "--seconds", "0.2", "--json"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const ProcessOutcome run = succeeds("live serve --listen 127.0.0.1:0 --seconds 0.2 --json");
   EXPECT_EQ(schema_violations(kCountsSchema, run.out), "");
   const json counts = json::parse(run.out);
   EXPECT_GT(counts["ticks"], 0);
@@ -67,8 +64,7 @@ TEST_F(BridgeCommand, CountsWhatItDid) {
 }
 
 TEST_F(BridgeCommand, ItsSchemaRefusesWhatItNeverPrints) {
-  json counts =
-      json::parse(palpate_command({"bridge", "--listen", "127.0.0.1:0", "--seconds", "0.1", "--json"}).out);
+  json counts = json::parse(palpate("live serve --listen 127.0.0.1:0 --seconds 0.1 --json").out);
   ASSERT_EQ(schema_violations(kCountsSchema, counts.dump()), "");
   counts["trips"] = -1;
   EXPECT_NE(schema_violations(kCountsSchema, counts.dump()), "");
@@ -77,32 +73,26 @@ TEST_F(BridgeCommand, ItsSchemaRefusesWhatItNeverPrints) {
 }
 
 TEST_F(BridgeCommand, RefusesWhatMeansNothing) {
-  const std::pair<std::vector<std::string>, const char*> cases[] = {
-      {{"bridge", "--device", "sim:falcn"}, "falcon"},
-      {{"bridge", "--device", "nothing"}, "palpate devices"},
-      {{"bridge", "--device", "sim", "--hand", "paw"}, "paw"},
-      {{"bridge", "--listen", "nowhere"}, "HOST:PORT"},
-      {{"bridge", "--listen", "127.0.0.1:99999"}, "port"},
-      {{"bridge", "--device-option", "novalue"}, "KEY=VALUE"},
-      {{"bridge", "--device", "sim", "--device-option", "a=b"}, "leave it out"},
-      {{"bridge", "--device", "path"}, "palpate devices"},
-      {{"devices", "--report", "nothing"}, "palpate devices"},
-      {{"devices", "--report", "sim", "--out", "report.txt"}, ".json"},
-      {{"devices", "--report", "bridge:a:b:c"}, "HOST:PORT"}};
-  for (const auto& [arguments, says] : cases) {
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 2) << says;
-    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
-    EXPECT_EQ(run.out, "") << says;
-  }
+  const std::pair<const char*, const char*> cases[] = {
+      {"live serve --device sim:falcn", "falcon"},
+      {"live serve --device nothing", "palpate list devices"},
+      {"live serve --device sim --grip paw", "paw"},
+      {"live serve --listen nowhere", "HOST:PORT"},
+      {"live serve --listen 127.0.0.1:99999", "port"},
+      {"live serve --device-option novalue", "KEY=VALUE"},
+      {"live serve --device sim --device-option a=b", "leave it out"},
+      {"live serve --device path", "palpate list devices"},
+      {"list devices --report nothing", "palpate list devices"},
+      {"list devices --report sim --out report.txt", ".json"},
+      {"list devices --report bridge:a:b:c", "HOST:PORT"}};
+  for (const auto& [line, says] : cases) EXPECT_EQ(refuses(says, line).out, "") << line;
 }
 
 TEST_F(BridgeCommand, AReportOfASimulatedArmFitsItsSchemaAndAddsUp) {
   const std::string out = (folder_ / "report.json").string();
-  const std::vector<std::string> command = {"devices", "--report", "sim:omni", "--seconds", "0.3",
-                                            "--rate",  "500",      "--out",    out};
-  const ProcessOutcome run = palpate_command(command);
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::vector<std::string> command = {"list", "devices", "--report", "sim:omni", "--seconds",
+                                            "0.3",  "--rate",  "500",      "--out",    out};
+  const ProcessOutcome run = succeeds(command);
   EXPECT_EQ(run.out, "");
   EXPECT_EQ(schema_violations(kReportSchema, file_text(out)), "");
   const json report = json::parse(file_text(out));
@@ -113,21 +103,21 @@ TEST_F(BridgeCommand, AReportOfASimulatedArmFitsItsSchemaAndAddsUp) {
   EXPECT_GT(packets["frames"], 0);
   EXPECT_TRUE(report["homing"]["at_start"].get<bool>());
   EXPECT_EQ(report["device"]["driver"], "sim");
-  const ProcessOutcome again = palpate_command(command);
+  const ProcessOutcome again = palpate(command);
   EXPECT_EQ(again.exit_code, 2) << "a report that is there is kept";
   std::vector<std::string> forced = command;
   forced.emplace_back("--force");
-  EXPECT_EQ(palpate_command(forced).exit_code, 0);
+  succeeds(forced);
 }
 
 TEST_F(BridgeCommand, ADeviceThatDoesNotOpenIsAReportToo) {
-  const ProcessOutcome run = palpate_command({"devices", "--report", "bridge:127.0.0.1:1"});
+  const ProcessOutcome run = palpate("list devices --report bridge:127.0.0.1:1");
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_EQ(schema_violations(kReportSchema, run.out), "");
   const json report = json::parse(run.out);
   EXPECT_FALSE(report["opened"].get<bool>());
-  EXPECT_NE(report["error"].get<std::string>().find("palpate bridge"), std::string::npos);
-  EXPECT_NE(run.err.find("palpate bridge"), std::string::npos);
+  EXPECT_THAT(report["error"].get<std::string>(), HasSubstr("palpate live serve"));
+  EXPECT_THAT(run.err, HasSubstr("palpate live serve"));
 }
 
 TEST(SessionDevice, OptionsAreReadInOrder) {

@@ -7,10 +7,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include <palpate/generate.h>
 #include "experiments/session/session.h"
 #include "experiments/study/output_folder.h"
 #include "tests/experiments/program.h"
-#include "toolkit/cloud/generate.h"
 
 namespace palpate::experiments {
 namespace {
@@ -67,7 +67,7 @@ TEST(UsualRenderers, LargeCloudsAreThinnedForTheMeshAndThatIsSaid) {
   EXPECT_EQ(labels_of(chosen), "cloud-smooth,cloud,mesh-thinned");
   ASSERT_EQ(chosen.renderers.back().clean.size(), 1u);
   EXPECT_EQ(chosen.renderers.back().clean[0].options.text("cell"), "1.4") << "root of 2";
-  EXPECT_NE(chosen.notes.back().find("1.4 spacings apart"), std::string::npos);
+  EXPECT_THAT(chosen.notes.back(), HasSubstr("1.4 spacings apart"));
   EXPECT_EQ(labels_of(usual_renderers(scene_of(points, true), {}, all_renderers())),
             "cloud-smooth,cloud,mesh-godobject")
       << "faces need not be made";
@@ -82,12 +82,11 @@ TEST(UsualRenderers, ThoseThatLackWhatTheSceneAsksForAreLeftOutAndSaid) {
   ASSERT_TRUE(scene.models.front().surface.dent.any());
   const Chosen chosen = usual_renderers(scene, {}, all_renderers());
   EXPECT_EQ(labels_of(chosen), "cloud");
-  EXPECT_NE(chosen.notes.back().find("mesh-godobject does not render"), std::string::npos)
-      << chosen.notes.back();
+  EXPECT_THAT(chosen.notes.back(), HasSubstr("mesh-godobject does not render"));
 }
 
 TEST(UsualPath, FollowsTheModelsSize) {
-  trace::PathTarget target;
+  paths::PathTarget target;
   for (const double scale : {1e-3, 1.0, 1e6}) {
     target.box_mm = {};
     target.box_mm.add(Vec3::Zero());
@@ -103,15 +102,15 @@ TEST(UsualPath, FollowsTheModelsSize) {
   target.box_mm.add(Vec3::Zero());
   target.box_mm.add(Vec3(12, 12, 6));
   target.spacing_mm = 1.0;
-  EXPECT_NE(usual_path(target).find(":depth_mm=1:"), std::string::npos) << "at least a spacing";
+  EXPECT_THAT(usual_path(target), HasSubstr(":depth_mm=1:")) << "at least a spacing";
   const std::shared_ptr<const geometry::AnalyticSurface> formula =
       cloud::generate(parse_named_options("sinusoid:points=121").value()).value().surface;
   target.surface = formula.get();
   EXPECT_EQ(parse_named_options(usual_path(target, 700)).value().name, "weave");
-  EXPECT_NE(usual_path(target, 700).find(":frames=700:"), std::string::npos);
+  EXPECT_THAT(usual_path(target, 700), HasSubstr(":frames=700:"));
 }
 
-class UsualFolder : public InFolder {
+class UsualFolder : public OnCommandLine {
  protected:
   UsualFolder() : before_(std::filesystem::current_path()) { std::filesystem::current_path(folder_); }
   ~UsualFolder() override { std::filesystem::current_path(before_); }
@@ -121,7 +120,7 @@ class UsualFolder : public InFolder {
 TEST_F(UsualFolder, IsCalledByTheModel) {
   write_text("scan.v2.ply.gz", "x");
   EXPECT_EQ(usual_folder("compare", "scan.v2.ply.gz"), "out/compare-scan");
-  EXPECT_EQ(usual_folder("replay", "sinusoid:points=961"), "out/replay-sinusoid");
+  EXPECT_EQ(usual_folder("compare", "sinusoid:points=961"), "out/compare-sinusoid");
   EXPECT_EQ(usual_folder("compare", "stanford-bunny"), "out/compare-stanford-bunny");
   EXPECT_EQ(usual_folder("compare", "..:"), "out/compare--") << "leads nowhere else";
   EXPECT_EQ(usual_folder("compare", ""), "out/compare-scene");
@@ -174,13 +173,12 @@ TEST_F(UsualFolder, OnesOwnScanIsComparedInOneCommand) {
     std::filesystem::remove_all("out");
     std::filesystem::create_directories("out/compare-scan");
     write_text("out/compare-scan/mine.txt", "mine");
-    const ProcessOutcome run = palpate_command({"compare", "scan.ply", "--unit", "mm"});
-    ASSERT_EQ(run.exit_code, 0) << run.err;
+    const ProcessOutcome run = succeeds("compare scan.ply --unit mm");
     EXPECT_EQ(file_text("out/compare-scan/mine.txt"), "mine");
     const std::filesystem::path report = std::filesystem::absolute("out/compare-scan-2/report.html");
     EXPECT_TRUE(std::filesystem::exists(report));
     EXPECT_TRUE(run.out.ends_with("\nreport: " + report.string() + "\n")) << run.out;
-    EXPECT_NE(run.err.find("running cloud-smooth, cloud, mesh-godobject"), std::string::npos) << run.err;
+    EXPECT_THAT(run.err, HasSubstr("running cloud-smooth, cloud, mesh-godobject"));
     const json result = json::parse(file_text("out/compare-scan-2/result.json"));
     EXPECT_TRUE(result["complete"]);
     ASSERT_EQ(result["renderers"].size(), 3u);
@@ -193,14 +191,13 @@ TEST_F(UsualFolder, OnesOwnScanIsComparedInOneCommand) {
         "The ground truth is the file's own faces, and mesh-godobject feels the same ones";
     EXPECT_EQ(result["notes"].dump().find(remark) != std::string::npos, faces) << result["notes"];
     const std::string mesh = result["renderers"][2]["prepare"]["notes"].dump();
-    EXPECT_NE(mesh.find(faces ? "own 1152 faces (auto)" : "advancing-front"), std::string::npos) << mesh;
+    EXPECT_THAT(mesh, HasSubstr(faces ? "own 1152 faces (auto)" : "advancing-front"));
     // Once more, without a new folder.
-    ASSERT_EQ(palpate_command({"compare", "scan.ply", "--unit", "mm"}).exit_code, 0);
+    succeeds("compare scan.ply --unit mm");
     EXPECT_FALSE(std::filesystem::exists("out/compare-scan-3"));
   }
-  const ProcessOutcome replay = palpate_command({"replay", "scan.ply", "--unit", "mm"});
-  EXPECT_EQ(replay.exit_code, 0) << replay.err;
-  EXPECT_TRUE(std::filesystem::exists("out/replay-scan/trace.csv"));
+  succeeds("compare scan.ply --unit mm --renderers auto");
+  EXPECT_TRUE(std::filesystem::exists("out/compare-one-scan/trace.csv"));
 }
 
 }  // namespace

@@ -4,11 +4,11 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include <palpate/generate.h>
+#include <palpate/write_mesh.h>
 #include "experiments/run/cleaning.h"
 #include "tests/experiments/program.h"
-#include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
-#include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
 namespace {
@@ -18,7 +18,7 @@ using nlohmann::json;
 const char* const kPath = "exploration:frames=3000:depth_mm=0.5:seed=1";
 
 /// A sphere as a scanner sees it: noisy, with stray points; and its true mesh.
-class CleanCommand : public InFolder {
+class CleanCommand : public OnCommandLine {
  protected:
   CleanCommand() {
     const cloud::GeneratedModel model = *cloud::generate(*parse_named_options("sphere:points=3000"));
@@ -43,63 +43,49 @@ class CleanCommand : public InFolder {
 };
 
 TEST_F(CleanCommand, ListsItsStepsWithOptions) {
-  const ProcessOutcome text = palpate_command({"clean"});
-  const ProcessOutcome run = palpate_command({"clean", "--json"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  const json list = json::parse(run.out);
+  const ProcessOutcome text = palpate("list steps");
+  const json list = printed("list steps --json");
   ASSERT_EQ(list.size(), all_cleaning().all().size());
   for (const scene::CleaningStep& step : all_cleaning().all())
     for (const OptionSpec& option : step.options)
-      EXPECT_NE(text.out.find(option.key + "=" + option.default_value), std::string::npos) << option.key;
+      EXPECT_THAT(text.out, HasSubstr(option.key + "=" + option.default_value)) << option.key;
 }
 
 TEST_F(CleanCommand, WritesWhatIsLeft) {
-  const ProcessOutcome run = palpate_command(
-      {"clean", in("scan.ply"), "--steps", "outliers+smooth", "--out", in("cleaned.ply"), "--json"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  const json report = json::parse(run.out);
+  const json report = printed("clean @/scan.ply --steps outliers+smooth --out @/cleaned.ply --json");
   EXPECT_EQ(report["points_before"], points_);
   EXPECT_LE(report["points_after"], points_ - 20);
   ASSERT_EQ(report["steps"].size(), 2u);
   EXPECT_GT(report["steps"][1]["ms"], 0.0);
-  const ProcessOutcome info = palpate_command({"info", in("cleaned.ply"), "--json"});
-  ASSERT_EQ(info.exit_code, 0) << info.err;
-  EXPECT_EQ(json::parse(info.out)["points"], report["points_after"]);
+  EXPECT_EQ(printed("info @/cleaned.ply --json")["points"], report["points_after"]);
 }
 
 TEST_F(CleanCommand, WrongArgumentsLeaveNothingBehind) {
   const auto refused = [&](std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "clean");
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 2) << run.err;
-    EXPECT_FALSE(std::filesystem::exists(in("out.ply")));
+    const ProcessOutcome run = refuses({}, arguments);
+    EXPECT_FALSE(exists("out.ply"));
     return run.err;
   };
   const std::string scan = in("scan.ply"), out = in("out.ply");
-  EXPECT_NE(refused({scan, "--steps", "outlier", "--out", out}).find("did you mean 'outliers'"),
-            std::string::npos);
-  EXPECT_NE(refused({scan, "--steps", "smooth/neighbours=1", "--out", out}).find("neighbours"),
-            std::string::npos);
-  EXPECT_NE(refused({scan, "--out", out}).find("nothing to do"), std::string::npos);
-  EXPECT_NE(refused({scan, "--steps", "smooth"}).find("--out"), std::string::npos);
-  EXPECT_NE(refused({in("none.ply"), "--steps", "smooth", "--out", out}).find("none.ply"), std::string::npos);
-  EXPECT_NE(refused({scan, "--steps", "outliers/distance=1e-6", "--out", out}).find("every one"),
-            std::string::npos);
-  EXPECT_NE(refused({scan, "--steps", "thin", "--out", in("nowhere/out.ply")}).find("nowhere"),
-            std::string::npos);
+  EXPECT_THAT(refused({scan, "--steps", "outlier", "--out", out}), HasSubstr("did you mean 'outliers'"));
+  EXPECT_THAT(refused({scan, "--steps", "smooth/neighbours=1", "--out", out}), HasSubstr("neighbours"));
+  EXPECT_THAT(refused({scan, "--out", out}), HasSubstr("nothing to do"));
+  EXPECT_THAT(refused({scan, "--steps", "smooth"}), HasSubstr("--out"));
+  EXPECT_THAT(refused({in("none.ply"), "--steps", "smooth", "--out", out}), HasSubstr("none.ply"));
+  EXPECT_THAT(refused({scan, "--steps", "outliers/distance=1e-6", "--out", out}), HasSubstr("every one"));
+  EXPECT_THAT(refused({scan, "--steps", "thin", "--out", in("nowhere/out.ply")}), HasSubstr("nowhere"));
 }
 
 TEST_F(CleanCommand, ARendererOnCleanedPointsIsNearerToTheTruth) {
-  const ProcessOutcome run =
-      palpate_command({"compare", in("scan.ply"), "--reference", in("truth.ply"), "--path", kPath,
-                       "--renderers", "cloud,cloud:clean=outliers+smooth:label=cleaned", "--out", in("out")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  succeeds("compare @/scan.ply --reference @/truth.ply --path", kPath,
+           "--renderers cloud,cloud:clean=outliers+smooth:label=cleaned --out @/out");
   const json document = result("out");
   const json &raw = document["renderers"][0], &cleaned = document["renderers"][1];
   EXPECT_EQ(raw["model"]["points"], points_);
   EXPECT_LE(cleaned["model"]["points"], points_ - 20);
   EXPECT_EQ(cleaned["prepare"]["phases"][0]["name"], "cleaning: outliers");
-  EXPECT_NE(cleaned["options"]["clean"].get<std::string>().find("smooth/"), std::string::npos);
+  EXPECT_THAT(cleaned["options"]["clean"].get<std::string>(), HasSubstr("smooth/"));
   EXPECT_LT(cleaned["accuracy"]["force_rms_n"], 0.7 * raw["accuracy"]["force_rms_n"].get<double>());
   // What the result prints as an option can be given again.
   EXPECT_TRUE(all_cleaning().parse(cleaned["options"]["clean"].get<std::string>()).ok());
@@ -108,29 +94,24 @@ TEST_F(CleanCommand, ARendererOnCleanedPointsIsNearerToTheTruth) {
 TEST_F(CleanCommand, CleaningOfTheSceneCountsAsPreparation) {
   std::ofstream(in("scene.toml"))
       << "[[model]]\ncloud = \"scan.ply\"\n  [[model.clean]]\n  step = \"outliers\"\n";
-  const ProcessOutcome run =
-      palpate_command({"replay", in("scene.toml"), "--renderer", "cloud", "--reference", in("truth.ply"),
-                       "--path", kPath, "--out", in("out")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  succeeds("compare @/scene.toml --renderers cloud --reference @/truth.ply --path", kPath, "--out @/out");
   const json one = result("out")["renderers"][0];
   EXPECT_EQ(one["prepare"]["phases"][0]["name"], "cleaning: outliers");
   EXPECT_LE(one["model"]["points"], points_ - 20);
-  EXPECT_NE(palpate_command({"info", in("scene.toml")}).out.find("points removed"), std::string::npos);
+  EXPECT_THAT(palpate("info @/scene.toml").out, HasSubstr("points removed"));
 }
 
 TEST_F(CleanCommand, AReferenceMustBeAMesh) {
   const auto refused = [&](const std::string& reference) {
-    const ProcessOutcome run =
-        palpate_command({"replay", in("scan.ply"), "--renderer", "cloud", "--reference", reference, "--path",
-                         kPath, "--out", in("out")});
-    EXPECT_EQ(run.exit_code, 2) << run.err;
+    const ProcessOutcome run = refuses({}, "compare @/scan.ply --renderers cloud --reference", reference,
+                                       "--path", kPath, "--out @/out");
     return run.err;
   };
-  EXPECT_NE(refused(in("scan.ply")).find("no faces"), std::string::npos);
-  EXPECT_NE(refused("analitic").find("choose from auto"), std::string::npos);
+  EXPECT_THAT(refused(in("scan.ply")), HasSubstr("no faces"));
+  EXPECT_THAT(refused("analitic"), HasSubstr("choose from auto"));
   const Environment nowhere("PALPATE_DATA", in("nowhere").c_str()), cache("XDG_CACHE_HOME", in("no").c_str());
-  EXPECT_NE(refused("stanford-bunny").find("palpate fetch stanford-bunny"), std::string::npos);
-  EXPECT_NE(refused(in("missing.ply")).find("missing.ply"), std::string::npos);
+  EXPECT_THAT(refused("stanford-bunny"), HasSubstr("palpate fetch stanford-bunny"));
+  EXPECT_THAT(refused(in("missing.ply")), HasSubstr("missing.ply"));
 }
 
 }  // namespace

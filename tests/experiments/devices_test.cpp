@@ -1,14 +1,13 @@
-// palpate devices, and the doctor's judgement of machines that are not here.
+// palpate list devices, and the doctor's judgement of machines that are not here.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "device/drivers/known_usb.h"
+#include "device/drivers/usb_ids.h"
 #include "device/simulated/arm_models.h"
 #include "experiments/live/doctor.h"
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -91,7 +90,7 @@ TEST(Doctor, FindsEachFaultAloneAndSaysItsRemedy) {
       {"USB permission", CheckVerdict::kWarning, R"(ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48")",
        [](SystemFacts& f) {
          f.usb.push_back({"Novint Falcon", "0403", "cb48", "/dev/bus/usb/001/004", false,
-                          device::udev_rule(device::known_usb().front())});
+                          device::udev_rule(device::known_usb_ids().front())});
          f.usb.push_back({"3Dconnexion", "256f", "c635", "/dev/hidraw0", true, ""});
        }},
   };
@@ -123,36 +122,34 @@ TEST(Doctor, ReadsThisMachine) {
   EXPECT_FALSE(facts.tried.kernel_release.empty());
 }
 
-class Devices : public InFolder {};
+class Devices : public OnCommandLine {};
 
 TEST_F(Devices, AreListedWithWhatTheyNeed) {
-  const ProcessOutcome text = palpate_command({"devices"}), run = palpate_command({"devices", "--json"});
+  const ProcessOutcome text = palpate("list devices"), run = palpate("list devices --json");
   ASSERT_EQ(run.exit_code, 0) << run.err;
   EXPECT_EQ(text.exit_code, 0);
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/devices.schema.json", run.out), "");
+  expect_valid("devices", run.out);
   const json document = json::parse(run.out);
   EXPECT_FALSE(document.contains("checks")) << "only where asked for";
   std::vector<std::string> names;
   for (const json& one : document["devices"]) {
     names.push_back(one["name"]);
-    EXPECT_NE(text.out.find(names.back()), std::string::npos);
+    EXPECT_THAT(text.out, HasSubstr(names.back()));
     EXPECT_EQ(one["status"] == "ready", one["needs"].empty()) << one;
-    for (const json& need : one["needs"])
-      EXPECT_NE(text.out.find(need.get<std::string>()), std::string::npos) << need;
+    for (const json& need : one["needs"]) EXPECT_THAT(text.out, HasSubstr(need.get<std::string>())) << need;
   }
   for (const device::ArmOptions& arm : device::arm_models())
     EXPECT_EQ(std::count(names.begin(), names.end(), "sim:" + arm.name), 1) << arm.name;
 }
 
 TEST_F(Devices, TheDoctorSaysEveryCheckInTextAndJson) {
-  const ProcessOutcome text = palpate_command({"devices", "--doctor"}),
-                       run = palpate_command({"devices", "--doctor", "--json"});
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/devices.schema.json", run.out), "");
+  const ProcessOutcome text = palpate("list devices --doctor"), run = palpate("list devices --doctor --json");
+  expect_valid("devices", run.out);
   const json checks = json::parse(run.out)["checks"];
   ASSERT_EQ(checks.size(), examine(good_machine()).size());
   bool problem = false;
   for (const json& check : checks) {
-    EXPECT_NE(text.out.find(check["about"].get<std::string>() + ": "), std::string::npos) << check;
+    EXPECT_THAT(text.out, HasSubstr(check["about"].get<std::string>() + ": ")) << check;
     EXPECT_EQ(check["verdict"] == "fine", check["remedy"].empty()) << check;
     problem = problem || check["verdict"] == "problem";
   }
@@ -160,9 +157,7 @@ TEST_F(Devices, TheDoctorSaysEveryCheckInTextAndJson) {
 }
 
 TEST_F(Devices, KnowNoOtherArguments) {
-  const ProcessOutcome run = palpate_command({"devices", "--doctr"});
-  EXPECT_EQ(run.exit_code, 2);
-  EXPECT_NE(run.err.find("--doctor"), std::string::npos) << run.err;
+  refuses("--doctor", "list devices --doctr");
 }
 
 }  // namespace

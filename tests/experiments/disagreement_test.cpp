@@ -1,17 +1,18 @@
 // What is said of renderers that answer otherwise than each other, on traces made by hand.
 #include "experiments/run/disagreement.h"
+#include "tests/experiments/program.h"
 
 #include <gtest/gtest.h>
 
-#include "toolkit/metrics/accuracy.h"
+#include <palpate/accuracy.h>
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kTick = 1e-3;
 constexpr std::size_t kFrames = 400;
-/// Frames whose first and last are just kMomentS apart.
-constexpr std::size_t kMomentFrames = static_cast<std::size_t>(metrics::kMomentS / kTick + 0.5) + 1;
+/// Frames whose first and last are just kMinArtefactS apart.
+constexpr std::size_t kMomentFrames = static_cast<std::size_t>(metrics::kMinArtefactS / kTick + 0.5) + 1;
 
 struct Away {
   std::size_t run = 0, begin = 0, frames = 0;
@@ -88,14 +89,14 @@ TEST(Disagreement, OfTwoAndOfThreeThatAreAllApartNobodyStandsAlone) {
       "There is no majority for 0.0990 s from 0 s on, the HIP at 0, 5.00, -2.00 mm: a, b (feels nothing).");
   const auto three = disagreements(study_of({"a", "b", "c"}, {{1, 20, 100, kFar}, {2, 20, 100, -kFar}}));
   ASSERT_EQ(three.size(), 2u);
-  EXPECT_NE(three[1].find("no majority"), std::string::npos) << three[1];
+  EXPECT_THAT(three[1], HasSubstr("no majority"));
 }
 
 TEST(Disagreement, ListsTheLongestFew) {
   const auto said = disagreements(study_of(
       {"a", "b", "c"}, {{0, 0, 31, kFar}, {1, 50, 61, kFar}, {2, 150, 41, kFar}, {0, 220, 51, kFar}}));
   ASSERT_EQ(said.size(), 4u);
-  EXPECT_NE(said[0].find("in 4 stretches, 0.180 s of"), std::string::npos) << said[0];
+  EXPECT_THAT(said[0], HasSubstr("in 4 stretches, 0.180 s of"));
   for (std::size_t i = 1; i < said.size(); ++i)
     EXPECT_TRUE(said[i].starts_with(i == 1 ? "b" : i == 2 ? "a" : "c")) << said[i];
 }

@@ -12,6 +12,7 @@
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
+#include "tests/experiments/program.h"
 
 namespace palpate::experiments {
 namespace {
@@ -38,7 +39,7 @@ class Cheater final : public render::HapticRenderer {
     late_.fill({});
     for (render::Frame& frame : late_) frame.god_object_mm = hip;
   }
-  void let_go(const Vec3& hip) noexcept override { truth_->let_go(hip); }
+  void release_contact(const Vec3& hip) noexcept override { truth_->release_contact(hip); }
   render::Frame step(const Vec3& hip, double t) noexcept override {
     render::Frame frame = truth_->step(hip, t);
     const std::size_t now = frames_++;
@@ -127,7 +128,7 @@ TEST_F(Dishonest, TheHonestOneIsGood) {
   const std::vector<CardItem> card = card_of(of("honest"));
   for (const CardItem& item : card)
     EXPECT_TRUE(item.known && item.kept) << item.about << " " << item.value << ", wanted " << item.limit;
-  EXPECT_TRUE(all_kept(card));
+  EXPECT_FALSE(card.empty());
 }
 
 TEST_F(Dishonest, NoCardIsKept) {
@@ -135,7 +136,6 @@ TEST_F(Dishonest, NoCardIsKept) {
     const std::vector<CardItem> card = card_of(of(label));
     ASSERT_FALSE(card.empty()) << label;
     EXPECT_FALSE(card.front().kept) << label << " " << card.front().value;
-    EXPECT_FALSE(all_kept(card)) << label;
   }
   EXPECT_EQ(of("no-force").accuracy->indistinguishable_percent, 0.0);
   EXPECT_NEAR(*of("late").accuracy->lag_ms, 30.0, 1e-9);
@@ -143,6 +143,7 @@ TEST_F(Dishonest, NoCardIsKept) {
 }
 
 TEST_F(Dishonest, NoHeadlineCallsThemRight) {
+  EXPECT_TRUE(headline("Take").starts_with("honest: contact right")) << headline("Take");
   const std::string contact = headline("Contact");
   const std::size_t wrong = contact.find("wrong with");
   ASSERT_NE(wrong, std::string::npos) << contact;
@@ -153,7 +154,7 @@ TEST_F(Dishonest, NoHeadlineCallsThemRight) {
 }
 
 TEST_F(Dishonest, TheirScoresStandOnThePage) {
-  std::ifstream file(std::string(PALPATE_DOCS) + "/scores.md");
+  std::ifstream file(std::string(PALPATE_DOCS) + "/reference/scores.md");
   std::ostringstream page;
   page << file.rdbuf();
   std::vector<std::vector<CardItem>> cards;
@@ -167,23 +168,22 @@ TEST_F(Dishonest, TheirScoresStandOnThePage) {
   for (std::size_t i = 0; i + 1 < cards.front().size(); ++i) {
     std::string row = "| " + cards.front()[i].about + " | " + cards.front()[i].limit + " |";
     for (const std::vector<CardItem>& card : cards) row += " " + without_rounding(card[i].value) + " |";
-    EXPECT_NE(page.str().find(row + "\n"), std::string::npos)
-        << "docs/scores.md, \"Those who cheat\", should have\n"
+    EXPECT_THAT(page.str(), HasSubstr(row + "\n"))
+        << "docs/reference/scores.md, \"Those who cheat\", should have\n"
         << row;
   }
 }
 
 TEST_F(Dishonest, AFlagThatContradictsTheForceIsRefused) {
   EXPECT_EQ(of("lies").status, metrics::RunStatus::kFailed);
-  EXPECT_NE(of("lies").reason.find("says that nothing is in contact"), std::string::npos)
-      << of("lies").reason;
+  EXPECT_THAT(of("lies").reason, HasSubstr("says that nothing is in contact"));
   EXPECT_FALSE(of("lies").accuracy.has_value());
 }
 
 TEST_F(Dishonest, ACrashIsOnesOwn) {
   if (!of("honest").timing->own_process) GTEST_SKIP() << "this build cannot fork";
   EXPECT_EQ(of("crashes").status, metrics::RunStatus::kFailed);
-  EXPECT_NE(of("crashes").reason.find("signal 9"), std::string::npos) << of("crashes").reason;
+  EXPECT_THAT(of("crashes").reason, HasSubstr("signal 9"));
 }
 
 TEST_F(Dishonest, TimesAreOfTheSameFramesForAll) {

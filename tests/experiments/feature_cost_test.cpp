@@ -7,10 +7,9 @@
 #include <set>
 #include <sstream>
 
-#include "toolkit/core/instructions.h"
+#include <palpate/registry.h>
+#include "toolkit/core/instruction_counter.h"
 #include "toolkit/core/process.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
 
 namespace palpate::experiments {
 namespace {
@@ -40,7 +39,7 @@ std::map<std::string, Costs> all_costs() {
 }
 
 TEST(FeatureCost, WhatIsNotAskedForCostsNoInstructionAndNoByte) {
-  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
+  if (const Status able = can_count_instructions(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_FEATURE_COST)) GTEST_SKIP() << "built without the benchmarks";
   const std::map<std::string, Costs> all = all_costs();
   render::Registry registry;

@@ -9,8 +9,8 @@
 #include <iostream>
 #include <map>
 
-#include "toolkit/core/instructions.h"
-#include "toolkit/core/options.h"
+#include <palpate/options.h>
+#include "toolkit/core/instruction_counter.h"
 
 namespace palpate::experiments {
 namespace {
@@ -65,7 +65,7 @@ Counts count() {
 }
 
 TEST(FrameInstructions, AreNoMoreThanTheFileSays) {
-  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
+  if (const Status able = can_count_instructions(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_FRAME_INSTRUCTIONS)) GTEST_SKIP() << "built without the benchmarks";
 #ifndef NDEBUG
   GTEST_SKIP() << "the counts are those of release builds";

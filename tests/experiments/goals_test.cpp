@@ -11,7 +11,6 @@
 #include "experiments/goals/point_image.h"
 #include "tests/experiments/program.h"
 #include "tests/in_folder.h"
-#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -51,7 +50,7 @@ TEST(Goals, WhatIsNotKeptFallsShort) {
   EXPECT_EQ(json["goals"][0]["falls_short"], nlohmann::json({"Nothing that was measured here."}));
   EXPECT_EQ(json["goals"][1]["verdict"], "reached in part");
   ASSERT_EQ(json["goals"][1]["falls_short"].size(), 1u);
-  EXPECT_NE(json["goals"][1]["falls_short"][0].get<std::string>().find("the other: 3"), std::string::npos);
+  EXPECT_THAT(json["goals"][1]["falls_short"][0].get<std::string>(), HasSubstr("the other: 3"));
   const Table table = goals_table(document);
   ASSERT_EQ(table.rows.size(), 2u);
   EXPECT_EQ(table.rows[1].back().text.find("the other"), 0u);
@@ -71,19 +70,18 @@ TEST(Goals, NearerPointsHideFartherOnes) {
   EXPECT_EQ(drawn, 4u) << "four places, four pixels";
 }
 
-class GoalsCommand : public InFolder {};
+class GoalsCommand : public OnCommandLine {};
 
 TEST_F(GoalsCommand, WritesAPageForEachGoal) {
-  const ProcessOutcome run = palpate_command({"goals", "--quick", "--out", in("out/goals")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  const std::string text = file_text(in("out/goals/goals.json"));
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/goals.schema.json", text), "");
+  succeeds("test goals --quick --out @/out/goals");
+  const std::string text = text_in("out/goals/goals.json");
+  expect_valid("goals", text);
   const auto document = nlohmann::json::parse(text);
   for (const auto& goal : document["goals"]) {
     EXPECT_NE(goal["verdict"], "not measured") << goal["id"];
-    const std::string page = file_text(in("out/goals/" + goal["page"].get<std::string>()));
-    EXPECT_NE(page.find(goal["title"].get<std::string>()), std::string::npos);
-    EXPECT_NE(page.find("<svg"), std::string::npos) << goal["id"] << " has no plot";
+    const std::string page = text_in("out/goals/" + goal["page"].get<std::string>());
+    EXPECT_THAT(page, HasSubstr(goal["title"].get<std::string>()));
+    EXPECT_THAT(page, HasSubstr("<svg")) << goal["id"] << " has no plot";
   }
   EXPECT_EQ(document["goals"].size(), 7u);
   // On points of even quality what is ours is no mesh, and the mesh is one.
@@ -96,13 +94,9 @@ TEST_F(GoalsCommand, WritesAPageForEachGoal) {
 
 TEST_F(GoalsCommand, RefusesWhatItCannotUse) {
   std::ofstream(in("file")) << "in the way";
-  const ProcessOutcome in_the_way = palpate_command({"goals", "--quick", "--out", in("file")});
-  EXPECT_EQ(in_the_way.exit_code, 2);
-  EXPECT_NE(in_the_way.err.find(in("file")), std::string::npos) << in_the_way.err;
-  const ProcessOutcome unknown = palpate_command({"goals", "--quik", "--out", in("out/none")});
-  EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_NE(unknown.err.find("--quik"), std::string::npos) << unknown.err;
-  EXPECT_FALSE(std::filesystem::exists(in("out/none"))) << "nothing is left";
+  refuses(in("file"), "test goals --quick --out @/file");
+  refuses("--quik", "test goals --quik --out @/out/none");
+  EXPECT_FALSE(exists("out/none")) << "nothing is left";
 }
 
 }  // namespace

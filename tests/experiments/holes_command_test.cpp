@@ -19,7 +19,7 @@ namespace {
 
 using nlohmann::json;
 
-class HolesCommand : public InFolder {
+class HolesCommand : public OnCommandLine {
  protected:
   static constexpr int kSide = 60;
 
@@ -46,22 +46,14 @@ class HolesCommand : public InFolder {
   }
   static constexpr std::size_t kTapFrames = 12, kDeepest = 7;
 
-  json run_json(const std::vector<std::string>& arguments) {
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 0) << run.err;
-    return json::parse(run.out);
-  }
+  json run_json(const std::vector<std::string>& arguments) { return printed(arguments); }
   json replayed(const std::vector<std::string>& arguments) {
-    std::vector<std::string> all = {"replay"};
-    all.insert(all.end(), arguments.begin(), arguments.end());
-    all.insert(all.end(), {"--out", in("out")});
-    const ProcessOutcome run = palpate_command(all);
-    EXPECT_EQ(run.exit_code, 0) << run.err;
-    return json::parse(file_text(in("out/result.json")))["renderers"][0];
+    succeeds("compare --renderers auto", arguments, "--out @/out");
+    return json_in("out/result.json")["renderers"][0];
   }
   /// In how many taps the deepest frame is felt.
   int felt_taps() {
-    const std::string trace = file_text(in("out/trace.csv"));
+    const std::string trace = text_in("out/trace.csv");
     int felt = 0;
     std::size_t row = 0, begin = trace.find('\n') + 1;
     for (; begin < trace.size(); ++row, begin = trace.find('\n', begin) + 1) {
@@ -108,20 +100,19 @@ TEST_F(HolesCommand, InfoPlanAndRenderersAgree) {
       return arguments;
     };
     const json info = run_json(with_unit({"info", model, "--json"}));
-    const json plan = run_json(with_unit({"plan", model, "--json"}));
+    const json plan = run_json(with_unit({"info", "plan", model, "--json"}));
     const bool is = info["height_field"].get<bool>();
     flat += is;
     EXPECT_EQ(plan["renderer"], is ? "heightfield" : "cloud-smooth");
-    EXPECT_NE(
-        plan["decisions"][0]["reason"].get<std::string>().find(info["height_field_words"].get<std::string>()),
-        std::string::npos);
+    EXPECT_THAT(plan["decisions"][0]["reason"].get<std::string>(),
+                HasSubstr(info["height_field_words"].get<std::string>()));
     EXPECT_EQ(info["lattice"].is_null(), !is);
     for (const char* renderer : {"heightfield", "heightfield-literal"}) {
-      EXPECT_EQ(palpate_command(with_unit({"plan", model, "--renderer", renderer})).exit_code, is ? 0 : 2);
+      EXPECT_EQ(palpate(with_unit({"info", "plan", model, "--renderer", renderer})).exit_code, is ? 0 : 2);
       if (!is_file) continue;
       write_taps("taps.csv", {{10.0, 10.0}});
-      const ProcessOutcome run = palpate_command({"replay", model, "--unit", "mm", "--renderer", renderer,
-                                                  "--path", in("taps.csv"), "--out", in("out")});
+      const ProcessOutcome run =
+          palpate("compare", model, "--unit mm --renderers", renderer, "--path @/taps.csv --out @/out");
       EXPECT_EQ(run.exit_code, is ? 0 : 1) << run.err;
       EXPECT_EQ(run.err.find("use the renderer cloud") == std::string::npos, is) << run.err;
     }

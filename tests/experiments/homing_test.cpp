@@ -1,6 +1,6 @@
 // What a person at a device is told until it knows its zero: Falcon and arms, pretended, in `palpate live`,
-// `palpate record` and `palpate devices --report`. And the force of a device that has no motors, on a
-// terminal.
+// `palpate live record` and `palpate list devices --report`. And the force of a device that has no motors, on
+// a terminal.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -117,13 +117,10 @@ class Homing : public InFolder {
   std::string live_says(const std::string& device, double seconds) {
     ProgressBar progress;
     Context context{progress, "palpate live"};
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    const int status = run_live_with(session(device, seconds), homing_drivers(1500), context);
-    testing::internal::GetCapturedStdout();
-    std::string said = testing::internal::GetCapturedStderr();
-    EXPECT_EQ(status, kExitOk) << said;
-    return said;
+    const ProcessOutcome run =
+        captured([&] { return run_live_with(session(device, seconds), homing_drivers(1500), context); });
+    EXPECT_EQ(run.exit_code, kExitOk) << run.err;
+    return run.err;
   }
 };
 
@@ -149,14 +146,10 @@ TEST_F(Homing, RecordTellsItToo) {
   a.out = in("one.palrec");
   a.load.threads = 1;
   ProgressBar progress;
-  Context context{progress, "palpate record"};
-  testing::internal::CaptureStdout();
-  testing::internal::CaptureStderr();
-  const int status = run_record_with(a, homing_drivers(1500), context);
-  testing::internal::GetCapturedStdout();
-  const std::string said = testing::internal::GetCapturedStderr();
-  EXPECT_EQ(status, kExitOk) << said;
-  EXPECT_TRUE(has_in_order(said, {"in its rest pose and press its calibration button", "knows its zero"}));
+  Context context{progress, "palpate live record"};
+  const ProcessOutcome run = captured([&] { return run_record_with(a, homing_drivers(1500), context); });
+  EXPECT_EQ(run.exit_code, kExitOk) << run.err;
+  EXPECT_TRUE(has_in_order(run.err, {"in its rest pose and press its calibration button", "knows its zero"}));
 }
 
 TEST_F(Homing, TheReportTellsItAndKeepsWhatItTold) {

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
+
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {
@@ -10,12 +12,12 @@ namespace {
 
 struct Case {
   const char* name;
-  std::vector<std::string> arguments;  ///< @ stands for the test's folder
-  int status;
+  std::string line;  ///< '@' stands for the test's folder, '%' for a small plane, '' for an empty word
   const char* says;
+  int status = 2;
 };
 
-class Hostile : public InFolder, public testing::WithParamInterface<Case> {
+class Hostile : public OnCommandLine, public testing::WithParamInterface<Case> {
  protected:
   void SetUp() override {
     write_text(folder_ / "backwards.csv", "t_s,x_mm,y_mm,z_mm\n0,0,0,5\n0.001,0,0,5\n0.0005,0,0,5\n");
@@ -33,9 +35,8 @@ class Hostile : public InFolder, public testing::WithParamInterface<Case> {
                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
                "z\nend_header\n0 0 0\n10 0 0\n0 10 0\n");
     write_text(folder_ / "utf16.csv", std::string("\xFF\xFEt\0_\0", 6));
-    write_text(
-        folder_ / "typo.toml",
-        "[[model]]\ngenerate = \"plane\"\npoints = 441\n[renderer]\nname = \"cloud\"\nshadding = \"none\"\n");
+    write_text(folder_ / "typo.toml",
+               "[[model]]\ngenerate = \"plane\"\npoints = 441\n[renderer]\nname = \"cloud\"\nrefinne = 1\n");
     write_text(folder_ / "noise.toml",
                "[[model]]\ngenerate = \"plane\"\n[model.surface.texture]\nkind = \"noise\"\ndepth_mm = "
                "0.1\nwavelength_mm = 2\naxis = [1, 0, 0]\n");
@@ -64,234 +65,155 @@ class Hostile : public InFolder, public testing::WithParamInterface<Case> {
 TEST_P(Hostile, IsAnsweredPlainly) {
   const Environment cache("XDG_CACHE_HOME", in("cache").c_str());
   const Environment data("PALPATE_DATA", nullptr);
-  std::vector<std::string> arguments;
-  for (std::string a : GetParam().arguments) {
-    for (std::size_t at = a.find('@'); at != std::string::npos; at = a.find('@'))
-      a.replace(at, 1, folder_.string());
-    arguments.push_back(a);
-  }
-  const ProcessOutcome run = palpate_command(arguments);
+  std::string line = GetParam().line;
+  for (std::size_t at = line.find('%'); at != std::string::npos; at = line.find('%'))
+    line.replace(at, 1, "plane:points=441:extent_mm=20");
+  Words all = words(line.c_str());
+  std::replace(all.begin(), all.end(), std::string("''"), std::string());
+  const ProcessOutcome run = palpate(all);
   EXPECT_EQ(run.exit_code, GetParam().status) << run.out << run.err;
-  EXPECT_NE(run.err.find(GetParam().says), std::string::npos) << run.err;
-  EXPECT_NE(run.err.find("palpate: "), std::string::npos) << run.err;
-  EXPECT_EQ(run.err.find("terminate"), std::string::npos);
+  EXPECT_THAT(run.err, HasAll(GetParam().says, "palpate: "));
+  EXPECT_THAT(run.err, Not(HasSubstr("terminate")));
   EXPECT_LT(run.err.size(), 2000u) << "too much to be read";
-  EXPECT_FALSE(std::filesystem::exists(in("out/result.json")));
-  EXPECT_EQ(file_text(in("foreign/thesis.doc")), "years of work");
+  EXPECT_FALSE(exists("out/result.json"));
+  EXPECT_EQ(text_in("foreign/thesis.doc"), "years of work");
 }
 
-std::vector<std::string> replay(const std::string& scene, const std::string& renderer,
-                                const std::string& path, const std::string& out = "@/out") {
-  return {"replay", scene, "--renderer", renderer, "--path", path, "--out", out};
+const std::vector<Case>& cases() {
+  static const std::vector<Case> all = {
+      {"no_command", "", "a command is missing"},
+      {"unknown_command", "reply", "no command 'reply'"},
+      {"unknown_flag", "info % --jsno", "unknown option '--jsno'; did you mean --json?"},
+      // What is missing because of it is not named in its stead.
+      {"unknown_option_with_value", "compare % --pth tap --out @/out --renderers auto",
+       "unknown option '--pth'; did you mean --path? `palpate compare --help`"},
+      {"unknown_option_with_equals", "compare % --pth=tap --out @/out --renderers auto",
+       "unknown option '--pth'; did you mean --path?"},
+      {"single_dash", "compare % -path tap --out @/out --renderers auto", "did you mean --path?"},
+      {"empty_path", "compare % --renderers cloud --path '' --out @/out", "--path"},
+      {"unknown_option_of_none", "--vresion", "unknown option '--vresion'; did you mean '--version'?"},
+      {"no_model", "info", "MODEL"},
+      {"missing_file", "info @/none.ply", "none.ply"},
+      {"folder_as_model", "info @", "palpate: error"},
+      {"empty_ply", "info @/empty.ply", "empty.ply"},
+      {"huge_ply", "info @/huge.ply", "huge.ply"},
+      {"bad_unit", "info % --unit furlong", "furlong"},
+      {"scale_negative", "info % --scale -1", "--scale: '-1' is not a number from 1e-12 to"},
+      {"scale_zero", "info % --scale=0", "--scale: '0' is not a number from 1e-12 to"},
+      {"scale_nan", "info % --scale nan", "--scale: 'nan' is not a finite number;"},
+      {"scale_inf", "info % --scale -inf", "--scale: '-inf' is not a finite number;"},
+      {"scale_huge", "info % --scale 1e999", "--scale: '1e999' is not a finite number;"},
+      {"scale_beyond", "info % --scale 1e300", "--scale: '1e300' is not a number from"},
+      {"renderers_empty", "compare % --renderers '' --out @/out", "--renderers: is empty"},
+      {"out_empty", "compare % --renderers cloud --out ''", "--out: is empty"},
+      {"model_empty", "info ''", "is empty"},
+      {"scale_long", "info % --scale " + std::string(5000, '9') + "x", "..' is not a number;"},
+      {"scale_text", "info % --scale big", "--scale: 'big' is not a number;"},
+      {"scale_comma", "info % --scale 1,5", "--scale: '1,5' is not a number;"},
+      {"post_nan", "info @/points.ply --post-mm nan", "--post-mm: 'nan' is not a finite"},
+      {"vertical_nan", "info @/points.ply --vertical-mm nan", "--vertical-mm: 'nan' is not"},
+      {"threads_nan", "info % --threads nan", "--threads: 'nan' is not a whole number;"},
+      {"threads_many", "info % --threads 5000", "whole number from 0 to 4096"},
+      {"threads_hex", "info % --threads 0x2", "--threads: '0x2' is not a whole number;"},
+      {"memory_zero", "info % --memory-limit-gb 0", "--memory-limit-gb: '0' is not"},
+      {"mesh_limit_nan", "reproduce --mesh-limit nan --out @/out",
+       "--mesh-limit: 'nan' is not a finite number"},
+      {"paced_many", "compare % --renderers cloud --path tap --out @/out --paced 1e9",
+       "--paced: '1e9' is not a whole number"},
+      {"size_limit_nan", "fetch stanford-dragon --size-limit-gb nan", "--size-limit-gb: 'nan'"},
+      // Only regular files are read, whatever reads them.
+      {"endless_ply", "info @/endless.ply", "endless.ply: this is a device, not a regular file"},
+      {"endless_png", "info @/endless.png", "a device, not a regular file"},
+      {"endless_tif", "info @/endless.tif", "a device, not a regular file"},
+      {"endless_pcd", "info @/endless.pcd", "a device, not a regular file"},
+      {"endless_asc", "info @/endless.asc", "a device, not a regular file"},
+      {"endless_zip", "info @/endless.zip", "a device, not a regular file"},
+      {"endless_gz", "info @/endless.xyz.gz", "a device, not a regular file"},
+      {"endless_scene", "info @/endless.toml", "a device, not a regular file"},
+      {"endless_image", "info @/map.toml", "endless.pfm: this is a device, not a regular file"},
+      {"endless_path", "compare % --renderers cloud --path @/endless.csv --out @/out",
+       "a device, not a regular file"},
+      {"endless_traj", "compare % --renderers cloud --path @/endless.traj --out @/out",
+       "a device, not a regular file"},
+      {"pipe_ply", "info @/pipe.ply", "a pipe, not a regular file"},
+      {"pipe_png", "info @/pipe.png", "a pipe, not a regular file"},
+      {"pipe_scene", "info @/pipe.toml", "a pipe, not a regular file"},
+      {"pipe_path", "compare % --renderers cloud --path @/pipe.csv --out @/out",
+       "a pipe, not a regular file"},
+      {"pipe_reference", "compare % --renderers cloud --path tap --out @/out --reference @/pipe.ply",
+       "a pipe, not a regular file"},
+      {"dangling_link", "info @/dangling.ply", "dangling.ply"},
+      {"hole_tif", "info @/hole.tif", "hole.tif"},
+      {"hole_pcd", "info @/hole.pcd", "hole.pcd"},
+      {"hole_ply", "info @/hole.ply", "hole.ply"},
+      {"over_the_limit", "info @/huge.ply --memory-limit-gb 2", "huge.ply"},
+      // Nothing is ignored in silence.
+      {"post_of_a_ply", "info @/points.ply --post-mm 2", "'post_mm' is of grids of heights"},
+      {"vertical_of_a_ply", "info @/points.ply --vertical-mm 2", "'vertical_mm' is of grids"},
+      {"unit_of_a_generator", "info % --unit m", "--unit is of model files"},
+      {"non_finite_of_a_generator", "info % --non-finite refuse", "--non-finite is of model files"},
+      {"seed_without_jitter", "info %:seed=7", "option seed=7 does nothing with jitter=0"},
+      {"mesh_of_a_jittered_plane", "info %:jitter=0.3:mesh=true", "no mesh can be made"},
+      {"axis_of_noise", "info @/noise.toml", "noise.toml:7: 'axis' does nothing"},
+      {"scenes_renderer", "info @/typo.toml", "typo.toml:4: cloud has no option 'refinne'"},
+      {"scenes_renderer_though_another_runs", "compare @/typo.toml --renderers cloud --path tap --out @/out",
+       "typo.toml:4: cloud has no option 'refinne'; did you mean 'refine'?"},
+      {"scenes_renderer_in_a_plan", "info plan @/typo.toml --renderer cloud",
+       "typo.toml:4: cloud has no option 'refinne'"},
+      {"option_of_another_method",
+       "compare % --renderers cloud-vertices:box=per-vertex:box_mm=2 --path tap --out @/out",
+       "option box_mm=2 does nothing with box=per-vertex"},
+      {"step_option_of_another_method", "clean % --steps smooth/method=bilateral/degree=3 --out @/out.ply",
+       "option degree=3 does nothing with method=bilateral"},
+      {"traj_rate_beside_times", "compare % --renderers cloud --path @/a.traj:rate_hz=100 --out @/out",
+       "option rate_hz=100 does nothing with t=0"},
+      {"traj_time_unit_without_times",
+       "compare % --renderers cloud --path @/a.traj:t=-1:rate_hz=100:s_per_unit=0.001 --out @/out",
+       "option s_per_unit=0.001 does nothing with t=-1"},
+      {"fetch_nothing_by_force", "fetch --force", "NAME is required"},
+      {"mesh_limit_without_meshes", "reproduce --tables 6 --mesh-limit 5 --out @/out", "do nothing"},
+      {"quick_and_full", "reproduce --quick --full --out @/out", "--full"},
+      {"generator_option", "info plane:pionts=9", "pionts"},
+      {"generator_too_many", "info plane:points=99999999999", "points"},
+      {"scene_later_key", "info @/bad.toml", "bad.toml:3"},
+      {"unknown_renderer", "compare % --renderers cluod --path tap --out @/out", "did you mean 'cloud'"},
+      {"unknown_option", "compare % --renderers cloud:shiny=1 --path tap --out @/out", "shiny"},
+      {"bad_option_value", "compare % --renderers cloud-literal:shading=purple --path tap --out @/out",
+       "purple"},
+      {"plan_renderer", "info plan % --renderer nonsense", "no renderer"},
+      {"same_label", "compare % --renderers cloud,cloud --path tap --out @/out", "label="},
+      {"label_as_path", "compare % --renderers cloud:label=../../x --path tap --out @/out", "label"},
+      {"empty_renderer", "compare % --renderers cloud, --path tap --out @/out", "name"},
+      {"unknown_path", "compare % --renderers cloud --path wave --out @/out", "weave"},
+      {"missing_path", "compare % --renderers cloud --path @/none.csv --out @/out", "none.csv"},
+      {"path_backwards", "compare % --renderers cloud --path @/backwards.csv --out @/out", "backwards.csv:4"},
+      {"path_inside", "compare % --renderers cloud --path @/inside.csv --out @/out", "inside.csv:2"},
+      {"path_nan", "compare % --renderers cloud --path @/nan.csv --out @/out", "nan.csv:3"},
+      {"path_utf16", "compare % --renderers cloud --path @/utf16.csv --out @/out",
+       "utf16.csv:1: the text is UTF-16; save it as"},
+      {"path_header", "compare % --renderers cloud --path @/header.csv --out @/out", "header.csv:1"},
+      {"path_empty", "compare % --renderers cloud --path @/empty.csv --out @/out", "empty.csv"},
+      {"out_is_file", "compare % --renderers cloud --path @/good.csv --out @/a-file", "a-file"},
+      {"out_below_file", "compare % --renderers cloud --path @/good.csv --out @/a-file/out", "a-file"},
+      {"out_foreign", "compare % --renderers cloud --path @/good.csv --out @/foreign",
+       "not results of Palpate"},
+      {"out_unwritable", "compare % --renderers cloud --path @/good.csv --out /proc/palpate",
+       "/proc/palpate"},
+      {"reference_missing", "compare % --renderers cloud --path tap --out @/out --reference oracle",
+       "reference"},
+      {"paced_negative", "compare % --renderers cloud --path tap --out @/out --paced -5", "paced"},
+      {"table_unknown", "reproduce --tables 6,99 --out @/out", "99"},
+      {"table_text", "reproduce --tables seven --out @/out", "seven"},
+      {"fetch_unknown", "fetch stanford-dargon", "stanford-dragon"},
+      {"fetch_wrong_sum", "fetch stanford-dragon --source file://@/a-file", "announces 12 bytes", 1},
+      {"fetch_special", "fetch stanford-dragon --source file://@/pipe.ply", "a pipe, not a regular file", 1},
+      {"fetch_missing", "fetch stanford-dragon --source file://@/nothing.ply.gz", "could not be fetched", 1},
+  };
+  return all;
 }
-const std::string kPlane = "plane:points=441:extent_mm=20";
 
-INSTANTIATE_TEST_SUITE_P(
-    All, Hostile,
-    testing::Values(
-        Case{"no_command", {}, 2, "subcommand"}, Case{"unknown_command", {"reply"}, 2, "no command 'reply'"},
-        Case{"unknown_flag", {"info", kPlane, "--jsno"}, 2, "unknown option '--jsno'; did you mean --json?"},
-        // What is missing because of it is not named in its stead.
-        Case{"unknown_option_with_value",
-             {"replay", kPlane, "--pth", "tap", "--out", "@/out"},
-             2,
-             "unknown option '--pth'; did you mean --path? `palpate replay --help`"},
-        Case{"unknown_option_with_equals",
-             {"replay", kPlane, "--pth=tap", "--out", "@/out"},
-             2,
-             "unknown option '--pth'; did you mean --path?"},
-        Case{"single_dash", {"replay", kPlane, "-path", "tap", "--out", "@/out"}, 2, "did you mean --path?"},
-        Case{"unknown_option_of_none",
-             {"--vresion"},
-             2,
-             "unknown option '--vresion'; did you mean --version?"},
-        Case{"no_model", {"info"}, 2, "MODEL"}, Case{"missing_file", {"info", "@/none.ply"}, 2, "none.ply"},
-        Case{"folder_as_model", {"info", "@"}, 2, "palpate: error"},
-        Case{"empty_ply", {"info", "@/empty.ply"}, 2, "empty.ply"},
-        Case{"huge_ply", {"info", "@/huge.ply"}, 2, "huge.ply"},
-        Case{"bad_unit", {"info", kPlane, "--unit", "furlong"}, 2, "furlong"},
-        Case{"scale_negative",
-             {"info", kPlane, "--scale", "-1"},
-             2,
-             "--scale: '-1' is not a number from 1e-12 to"},
-        Case{"scale_zero", {"info", kPlane, "--scale=0"}, 2, "--scale: '0' is not a number from 1e-12 to"},
-        Case{"scale_nan", {"info", kPlane, "--scale", "nan"}, 2, "--scale: 'nan' is not a finite number;"},
-        Case{"scale_inf", {"info", kPlane, "--scale", "-inf"}, 2, "--scale: '-inf' is not a finite number;"},
-        Case{"scale_huge",
-             {"info", kPlane, "--scale", "1e999"},
-             2,
-             "--scale: '1e999' is not a finite number;"},
-        Case{
-            "scale_beyond", {"info", kPlane, "--scale", "1e300"}, 2, "--scale: '1e300' is not a number from"},
-        Case{"renderers_empty",
-             {"compare", kPlane, "--renderers", "", "--out", "@/out"},
-             2,
-             "--renderers: is empty"},
-        Case{"out_empty", {"compare", kPlane, "--renderers", "cloud", "--out", ""}, 2, "--out: is empty"},
-        Case{"model_empty", {"info", ""}, 2, "is empty"},
-        Case{"scale_long",
-             {"info", kPlane, "--scale", std::string(5000, '9') + "x"},
-             2,
-             "..' is not a number;"},
-        Case{"scale_text", {"info", kPlane, "--scale", "big"}, 2, "--scale: 'big' is not a number;"},
-        Case{"scale_comma", {"info", kPlane, "--scale", "1,5"}, 2, "--scale: '1,5' is not a number;"},
-        Case{"post_nan", {"info", "@/points.ply", "--post-mm", "nan"}, 2, "--post-mm: 'nan' is not a finite"},
-        Case{"vertical_nan",
-             {"info", "@/points.ply", "--vertical-mm", "nan"},
-             2,
-             "--vertical-mm: 'nan' is not"},
-        Case{"threads_nan",
-             {"info", kPlane, "--threads", "nan"},
-             2,
-             "--threads: 'nan' is not a whole number;"},
-        Case{"threads_many", {"info", kPlane, "--threads", "5000"}, 2, "whole number from 0 to 4096"},
-        Case{"threads_hex",
-             {"info", kPlane, "--threads", "0x2"},
-             2,
-             "--threads: '0x2' is not a whole number;"},
-        Case{"memory_zero", {"info", kPlane, "--memory-limit-gb", "0"}, 2, "--memory-limit-gb: '0' is not"},
-        Case{"mesh_limit_nan",
-             {"reproduce", "--mesh-limit", "nan", "--out", "@/out"},
-             2,
-             "--mesh-limit: 'nan' is not a finite number"},
-        Case{"paced_many",
-             {"replay", kPlane, "--renderer", "cloud", "--path", "tap", "--out", "@/out", "--paced", "1e9"},
-             2,
-             "--paced: '1e9' is not a whole number"},
-        Case{"size_limit_nan",
-             {"fetch", "stanford-dragon", "--size-limit-gb", "nan"},
-             2,
-             "--size-limit-gb: 'nan'"},
-        // Only regular files are read, whatever reads them.
-        Case{
-            "endless_ply", {"info", "@/endless.ply"}, 2, "endless.ply: this is a device, not a regular file"},
-        Case{"endless_png", {"info", "@/endless.png"}, 2, "a device, not a regular file"},
-        Case{"endless_tif", {"info", "@/endless.tif"}, 2, "a device, not a regular file"},
-        Case{"endless_pcd", {"info", "@/endless.pcd"}, 2, "a device, not a regular file"},
-        Case{"endless_asc", {"info", "@/endless.asc"}, 2, "a device, not a regular file"},
-        Case{"endless_zip", {"info", "@/endless.zip"}, 2, "a device, not a regular file"},
-        Case{"endless_gz", {"info", "@/endless.xyz.gz"}, 2, "a device, not a regular file"},
-        Case{"endless_scene", {"info", "@/endless.toml"}, 2, "a device, not a regular file"},
-        Case{"endless_image", {"info", "@/map.toml"}, 2, "endless.pfm: this is a device, not a regular file"},
-        Case{"endless_path", replay(kPlane, "cloud", "@/endless.csv"), 2, "a device, not a regular file"},
-        Case{"endless_traj", replay(kPlane, "cloud", "@/endless.traj"), 2, "a device, not a regular file"},
-        Case{"pipe_ply", {"info", "@/pipe.ply"}, 2, "a pipe, not a regular file"},
-        Case{"pipe_png", {"info", "@/pipe.png"}, 2, "a pipe, not a regular file"},
-        Case{"pipe_scene", {"info", "@/pipe.toml"}, 2, "a pipe, not a regular file"},
-        Case{"pipe_path", replay(kPlane, "cloud", "@/pipe.csv"), 2, "a pipe, not a regular file"},
-        Case{"pipe_reference",
-             {"replay", kPlane, "--renderer", "cloud", "--path", "tap", "--out", "@/out", "--reference",
-              "@/pipe.ply"},
-             2,
-             "a pipe, not a regular file"},
-        Case{"dangling_link", {"info", "@/dangling.ply"}, 2, "dangling.ply"},
-        Case{"hole_tif", {"info", "@/hole.tif"}, 2, "hole.tif"},
-        Case{"hole_pcd", {"info", "@/hole.pcd"}, 2, "hole.pcd"},
-        Case{"hole_ply", {"info", "@/hole.ply"}, 2, "hole.ply"},
-        Case{"over_the_limit", {"info", "@/huge.ply", "--memory-limit-gb", "2"}, 2, "huge.ply"},
-        // Nothing is ignored in silence.
-        Case{"post_of_a_ply",
-             {"info", "@/points.ply", "--post-mm", "2"},
-             2,
-             "'post_mm' is of grids of heights"},
-        Case{"vertical_of_a_ply",
-             {"info", "@/points.ply", "--vertical-mm", "2"},
-             2,
-             "'vertical_mm' is of grids"},
-        Case{"unit_of_a_generator", {"info", kPlane, "--unit", "m"}, 2, "--unit is of model files"},
-        Case{"non_finite_of_a_generator",
-             {"info", kPlane, "--non-finite", "refuse"},
-             2,
-             "--non-finite is of model files"},
-        Case{"seed_without_jitter",
-             {"info", kPlane + ":seed=7"},
-             2,
-             "option seed=7 does nothing with jitter=0"},
-        Case{
-            "mesh_of_a_jittered_plane", {"info", kPlane + ":jitter=0.3:mesh=true"}, 2, "no mesh can be made"},
-        Case{"axis_of_noise", {"info", "@/noise.toml"}, 2, "noise.toml:7: 'axis' does nothing"},
-        Case{"scenes_renderer", {"info", "@/typo.toml"}, 2, "typo.toml:4: cloud has no option 'shadding'"},
-        Case{"scenes_renderer_though_another_runs", replay("@/typo.toml", "cloud", "tap"), 2,
-             "typo.toml:4: cloud has no option 'shadding'; did you mean 'shading'?"},
-        Case{"scenes_renderer_in_a_plan",
-             {"plan", "@/typo.toml", "--renderer", "cloud"},
-             2,
-             "typo.toml:4: cloud has no option 'shadding'"},
-        Case{"option_of_another_method", replay(kPlane, "cloud:box=per-vertex:box_mm=2", "tap"), 2,
-             "option box_mm=2 does nothing with box=per-vertex"},
-        Case{"step_option_of_another_method",
-             {"clean", kPlane, "--steps", "smooth/method=bilateral/degree=3", "--out", "@/out.ply"},
-             2,
-             "option degree=3 does nothing with method=bilateral"},
-        Case{"traj_rate_beside_times", replay(kPlane, "cloud", "@/a.traj:rate_hz=100"), 2,
-             "option rate_hz=100 does nothing with t=0"},
-        Case{"traj_time_unit_without_times",
-             replay(kPlane, "cloud", "@/a.traj:t=-1:rate_hz=100:s_per_unit=0.001"), 2,
-             "option s_per_unit=0.001 does nothing with t=-1"},
-        Case{"fetch_nothing_by_force", {"fetch", "--force"}, 2, "no scan is named"},
-        Case{"mesh_limit_without_meshes",
-             {"reproduce", "--tables", "6", "--mesh-limit", "5", "--out", "@/out"},
-             2,
-             "do nothing"},
-        Case{"quick_and_full", {"reproduce", "--quick", "--full", "--out", "@/out"}, 2, "--full"},
-        Case{"generator_option", {"info", "plane:pionts=9"}, 2, "pionts"},
-        Case{"generator_too_many", {"info", "plane:points=99999999999"}, 2, "points"},
-        Case{"scene_later_key", {"info", "@/bad.toml"}, 2, "bad.toml:3"},
-        Case{"unknown_renderer", replay(kPlane, "cluod", "tap"), 2, "did you mean 'cloud'"},
-        Case{"unknown_option", replay(kPlane, "cloud:shiny=1", "tap"), 2, "shiny"},
-        Case{"bad_option_value", replay(kPlane, "cloud:shading=purple", "tap"), 2, "purple"},
-        Case{"two_for_replay", replay(kPlane, "cloud,cloud-literal", "tap"), 2, "compare"},
-        Case{"plan_renderer", {"plan", kPlane, "--renderer", "nonsense"}, 2, "no renderer"},
-        Case{"same_label",
-             {"compare", kPlane, "--renderers", "cloud,cloud", "--path", "tap", "--out", "@/out"},
-             2,
-             "label="},
-        Case{"label_as_path",
-             {"compare", kPlane, "--renderers", "cloud:label=../../x", "--path", "tap", "--out", "@/out"},
-             2,
-             "label"},
-        Case{"empty_renderer",
-             {"compare", kPlane, "--renderers", "cloud,", "--path", "tap", "--out", "@/out"},
-             2,
-             "name"},
-        Case{"unknown_path", replay(kPlane, "cloud", "wave"), 2, "weave"},
-        Case{"missing_path", replay(kPlane, "cloud", "@/none.csv"), 2, "none.csv"},
-        Case{"path_backwards", replay(kPlane, "cloud", "@/backwards.csv"), 2, "backwards.csv:4"},
-        Case{"path_inside", replay(kPlane, "cloud", "@/inside.csv"), 2, "inside.csv:2"},
-        Case{"path_nan", replay(kPlane, "cloud", "@/nan.csv"), 2, "nan.csv:3"},
-        Case{"path_utf16", replay(kPlane, "cloud", "@/utf16.csv"), 2,
-             "utf16.csv:1: the text is UTF-16; save it as"},
-        Case{"path_header", replay(kPlane, "cloud", "@/header.csv"), 2, "header.csv:1"},
-        Case{"path_empty", replay(kPlane, "cloud", "@/empty.csv"), 2, "empty.csv"},
-        Case{"out_is_file", replay(kPlane, "cloud", "@/good.csv", "@/a-file"), 2, "a-file"},
-        Case{"out_below_file", replay(kPlane, "cloud", "@/good.csv", "@/a-file/out"), 2, "a-file"},
-        Case{"out_foreign", replay(kPlane, "cloud", "@/good.csv", "@/foreign"), 2, "not results of Palpate"},
-        Case{"out_unwritable", replay(kPlane, "cloud", "@/good.csv", "/proc/palpate"), 2, "/proc/palpate"},
-        Case{"reference_missing",
-             {"replay", kPlane, "--renderer", "cloud", "--path", "tap", "--out", "@/out", "--reference",
-              "oracle"},
-             2,
-             "reference"},
-        Case{"paced_negative",
-             {"replay", kPlane, "--renderer", "cloud", "--path", "tap", "--out", "@/out", "--paced", "-5"},
-             2,
-             "paced"},
-        Case{"table_unknown", {"reproduce", "--tables", "6,99", "--out", "@/out"}, 2, "99"},
-        Case{"table_text", {"reproduce", "--tables", "seven", "--out", "@/out"}, 2, "seven"},
-        Case{"fetch_unknown", {"fetch", "stanford-dargon"}, 2, "stanford-dragon"},
-        Case{"fetch_wrong_sum",
-             {"fetch", "stanford-dragon", "--source", "file://@/a-file"},
-             1,
-             "announces 12 bytes"},
-        Case{"fetch_special",
-             {"fetch", "stanford-dragon", "--source", "file://@/pipe.ply"},
-             1,
-             "a pipe, not a regular file"},
-        Case{"fetch_missing",
-             {"fetch", "stanford-dragon", "--source", "file://@/nothing.ply.gz"},
-             1,
-             "could not be fetched"}),
-    [](const auto& tested) { return std::string(tested.param.name); });
+INSTANTIATE_TEST_SUITE_P(All, Hostile, testing::ValuesIn(cases()),
+                         [](const auto& tested) { return std::string(tested.param.name); });
 
 }  // namespace
 }  // namespace palpate::experiments

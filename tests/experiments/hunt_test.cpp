@@ -6,13 +6,12 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include <palpate/accuracy.h>
 #include "experiments/hunt/found.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
-#include "toolkit/metrics/accuracy.h"
-#include "toolkit/render/scene_free_renderer.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments {
 namespace {
@@ -191,7 +190,7 @@ TEST(Hunt, WhatWasFoundIsGoneOnWith) {
   EXPECT_FALSE(from_text(to_text(state), other));
 }
 
-class HuntCommand : public InFolder {};
+class HuntCommand : public OnCommandLine {};
 
 TEST_F(HuntCommand, AHandsCaseIsThePointsThePathAndTheTruthThatWereTried) {
   Quarry quarry = hand_on_a_plane();
@@ -218,11 +217,9 @@ TEST_F(HuntCommand, AHandsCaseIsThePointsThePathAndTheTruthThatWereTried) {
 TEST_F(HuntCommand, TheSameTrialsFindTheSameAndACaseReplaysAlone) {
   json first;
   for (const char* out : {"one", "two"}) {
-    const ProcessOutcome run = palpate_command({"hunt", "--renderers", "cloud,heightfield", "--as-given",
-                                                "--trials", "24", "--seed", "3", "--out", in(out)});
-    ASSERT_EQ(run.exit_code, 0) << run.err << run.out;
-    const std::string text = file_text(in(std::string(out) + "/hunt.json"));
-    EXPECT_EQ(schema_violations(PALPATE_DOCS "/hunt.schema.json", text), "");
+    succeeds("test hunt --renderers cloud,heightfield --as-given --trials 24 --seed 3 --out", in(out));
+    const std::string text = text_in(std::string(out) + "/hunt.json");
+    expect_valid("hunt", text);
     json found = json::parse(text);
     found["spent_s"] = 0.0;
     for (json& renderer : found["renderers"])
@@ -234,15 +231,12 @@ TEST_F(HuntCommand, TheSameTrialsFindTheSameAndACaseReplaysAlone) {
   ASSERT_FALSE(worst.empty());
   const std::string scene = in("one/" + worst[0]["case"].get<std::string>());
   const std::string path = scene.substr(0, scene.rfind('.')) + ".csv";
-  const ProcessOutcome alone = palpate_command(
-      {"replay", scene, "--path", path, "--reference", "none", "--passes", "1", "--out", in("alone")});
-  EXPECT_EQ(alone.exit_code, 0) << alone.err;
+  succeeds("compare", scene, "--path", path, "--reference none --passes 1 --out @/alone --renderers auto");
 }
 
 TEST_F(HuntCommand, BadInputIsRefused) {
-  EXPECT_EQ(palpate_command({"hunt", "--renderers", "clod", "--trials", "2", "--out", in("out")}).exit_code,
-            2);
-  EXPECT_EQ(palpate_command({"hunt", "--minutes", "-1", "--out", in("out")}).exit_code, 2);
+  refuses({}, "test hunt --renderers clod --trials 2 --out @/out");
+  refuses({}, "test hunt --minutes -1 --out @/out");
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -26,11 +25,10 @@ const char* const kLongPath = "weave:frames=8000:depth_mm=1:seed=1";
 const char* const kEndlessPath = "weave:frames=3000000:depth_mm=0.5:seed=1";
 const char* const kEndlessExploration = "exploration:frames=5000000:depth_mm=0.5:seed=1";
 
-class Interrupt : public InFolder {
+class Interrupt : public OnCommandLine {
  protected:
-  json result(const std::string& out = "out") const {
-    return json::parse(file_text(in(out + "/result.json")));
-  }
+  Interrupt() { apart_ = true; }  // only the same program goes on
+  json result(const std::string& out = "out") const { return json_in(out + "/result.json"); }
   std::map<std::string, std::string> hashes(const std::string& out) const {
     std::map<std::string, std::string> all;
     const json document = result(out);
@@ -57,12 +55,25 @@ class Interrupt : public InFolder {
     ::chmod(file.c_str(), 0755);
   }
   bool idle_runs() const {
-    std::string pid = file_text(in("pid"));
+    std::string pid = text_in("pid");
     if (pid.empty()) return false;
     pid.pop_back();
     // Ended ones may wait for an init that does not come for them.
     const std::string state = file_text("/proc/" + pid + "/stat");
     return !state.empty() && state.find(") Z") == std::string::npos;
+  }
+  /// Starts the line, sends it the signal once `seen` comes true, and checks how it ends. What it says.
+  std::string stopped(const Words& line, const std::function<bool()>& seen, int signal = SIGINT) const {
+    Started run(folder_, line);
+    EXPECT_TRUE(run.wait_for(seen)) << run.err();
+    run.send(signal);
+    EXPECT_EQ(run.end(), kSignalBase + signal) << run.err();
+    EXPECT_FALSE(run.killed());
+    return run.err();
+  }
+  /// Whether a part of the unfinished run in "out" is complete.
+  std::function<bool()> is_kept(const std::string& part) const {
+    return [this, part] { return !text_in("out/.palpate-parts/" + part).empty(); };
   }
   bool idle_ends() const {
     constexpr int kTimes = 1000;
@@ -72,36 +83,32 @@ class Interrupt : public InFolder {
 };
 
 TEST_F(Interrupt, WhatIsCompleteIsKeptAndTheNextRunGoesOn) {
-  Started run(folder_, compare("cloud,brute-force", "out", kLongPath, kLargeScene));
-  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
-  run.send(SIGINT);
-  EXPECT_EQ(run.end(), kInterrupted);
-  EXPECT_FALSE(run.killed());
-  EXPECT_NE(run.err().find("complete and kept in " + in("out") + ": cloud;"), std::string::npos) << run.err();
+  const std::string said =
+      stopped(compare("cloud,brute-force", "out", kLongPath, kLargeScene), is_kept("cloud"));
+  EXPECT_THAT(said, HasSubstr("complete and kept in " + in("out") + ": cloud;"));
   const json document = result();
   EXPECT_FALSE(document["complete"]);
   ASSERT_EQ(document["renderers"].size(), 2u);
   EXPECT_EQ(document["renderers"][0]["status"], "ok");
   EXPECT_EQ(document["renderers"][1]["status"], "did-not-finish");
-  EXPECT_NE(document["renderers"][1]["reason"].get<std::string>().find("interrupted"), std::string::npos);
-  EXPECT_TRUE(std::filesystem::exists(in("out/trace-cloud.csv")));
-  EXPECT_FALSE(std::filesystem::exists(in("out/report.html")));
+  EXPECT_THAT(document["renderers"][1]["reason"].get<std::string>(), HasSubstr("interrupted"));
+  EXPECT_TRUE(exists("out/trace-cloud.csv"));
+  EXPECT_FALSE(exists("out/report.html"));
   // A renderer more, one less: what is complete stays, and nothing of it is measured again.
-  const ProcessOutcome next = palpate_command(compare("cloud-literal,cloud", "out", kLongPath, kLargeScene));
-  ASSERT_EQ(next.exit_code, 0) << next.err;
-  EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
-  EXPECT_NE(next.err.find("Finished by an earlier run, which was interrupted: cloud."), std::string::npos);
+  const ProcessOutcome next = succeeds(compare("cloud-literal,cloud", "out", kLongPath, kLargeScene));
+  EXPECT_THAT(next.err, HasAll("going on from an interrupted run",
+                               "Finished by an earlier run, which was interrupted: cloud."));
   const json whole = result();
   EXPECT_TRUE(whole["complete"]);
   EXPECT_EQ(whole["renderers"][1], document["renderers"][0]);
   EXPECT_EQ(whole["renderers"][0]["status"], "ok");
   EXPECT_FALSE(something_left_over());
-  EXPECT_TRUE(std::filesystem::exists(in("out/report.html")));
+  EXPECT_TRUE(exists("out/report.html"));
 }
 
 TEST_F(Interrupt, AtAnyTimeNothingIsLostAndNothingIsWrong) {
   const char* const renderers = "cloud,cloud-literal,brute-force,analytic";
-  ASSERT_EQ(palpate_command(compare(renderers, "whole")).exit_code, 0);
+  succeeds(compare(renderers, "whole"));
   const auto expected = hashes("whole");
   std::size_t finished = 0;
   bool complete = false;
@@ -114,9 +121,9 @@ TEST_F(Interrupt, AtAnyTimeNothingIsLostAndNothingIsWrong) {
     // Before it has its first instruction a process knows no signals.
     ASSERT_TRUE(complete || status == kInterrupted) << status << " after " << delay_ms << " ms";
     if (!complete && !run.killed()) {
-      EXPECT_NE(run.err().find("palpate: stopped"), std::string::npos) << delay_ms;
+      EXPECT_THAT(run.err(), HasSubstr("palpate: stopped")) << delay_ms;
     }
-    if (!std::filesystem::exists(in("out/result.json"))) continue;
+    if (!exists("out/result.json")) continue;
     const json document = result();
     std::size_t ok = 0;
     for (const json& r : document["renderers"]) {
@@ -136,17 +143,17 @@ TEST_F(Interrupt, WhateverItIsDoing) {
   const std::string large = "sinusoid:points=1002001";
   const std::map<std::string, std::vector<std::string>> works = {
       {"an exploration",
-       {"replay", kInterruptScene, "--renderer", "cloud", "--reference", "none", "--path",
+       {"compare", kInterruptScene, "--renderers", "cloud", "--reference", "none", "--path",
         kEndlessExploration, "--out", in("out")}},
       {"the reference",
-       {"replay", kInterruptScene, "--renderer", "cloud", "--path", kEndlessPath, "--out", in("out")}},
+       {"compare", kInterruptScene, "--renderers", "cloud", "--path", kEndlessPath, "--out", in("out")}},
       {"frames",
-       {"replay", large, "--renderer", "brute-force", "--reference", "none", "--path", kInterruptPath,
+       {"compare", large, "--renderers", "brute-force", "--reference", "none", "--path", kInterruptPath,
         "--out", in("out")}},
       {"a generator", {"info", "sinusoid:points=100000000"}},
-      {"a plan", {"plan", "sinusoid:points=100000000"}},
+      {"a plan", {"info", "plan", "sinusoid:points=100000000"}},
       {"cleaning", {"clean", large, "--steps", "smooth/iterations=50", "--out", in("cleaned.ply")}},
-      {"behaviours", {"behaviours", "--out", in("behaviours")}}};
+      {"behaviours", {"test", "behaviours", "--out", in("behaviours")}}};
   for (const auto& [what, arguments] : works) {
     if (what == "cleaning" && all_renderers().find("mesh-godobject") == nullptr) continue;
     for (const int signal : {SIGINT, SIGTERM}) {
@@ -155,73 +162,59 @@ TEST_F(Interrupt, WhateverItIsDoing) {
       ::usleep(500'000);
       run.send(signal);
       EXPECT_EQ(run.end(), signal == SIGINT ? kInterrupted : kTerminated) << what << run.err();
-      EXPECT_NE(run.err().find("palpate: stopped"), std::string::npos) << what << run.err();
+      EXPECT_THAT(run.err(), HasSubstr("palpate: stopped")) << what;
     }
   }
-  EXPECT_FALSE(std::filesystem::exists(in("cleaned.ply")));
-  EXPECT_FALSE(std::filesystem::exists(in("cleaned.ply.part")));
+  EXPECT_FALSE(exists("cleaned.ply"));
+  EXPECT_FALSE(exists("cleaned.ply.part"));
 }
 
 TEST_F(Interrupt, NothingChangesBeforeTheInputIsKnown) {
-  ASSERT_EQ(palpate_command(compare("cloud")).exit_code, 0);
-  const std::string before = file_text(in("out/result.json"));
+  succeeds(compare("cloud"));
+  const std::string before = text_in("out/result.json");
   Started run(folder_, compare("cloud", "out", kEndlessExploration));
   run.wait_for_signals();
   ::usleep(500'000);
   run.send(SIGINT);
   EXPECT_EQ(run.end(), kInterrupted);
-  EXPECT_NE(run.err().find("nothing was changed in " + in("out")), std::string::npos) << run.err();
-  EXPECT_EQ(file_text(in("out/result.json")), before);
-  Started anew(folder_, compare("cloud", "new/out", kEndlessExploration));
-  ASSERT_TRUE(anew.wait_for([&] { return std::filesystem::exists(in("new/out/.palpate-output")); }));
-  anew.send(SIGINT);
-  EXPECT_EQ(anew.end(), kInterrupted);
-  EXPECT_FALSE(std::filesystem::exists(in("new"))) << "made for nothing";
+  EXPECT_THAT(run.err(), HasSubstr("nothing was changed in " + in("out")));
+  EXPECT_EQ(text_in("out/result.json"), before);
+  stopped(compare("cloud", "new/out", kEndlessExploration),
+          [&] { return exists("new/out/.palpate-output"); });
+  EXPECT_FALSE(exists("new")) << "made for nothing";
 }
 
 TEST_F(Interrupt, AnInterruptedRunOfSomethingElseIsDroppedAndSaidSo) {
-  Started run(folder_, compare("cloud,brute-force", "out", kLongPath, kLargeScene));
-  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
-  run.send(SIGINT);
-  ASSERT_EQ(run.end(), kInterrupted);
-  const ProcessOutcome next = palpate_command(compare("cloud-literal"));
-  ASSERT_EQ(next.exit_code, 0) << next.err;
-  EXPECT_NE(next.err.find("begun anew"), std::string::npos) << next.err;
-  EXPECT_FALSE(std::filesystem::exists(in("out/trace-cloud.csv")));
+  stopped(compare("cloud,brute-force", "out", kLongPath, kLargeScene), is_kept("cloud"));
+  const ProcessOutcome next = succeeds(compare("cloud-literal"));
+  EXPECT_THAT(next.err, HasSubstr("begun anew"));
+  EXPECT_FALSE(exists("out/trace-cloud.csv"));
   EXPECT_FALSE(something_left_over());
 }
 
 TEST_F(Interrupt, AChangedModelIsAnotherRun) {
-  ASSERT_EQ(palpate_command({"clean", "sphere:points=3000", "--steps", "thin/cell=0.1", "--out", in("a.ply")})
-                .exit_code,
-            0);
+  succeeds("clean sphere:points=3000 --steps thin/cell=0.1 --out @/a.ply");
   const auto arguments = [&](const std::string& renderers) {
-    return std::vector<std::string>{"compare", in("a.ply"), "--renderers",
-                                    renderers, "--path",    "exploration:frames=300000:depth_mm=0.5:seed=1",
-                                    "--out",   in("out"),   "--reference",
-                                    "none"};
+    return words("compare @/a.ply --renderers", renderers,
+                 "--path exploration:frames=300000:depth_mm=0.5:seed=1 --out @/out --reference none");
   };
-  Started run(folder_, arguments("cloud,brute-force"));
-  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
-  run.send(SIGINT);
-  ASSERT_EQ(run.end(), kInterrupted);
-  std::string points = file_text(in("a.ply"));
+  stopped(arguments("cloud,brute-force"), is_kept("cloud"));
+  std::string points = text_in("a.ply");
   points[points.size() - 1] = static_cast<char>(points[points.size() - 1] ^ 1);  // a coordinate, hardly
   write_text(in("a.ply"), points);
   Started next(folder_, arguments("cloud"));
   EXPECT_EQ(next.end(), 0);
-  EXPECT_NE(next.err().find("begun anew"), std::string::npos) << next.err();
+  EXPECT_THAT(next.err(), HasSubstr("begun anew"));
 }
 
 TEST_F(Interrupt, ADownloadIsEndedWithAllThatItStarted) {
   make_idle_program("curl");
   const Environment path("PATH", (in("bin") + ":" + std::getenv("PATH")).c_str());
   const Environment cache("XDG_CACHE_HOME", in("cache").c_str()), data("PALPATE_DATA", nullptr);
-  Started run(folder_, {"fetch", "stanford-dragon", "--source", "https://nowhere.invalid/a.ply"});
-  ASSERT_TRUE(run.wait_for([&] { return idle_runs(); })) << run.err();
-  run.send(SIGTERM);
-  EXPECT_EQ(run.end(), kTerminated);
-  EXPECT_NE(run.err().find("what has come is kept"), std::string::npos) << run.err();
+  EXPECT_THAT(stopped(
+                  words("fetch stanford-dragon --source https://nowhere.invalid/a.ply"),
+                  [&] { return idle_runs(); }, SIGTERM),
+              HasSubstr("what has come is kept"));
   EXPECT_TRUE(idle_ends());
 }
 
@@ -242,44 +235,37 @@ TEST_F(Interrupt, ReproduceKeepsItsTablesAndGoesOn) {
   if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without the baselines";
   const Environment cache("PALPATE_MESH_CACHE", "off"), data("PALPATE_DATA", nullptr),
       home("XDG_CACHE_HOME", in("cache").c_str());
-  const std::vector<std::string> arguments = {"reproduce", "--tables", "7,8,12",
-                                              "--quick",   "--out",    in("out")};
-  Started run(folder_, arguments);
-  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/table7")).empty(); })) << run.err();
-  run.send(SIGINT);
-  ASSERT_EQ(run.end(), kInterrupted);
-  EXPECT_NE(run.err().find("complete and kept in " + in("out") + ": table7"), std::string::npos) << run.err();
-  const json seven = json::parse(file_text(in("out/table7/result.json")));
-  const ProcessOutcome next = palpate_command(arguments);
-  ASSERT_EQ(next.exit_code, 0) << next.err;
-  EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
-  EXPECT_EQ(json::parse(file_text(in("out/table7/result.json"))), seven) << "measured again";
-  EXPECT_NE(next.out.find("54,717"), std::string::npos) << "table 7 is printed: " << next.out;
-  EXPECT_NE(next.out.find("49,914"), std::string::npos) << "and table 8";
-  const std::string report = file_text(in("out/report.html"));
+  const Words arguments = words("reproduce --tables 7,8,12 --quick --out @/out");
+  const std::string said = stopped(arguments, is_kept("table7"));
+  EXPECT_THAT(said, HasSubstr("complete and kept in " + in("out") + ": table7"));
+  const json seven = json_in("out/table7/result.json");
+  const ProcessOutcome next = succeeds(arguments);
+  EXPECT_THAT(next.err, HasSubstr("going on from an interrupted run"));
+  EXPECT_EQ(json_in("out/table7/result.json"), seven) << "measured again";
+  EXPECT_THAT(next.out, HasSubstr("54,717")) << "table 7 is printed: ";
+  EXPECT_THAT(next.out, HasSubstr("49,914")) << "and table 8";
+  const std::string report = text_in("out/report.html");
   for (const char* table : {"table7", "table8", "table12"}) {
     EXPECT_TRUE(std::filesystem::exists(in(std::string("out/") + table + "/result.json")));
-    EXPECT_NE(report.find(std::string("<section id=\"") + table), std::string::npos) << table;
+    EXPECT_NE(report.find(std::string("<a href=\"") + table + ".html\">"), std::string::npos) << table;
+    EXPECT_NE(
+        file_text(in(std::string("out/") + table + ".html")).find(std::string("<section id=\"") + table),
+        std::string::npos)
+        << table;
   }
   EXPECT_FALSE(something_left_over());
 }
 
 TEST_F(Interrupt, BehavioursGoOn) {
-  const std::vector<std::string> arguments = {
-      "behaviours", "--renderers", "cloud,cloud-literal,brute-force", "--only", "thin-plate,hovering",
-      "--out",      in("out")};
-  Started run(folder_, arguments);
-  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
-  run.send(SIGINT);
-  const int status = run.end();
-  ASSERT_TRUE(status == kInterrupted) << status << run.err();
-  const ProcessOutcome next = palpate_command(arguments);
-  ASSERT_EQ(next.exit_code, 0) << next.err;
-  EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
-  const std::string first = file_text(in("out/behaviours.json"));
-  EXPECT_EQ(schema_violations(PALPATE_DOCS "/behaviours.schema.json", first), "");
-  ASSERT_EQ(palpate_command(arguments).exit_code, 0);
-  EXPECT_EQ(file_text(in("out/behaviours.json")), first) << "what went on is what a whole run gives";
+  const Words arguments = words(
+      "test behaviours --renderers cloud,cloud-literal,brute-force --only thin-plate,hovering --out @/out");
+  stopped(arguments, is_kept("cloud"));
+  const ProcessOutcome next = succeeds(arguments);
+  EXPECT_THAT(next.err, HasSubstr("going on from an interrupted run"));
+  const std::string first = text_in("out/behaviours.json");
+  expect_valid("behaviours", first);
+  succeeds(arguments);
+  EXPECT_EQ(text_in("out/behaviours.json"), first) << "what went on is what a whole run gives";
 }
 
 TEST_F(Interrupt, AClosedPipeEndsItWithoutAWord) {
@@ -287,7 +273,7 @@ TEST_F(Interrupt, AClosedPipeEndsItWithoutAWord) {
   ASSERT_EQ(::pipe(pipe.data()), 0);
   ::close(pipe[0]);
   std::signal(SIGPIPE, SIG_IGN);  // as some shells and languages hand it on
-  Started run(folder_, {"renderers"}, pipe[1]);
+  Started run(folder_, {"list", "renderers"}, pipe[1]);
   std::signal(SIGPIPE, SIG_DFL);
   EXPECT_EQ(run.end(), 128 + SIGPIPE);
   EXPECT_EQ(run.err(), "");
@@ -297,10 +283,10 @@ TEST_F(Interrupt, AClosedPipeEndsItWithoutAWord) {
 TEST_F(Interrupt, AFullDiskIsSaid) {
   const int full = ::open("/dev/full", O_WRONLY);
   ASSERT_GE(full, 0);
-  Started run(folder_, {"renderers"}, full);
+  Started run(folder_, {"list", "renderers"}, full);
   EXPECT_EQ(run.end(), 1);
-  EXPECT_NE(run.err().find("No space left"), std::string::npos) << run.err();
-  EXPECT_EQ(run.err().find("fault of Palpate"), std::string::npos) << run.err();
+  EXPECT_THAT(run.err(), HasSubstr("No space left"));
+  EXPECT_THAT(run.err(), Not(HasSubstr("fault of Palpate")));
   ::close(full);
 }
 

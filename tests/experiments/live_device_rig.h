@@ -14,9 +14,9 @@
 #include <utility>
 #include <vector>
 
-#include "device/interface/drivers.h"
+#include <palpate/device/drivers.h>
+#include "device/simulated/arm_models.h"
 #include "device/simulated/packet_device.h"
-#include "device/simulated/simulated_drivers.h"
 #include "device/simulated/simulated_link.h"
 
 namespace palpate::experiments {

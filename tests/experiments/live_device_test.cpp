@@ -14,7 +14,7 @@
 #include "experiments/live/assembly.h"
 #include "experiments/live/live.h"
 #include "experiments/live/recording_session.h"
-#include "experiments/live/remote_json.h"
+#include "experiments/live/remote.h"
 #include "tests/device/rig.h"
 #include "tests/experiments/live_device_rig.h"
 #include "tests/experiments/program.h"
@@ -58,12 +58,9 @@ class LiveDevice : public InFolder {
   int live(const LiveArguments& a) {
     ProgressBar progress;
     Context context{progress, "palpate live"};
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    const int status = run_live_with(a, drivers_with(plan_), context);
-    out_ = testing::internal::GetCapturedStdout();
-    err_ = testing::internal::GetCapturedStderr();
-    return status;
+    const ProcessOutcome run = captured([&] { return run_live_with(a, drivers_with(plan_), context); });
+    out_ = run.out, err_ = run.err;
+    return run.exit_code;
   }
   json document() const { return json::parse(file_text(in("out/live.json"))); }
   bool said(const std::string& words) const { return err_.find(words) != std::string::npos; }
@@ -80,8 +77,9 @@ TEST_F(LiveDevice, UnpluggedTenTimesInOneSessionOnAVirtualClock) {
   a.accelerated = a.rearm = true;
   a.record = in("session.palrec");
   EXPECT_EQ(live(a), kExitOk) << err_;
-  EXPECT_EQ(
-      schema_violations(std::string(PALPATE_DOCS) + "/live.schema.json", file_text(in("out/live.json"))), "");
+  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/schemas/live.schema.json",
+                              file_text(in("out/live.json"))),
+            "");
   const json session = document();
   EXPECT_EQ(session["device"], "packets");
   EXPECT_EQ(session["replugged"], 10);
@@ -265,7 +263,7 @@ TEST_F(LiveDevice, RecordTakesItToo) {
   a.out = in("one.palrec");
   a.load.threads = 1;
   ProgressBar progress;
-  Context context{progress, "palpate record"};
+  Context context{progress, "palpate live record"};
   testing::internal::CaptureStdout();
   const int status = run_record_with(a, drivers_with(plan_), context);
   const json said = json::parse(testing::internal::GetCapturedStdout());
@@ -403,8 +401,8 @@ TEST(RemoteJson, TheCorpusIsAnsweredWithoutHarmAndCommandsAreUnderstood) {
 
 TEST(RemoteListener, AddressesAreNumbers) {
   EXPECT_EQ(parse_listen("7700")->port, 7700);
-  EXPECT_TRUE(parse_listen("7700")->is_loopback());
-  EXPECT_FALSE(parse_listen("0.0.0.0:7700")->is_loopback());
+  EXPECT_EQ(parse_listen("7700")->host, "127.0.0.1");
+  EXPECT_EQ(parse_listen("0.0.0.0:7700")->host, "0.0.0.0");
   for (const char* wrong : {"", "x", "70000", "-1", "host:7700", "1.2.3:7", ":7", "7700:", "1.2.3.4"})
     EXPECT_FALSE(parse_listen(wrong)) << wrong;
   EXPECT_FALSE(RemoteListener::start({"203.0.113.1", 7700}, [](const auto&) { return true; }))

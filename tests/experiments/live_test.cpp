@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -13,23 +12,23 @@ using nlohmann::json;
 
 const char* const kSmallWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
 
-class Live : public InFolder {
+class Live : public OnCommandLine {
  protected:
-  ProcessOutcome live(const std::string& out, std::vector<std::string> more,
-                      const std::string& renderers = "cloud,cloud-smooth") {
-    std::vector<std::string> arguments = {"live", kSmallWaves, "--renderers", renderers, "--out", in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
+  template <class... More>
+  Words live(const std::string& out, const More&... more) const {
+    return live_of("cloud,cloud-smooth", out, more...);
   }
-  json document(const std::string& out) const { return json::parse(file_text(in(out + "/live.json"))); }
+  template <class... More>
+  Words live_of(const std::string& renderers, const std::string& out, const More&... more) const {
+    return words("live", kSmallWaves, "--renderers", renderers, "--out", in(out), more...);
+  }
+  json document(const std::string& out) const { return json_in(out + "/live.json"); }
 };
 
 TEST_F(Live, SwitchesUnderTheHandWithoutAStepOfItsOwnAndIsTheSameTwice) {
   const std::vector<std::string> few = {"--seconds", "4", "--switch-every", "0.3", "--accelerated"};
-  const ProcessOutcome run = live("out", few);
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(
-      schema_violations(std::string(PALPATE_DOCS) + "/live.schema.json", file_text(in("out/live.json"))), "");
+  const ProcessOutcome run = succeeds(live("out", few));
+  expect_valid("live", text_in("out/live.json"));
   const json first = document("out");
   EXPECT_EQ(first["ticks"], 4001);
   EXPECT_EQ(first["late"], 0);
@@ -43,8 +42,8 @@ TEST_F(Live, SwitchesUnderTheHandWithoutAStepOfItsOwnAndIsTheSameTwice) {
     EXPECT_EQ(renderer["frames"], 4001) << "stepped every frame";
     EXPECT_EQ(renderer["disqualified"], "");
   }
-  EXPECT_NE(run.out.find("The session"), std::string::npos);
-  ASSERT_EQ(live("again", few).exit_code, 0);
+  EXPECT_THAT(run.out, HasSubstr("The session"));
+  succeeds(live("again", few));
   const json second = document("again");
   EXPECT_EQ(first["decisions"], second["decisions"]);
   EXPECT_EQ(first["largest_step_n"], second["largest_step_n"]);
@@ -53,36 +52,33 @@ TEST_F(Live, SwitchesUnderTheHandWithoutAStepOfItsOwnAndIsTheSameTwice) {
 }
 
 TEST_F(Live, AKickUnderTheHandIsCountedAndAnExactSurfaceHasNone) {
-  const std::vector<std::string> few = {"--seconds", "6", "--hand", "explore", "--accelerated"};
+  const std::vector<std::string> few = {"--seconds", "6", "--hand", "explore", "--accelerated", "--verbose"};
   // A penalty for each near point: its force steps as points come and go.
-  ASSERT_EQ(live("kicks", few, "penalty-grid").exit_code, 0);
+  succeeds(live_of("penalty-grid", "kicks", few));
   const json kicks = document("kicks")["renderers"][0]["felt_steps"];
   EXPECT_GT(kicks["over_0_2_n"], 0);
   EXPECT_GT(kicks["largest_excess"]["n"], 0.2);
   EXPECT_GE(kicks["over_0_1_n"], kicks["over_0_2_n"]);
-  const ProcessOutcome run = live("exact", few, "analytic");
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const ProcessOutcome run = succeeds(live_of("analytic", "exact", few));
   const json exact = document("exact")["renderers"][0];
   EXPECT_GT(exact["contact_frames"], 1000);
   EXPECT_GT(exact["felt_steps"]["largest"]["n"], 0.0);
   EXPECT_EQ(exact["felt_steps"]["over_0_1_n"], 0);
-  EXPECT_NE(run.out.find("Steps of the force that is felt"), std::string::npos) << run.out;
+  EXPECT_THAT(run.out, HasSubstr("Steps of the force that is felt"));
 }
 
 TEST_F(Live, AHandFollowsAPathAndExploresOtherwise) {
-  ASSERT_EQ(live("follow", {"--seconds", "0.2", "--path", "weave:frames=500", "--accelerated"}).exit_code, 0);
+  succeeds(live("follow", "--seconds 0.2 --path weave:frames=500 --accelerated"));
   EXPECT_EQ(document("follow")["hand"], "follow");
-  ASSERT_EQ(live("explore", {"--seconds", "0.2", "--path", "hand:seed=7", "--accelerated"}).exit_code, 0);
+  succeeds(live("explore", "--seconds 0.2 --path hand:seed=7 --accelerated"));
   const json explored = document("explore");
   EXPECT_EQ(explored["hand"], "explore");
-  EXPECT_NE(explored["path"].get<std::string>().find("seed=7"), std::string::npos);
+  EXPECT_THAT(explored["path"].get<std::string>(), HasSubstr("seed=7"));
 }
 
 TEST_F(Live, AChangeOfParametersTakesOverInTheSameLane) {
-  const ProcessOutcome run = live(
-      "out", {"--seconds", "3", "--changes", "1:cloud:stiffness=0.8,2:cloud:shading=none", "--accelerated"},
-      "cloud");
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  succeeds(
+      live_of("cloud", "out", "--seconds 3 --changes 1:cloud:stiffness=0.8,2:cloud:refine=1 --accelerated"));
   const json live = document("out");
   EXPECT_EQ(live["renderers"][0]["made"], 3);
   int by_parameters = 0;
@@ -93,31 +89,29 @@ TEST_F(Live, AChangeOfParametersTakesOverInTheSameLane) {
 }
 
 TEST_F(Live, ARecordingHoldsEveryRendererAndIsReplayedToTheBit) {
-  const ProcessOutcome run =
-      live("out", {"--seconds", "3", "--hand", "follow", "--switch-every", "0.3", "--changes",
-                   "1:cloud:shading=none", "--accelerated", "--record", in("session.palrec")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  succeeds(live("out",
+                "--seconds 3 --hand follow --switch-every 0.3 --changes 1:cloud:refine=1 --accelerated "
+                "--record @/session.palrec"));
   const json recording = document("out")["recording"];
   EXPECT_EQ(recording["ticks"], 3001);
   EXPECT_EQ(recording["written"], 3001);
   EXPECT_EQ(recording["lost"], 0);
   for (const std::string renderer : {"cloud", "cloud-smooth"}) {
-    const ProcessOutcome again = palpate_command({"replay", kSmallWaves, "--renderer", renderer, "--path",
-                                                  in("session.palrec"), "--out", in("again-" + renderer)});
-    ASSERT_EQ(again.exit_code, 0) << again.err;
-    const json segments = json::parse(file_text(in("again-" + renderer + "/segments.json")))["segments"];
+    succeeds("compare", kSmallWaves, "--renderers", renderer, "--path @/session.palrec --out",
+             in("again-" + renderer));
+    const json segments = json_in("again-" + renderer + "/segments.json")["segments"];
     ASSERT_FALSE(segments.empty());
     for (const json& segment : segments) {
       EXPECT_EQ(segment["same"], true) << renderer;
       EXPECT_GT(segment["contact_frames"], 100) << renderer;
     }
   }
-  EXPECT_EQ(live("out", {"--seconds", "1", "--accelerated", "--record", in("session.palrec")}).exit_code, 2)
+  EXPECT_EQ(palpate(live("out", "--seconds 1 --accelerated --record @/session.palrec")).exit_code, 2)
       << "a recording is not replaced unasked";
 }
 
 TEST_F(Live, TheMappingIsStatedAsItIsFelt) {
-  ASSERT_EQ(live("out", {"--seconds", "1", "--mapping", "2", "--accelerated"}).exit_code, 0);
+  succeeds(live("out", "--seconds 1 --mapping 2 --accelerated"));
   const json mapping = document("out")["mapping"];
   EXPECT_EQ(mapping["world_per_device"], 2.0);
   EXPECT_EQ(mapping["felt_stiffness_n_per_mm"].get<double>(),
@@ -125,7 +119,7 @@ TEST_F(Live, TheMappingIsStatedAsItIsFelt) {
 }
 
 TEST_F(Live, RunsInRealTime) {
-  const ProcessOutcome run = live("out", {"--seconds", "1", "--switch-every", "0.2", "--rearm"});
+  const ProcessOutcome run = palpate(live("out", "--seconds 1 --switch-every 0.2 --rearm"));
   const json live = document("out");
   // Whatever the machine does: what was not ticked was counted.
   EXPECT_GT(live["ticks"].get<double>() + live["late"].get<double>(), 900.0) << run.err;
@@ -133,27 +127,24 @@ TEST_F(Live, RunsInRealTime) {
 }
 
 TEST_F(Live, WhatIsWrongIsNamedAndNothingIsLeft) {
-  const std::vector<std::pair<std::vector<std::string>, std::string>> wrong = {
-      {{"--device", "sim:omny"}, "sim:omni"},
-      {{"--grip", "paw"}, "finger"},
-      {{"--hand", "wave"}, "explore"},
-      {{"--rule", "perhaps"}, "refuse"},
-      {{"--mapping", "large"}, "--mapping"},
-      {{"--mapping", "0"}, "--mapping"},
-      {{"--rate", "1000.5"}, "whole"},
-      {{"--seconds", "0"}, "--seconds"},
-      {{"--changes", "1:cloud"}, "--changes"},
-      {{"--changes", "1:clod:shading=none"}, "clod"},
-      {{"--changes", "1:cloud:shadow=none"}, "shadow"},
-      {{"--changes", "2:cloud:stiffness=0.8,1:cloud:stiffness=0.7"}, "before"},
-      {{"--record", "session.txt"}, ".palrec"},
-      {{"--record", "no/such/folder/a.palrec"}, "folder"},
-  };
+  const std::pair<const char*, const char*> wrong[] = {
+      {"--device sim:omny", "sim:omni"},
+      {"--grip paw", "finger"},
+      {"--hand wave", "explore"},
+      {"--rule perhaps", "refuse"},
+      {"--mapping large", "--mapping"},
+      {"--mapping 0", "--mapping"},
+      {"--rate 1000.5", "whole"},
+      {"--seconds 0", "--seconds"},
+      {"--changes 1:cloud", "--changes"},
+      {"--changes 1:clod:shading=none", "clod"},
+      {"--changes 1:cloud:shadow=none", "shadow"},
+      {"--changes 2:cloud:stiffness=0.8,1:cloud:stiffness=0.7", "before"},
+      {"--record session.txt", ".palrec"},
+      {"--record no/such/folder/a.palrec", "folder"}};
   for (const auto& [arguments, named] : wrong) {
-    const ProcessOutcome run = live("bad", arguments);
-    EXPECT_EQ(run.exit_code, 2) << named << run.err;
-    EXPECT_NE(run.err.find(named), std::string::npos) << run.err;
-    EXPECT_FALSE(std::filesystem::exists(in("bad/live.json")));
+    refuses(named, live("bad", arguments));
+    EXPECT_FALSE(exists("bad/live.json"));
   }
 }
 

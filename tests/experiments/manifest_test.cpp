@@ -119,8 +119,8 @@ TEST(Manifests, AreStrict) {
     const Error& error = manifest.error();
     EXPECT_EQ(error.file, "mine.toml") << c.text;
     EXPECT_EQ(error.line, c.line) << c.text << error.message();
-    EXPECT_NE(error.what.find(c.what), std::string::npos) << error.message();
-    EXPECT_NE(error.remedy.find(c.remedy), std::string::npos) << error.message();
+    EXPECT_THAT(error.what, HasSubstr(c.what)) << error.message();
+    EXPECT_THAT(error.remedy, HasSubstr(c.remedy)) << error.message();
   }
 }
 

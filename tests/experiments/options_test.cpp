@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <functional>
 
+#include <palpate/generate.h>
+#include <palpate/paths.h>
 #include "experiments/run/cleaning.h"
 #include "experiments/session/session.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/trace/paths.h"
 
 namespace palpate::experiments {
 namespace {
@@ -18,7 +18,7 @@ void for_all_owners(const Visit& visit) {
   const render::Registry registry = all_renderers();
   for (const render::RendererInfo& info : registry.all()) visit(info.name, info.options);
   for (const cloud::Generator& generator : cloud::generators()) visit(generator.name, generator.options);
-  for (const trace::PathGenerator& generator : trace::path_generators())
+  for (const paths::PathGenerator& generator : paths::path_generators())
     visit(generator.name, generator.options);
   for (const scene::CleaningStep& step : all_cleaning().all()) visit(step.name, step.options);
 }

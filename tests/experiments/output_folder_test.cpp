@@ -57,8 +57,7 @@ TEST_F(Folder, IsForOneRunAtATime) {
   const OutputFolder first = open();
   const Result<OutputFolder> second = OutputFolder::open(in("out"));
   ASSERT_FALSE(second.ok());
-  EXPECT_NE(second.error().message().find("process " + std::to_string(::getpid())), std::string::npos)
-      << second.error().message();
+  EXPECT_THAT(second.error().message(), HasSubstr("process " + std::to_string(::getpid())));
   EXPECT_EQ(second.error().file, in("out"));
   EXPECT_TRUE(there(kFolderMark)) << "the second one must not take the first one's folder away";
 }
@@ -78,7 +77,7 @@ TEST_F(Folder, ANewRunRemovesOurFilesAndNoOthers) {
   EXPECT_EQ(file_text(in("out/notes.txt")), "years of work");
   const Status onto = folder.write("notes.txt", "a result");
   ASSERT_FALSE(onto.ok());
-  EXPECT_NE(onto.error().message().find("Palpate did not write it"), std::string::npos);
+  EXPECT_THAT(onto.error().message(), HasSubstr("Palpate did not write it"));
   EXPECT_TRUE(folder.write("both.csv", "2").ok() && folder.write("both.csv", "3").ok());
   EXPECT_EQ(file_text(in("out/both.csv")), "3");
   EXPECT_EQ(file_text(in("out/notes.txt")), "years of work");

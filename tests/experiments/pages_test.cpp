@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <fstream>
 #include <set>
+#include <sstream>
 
+#include <palpate/scene.h>
 #include "experiments/command/command_line.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/psychophysics/plan.h"
@@ -14,7 +16,6 @@
 #include "tests/experiments/program.h"
 #include "tests/experiments/shown_commands.h"
 #include "tests/house/source_tree.h"
-#include "toolkit/scene/scene.h"
 
 namespace palpate::experiments {
 namespace {
@@ -28,28 +29,26 @@ std::vector<std::string> pages() {
   return all;
 }
 
-/// Every subcommand with its help, as a user sees it.
+/// Every subcommand with its whole help, as a user sees it.
 struct Help {
-  std::string name, description, footer, text;
+  Subcommand command;
+  std::string text;
   std::vector<std::pair<std::string, std::string>> options;  ///< the name and what is said of it
 };
 
 std::vector<Help> helps() {
-  CLI::App app;
-  Runs runs;
-  declare(app, runs);
   std::vector<Help> all;
-  for (const CLI::App* command : app.get_subcommands(nullptr)) {
-    all.push_back(
-        {command->get_name(), command->get_description(), command->get_footer(), command->help(), {}});
-    for (const CLI::Option* option : command->get_options())
+  for (const Subcommand& command : all_subcommands()) {
+    all.push_back({command, help_text(command, true, {}), {}});
+    const DeclaredCommand declared = declare(command);
+    for (const CLI::Option* option : declared.app->get_options())
       all.back().options.emplace_back(option->get_name(), option->get_description());
   }
   return all;
 }
 
 /// A folder with what the pages' commands speak of.
-class Shown : public InFolder {
+class Shown : public OnCommandLine {
  protected:
   Shown() {
     std::string points, grid = "ncols 31\nnrows 31\nxllcorner 0\nyllcorner 0\ncellsize 1\n";
@@ -131,35 +130,126 @@ TEST_F(Shown, EveryCommandOfThePagesIsUnderstoodAndRuns) {
 
 TEST_F(Shown, EveryExampleOfTheHelpTextsIsUnderstoodAndRuns) {
   std::vector<Help> all = helps();
-  // Others read the recording that its example makes.
-  std::stable_partition(all.begin(), all.end(), [](const Help& help) { return help.name == "record"; });
+  // Others read the recording and the shards that these make.
+  for (const char* first : {"compare sweep", "compare merge", "live record"})
+    std::stable_partition(all.begin(), all.end(),
+                          [&](const Help& help) { return help.command.name == first; });
   for (const Help& help : all) {
-    const std::vector<ShownCommand> examples = commands_in_help(help.name, help.footer);
     bool shows_itself = false;
-    for (const ShownCommand& example : examples) {
-      EXPECT_EQ(example.words[0], "palpate") << example.where;
-      ASSERT_GT(example.words.size(), 1u);
-      shows_itself = shows_itself || example.words[1] == help.name;
-      check_and_run(example);
-    }
-    EXPECT_TRUE(shows_itself) << help.name;
+    std::vector<std::string> texts = help.command.examples;
+    // What its first example reads, the others make.
+    if (help.command.name == "compare merge") std::rotate(texts.begin(), texts.begin() + 1, texts.end());
+    for (const std::string& text : texts)
+      for (const ShownCommand& example : commands_in_blocks(help.command.name, "```\n" + text + "\n```\n")) {
+        EXPECT_EQ(example.words[0], "palpate") << example.where;
+        shows_itself =
+            shows_itself || (example.text() + " ").starts_with("palpate " + help.command.name + " ");
+        check_and_run(example);
+      }
+    EXPECT_TRUE(shows_itself) << help.command.name;
   }
 }
 
-TEST(HelpTexts, EveryCommandAndOptionIsDocumented) {
+class HelpTexts : public OnCommandLine {};
+class FormerNames : public OnCommandLine {};
+class Completion : public OnCommandLine {};
+
+TEST_F(HelpTexts, EveryCommandAndOptionIsDocumented) {
   std::set<std::string> names;
   for (const Help& help : helps()) {
-    EXPECT_TRUE(names.insert(help.name).second);
-    EXPECT_GT(help.description.size(), 10u) << help.name;
+    const std::string& name = help.command.name;
+    EXPECT_TRUE(names.insert(name).second);
+    EXPECT_GT(help.command.summary.size(), 10u) << name;
     for (const auto& [option, says] : help.options) {
-      EXPECT_GT(says.size(), 5u) << help.name << " " << option;
-      EXPECT_NE(help.text.find(option), std::string::npos) << help.name << " hides " << option;
+      EXPECT_GT(says.size(), 5u) << name << " " << option;
+      EXPECT_THAT(help.text, HasSubstr("  " + option)) << name << " hides " << option;
     }
   }
-  EXPECT_GE(names.size(), 10u);
+  EXPECT_GE(names.size(), 20u);
 }
 
-TEST(HelpTexts, EverySubcommandIsListedAndExplainsItself) {
+TEST_F(HelpTexts, FitAScreen) {
+  const auto check = [](const std::string& help, std::size_t lines, std::size_t columns,
+                        const std::string& name) {
+    EXPECT_LE(static_cast<std::size_t>(std::count(help.begin(), help.end(), '\n')), lines) << name << "\n"
+                                                                                           << help;
+    std::istringstream text(help);
+    for (std::string line; std::getline(text, line);)
+      if (line.find("  palpate ") == std::string::npos) {  // an example is one line, to be copied
+        EXPECT_LE(line.size(), columns) << name << ": " << line;
+      }
+  };
+  const std::string whole = palpate("--help").out;
+  check(whole, 24, kHelpColumns, "palpate");
+  for (const Verb& verb : kVerbs) {
+    EXPECT_THAT(whole, HasSubstr(std::string(" ") + verb.name + " ")) << verb.name;
+    check(palpate(verb.name, "--help").out, 45, kHelpColumns, verb.name);
+  }
+  for (const Subcommand& one : all_subcommands())
+    check(help_text(one, false, {}), 40, kHelpColumns, one.name);
+}
+
+TEST_F(FormerNames, StillRunAndNameTheNewOnes) {
+  std::set<std::string> today;
+  for (const Subcommand& one : all_subcommands()) today.insert(one.name);
+  for (const auto& [old, now] : former_names()) {
+    EXPECT_TRUE(today.contains(now)) << now;
+    const bool list = old == "fetch" || old == "clean";
+    const char* const asked = list ? "--json" : "--help";
+    const ProcessOutcome run = succeeds(old, asked);
+    EXPECT_THAT(run.err, HasSubstr("palpate: note: `palpate " + old + "` is now `palpate " + now + "`"));
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    EXPECT_EQ(run.out, palpate(now.c_str(), asked).out) << old;
+  }
+}
+
+TEST_F(FormerNames, TakeTheOptionsThatTheyHad) {
+  const auto read = [](const std::vector<std::string>& words) {
+    const Result<ReadLine> line = read_line(words);
+    EXPECT_TRUE(line) << line.error().message();
+    return line ? line->name + ": " + line->note : std::string();
+  };
+  EXPECT_TRUE(
+      read({"replay", "plane", "--renderer=cloud", "--out", "o"}).starts_with("compare: `palpate replay`"));
+  EXPECT_TRUE(read({"stability", "plane", "--hand", "finger"}).starts_with("test stability: "));
+  EXPECT_TRUE(read({"record", "plane", "--hand", "arm", "--out", "a.palrec"}).starts_with("live record: "));
+  EXPECT_THAT(read({"live", "plane", "--headless"}), HasSubstr("--headless"));
+  EXPECT_THAT(read({"compare", "plane", "--traj-columns", "t=0,x=1", "--path", "a.txt"}),
+              HasSubstr("--path a.txt:t=0:x=1"));
+  EXPECT_EQ(read({"fetch", "stanford-bunny"}), "fetch: ");
+  EXPECT_FALSE(read_line({"replay", "plane", "--renderer", "cloud", "--hand", "arm"}));
+}
+
+TEST_F(Completion, KnowsEveryVerbKindAndOptionAndNoFormerName) {
+  const ProcessOutcome run = succeeds("completion bash");
+  for (const Verb& verb : kVerbs) EXPECT_THAT(run.out, HasSubstr(verb.name)) << verb.name;
+  for (const Help& help : helps()) {
+    const std::size_t at = run.out.find("'" + help.command.name +
+                                        (help.command.name.find(' ') == std::string::npos ? " '" : "'"));
+    ASSERT_NE(at, std::string::npos) << help.command.name;
+    const std::string line = run.out.substr(at, run.out.find('\n', at) - at);
+    for (const auto& [option, says] : help.options)
+      if (option.starts_with("--")) {
+        EXPECT_THAT(line, HasSubstr(option)) << help.command.name << option;
+      }
+  }
+  for (const char* old : {"replay", "bridge", "--headless", "--traj-columns"})
+    EXPECT_THAT(run.out, Not(HasSubstr(std::string(" ") + old + " "))) << old;
+  // What bash makes of it.
+  const auto offered = [&](const std::string& words, int at) {
+    const Result<ProcessOutcome> bash =
+        run_process({"bash", "-c",
+                     run.out + "COMP_WORDS=(palpate " + words + ") COMP_CWORD=" + std::to_string(at) +
+                         "; _palpate; echo ${COMPREPLY[*]}"},
+                    {.time_limit_s = 10.0, .folder = "."});
+    return bash ? bash->out : bash.error().message();
+  };
+  EXPECT_EQ(offered("com", 1), "compare\n");
+  EXPECT_EQ(offered("compare sw", 2), "sweep\n");
+  EXPECT_EQ(offered("compare sweep x --sh", 4), "--shard\n");
+}
+
+TEST_F(HelpTexts, EverySubcommandIsListedAndExplainsItself) {
   std::size_t defined = 0;
   for (const std::string& file : house::project_files())
     if (file.starts_with("experiments/command/") && file.ends_with(".cpp"))
@@ -168,21 +258,24 @@ TEST(HelpTexts, EverySubcommandIsListedAndExplainsItself) {
   EXPECT_EQ(all.size(), defined) << "a subcommand is missing in subcommands.h";
   for (const Subcommand& one : all) {
     EXPECT_FALSE(one.examples.empty()) << one.name;
-    const ProcessOutcome help = palpate_command({one.name, "--help"});
-    EXPECT_EQ(help.exit_code, 0) << one.name << help.err;
+    const ProcessOutcome help = succeeds(one.name.c_str(), "--help-all");
     EXPECT_EQ(help.err, "") << one.name;
-    EXPECT_NE(help.out.find(one.summary.substr(0, one.summary.find(' '))), std::string::npos) << help.out;
+    EXPECT_THAT(help.out, HasSubstr(one.summary.substr(0, one.summary.find(' '))));
     for (const std::string& example : one.examples) {
-      EXPECT_NE(help.out.find(example), std::string::npos) << one.name << ": " << help.out;
+      EXPECT_THAT(help.out, HasSubstr(example)) << one.name << ": ";
     }
   }
 }
 
-TEST(HelpTexts, EveryCommandIsOnSomePage) {
+TEST_F(HelpTexts, EveryCommandIsOnSomePage) {
   std::string all;
   for (const std::string& page : pages()) all += house::text_of(page);
-  for (const Help& help : helps())
-    EXPECT_NE(all.find("palpate " + help.name), std::string::npos) << help.name << " is on no page";
+  for (const Help& help : helps()) {
+    bool shown = all.find("palpate " + help.command.name) != std::string::npos;
+    for (const auto& [old, now] : former_names())
+      shown = shown || (now == help.command.name && all.find("palpate " + old) != std::string::npos);
+    EXPECT_TRUE(shown) << help.command.name << " is on no page";
+  }
 }
 
 TEST(Pages, CommandsInRunningTextExist) {
@@ -242,6 +335,7 @@ TEST_F(Shown, FiguresAreWrittenFromARun) {
     std::filesystem::create_directories((folder_ / file).parent_path());
     write_text(folder_ / file, text);
   };
+  put("docs/results/deep.md", "<!-- figures: a -->\nold\n<!-- end of figures -->\n");
   put("README.md", "# Page\n<!-- figures: a -->\nold\n<!-- end of figures -->\nrest\n");
   put("docs/other.md", "no figures\n");
   put("docs/figures/a.txt",
@@ -252,32 +346,26 @@ TEST_F(Shown, FiguresAreWrittenFromARun) {
       R"({"label": "other", "n": 1}, {"label": "cloud", "n": 12345, "frame": {"mean_us": 0.23456},)"
       R"( "prepare": {"total_ms": 46012.5, "phases": []}}]})");
   put("run/table6/neighbours.json", R"({"modified_knn": [{"model": "dragon", "points": 437645}]})");
-  const ProcessOutcome run = palpate_command({"report", in("run"), "--docs", folder_.string()});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_NE(run.out.find("README.md"), std::string::npos) << run.out;
-  EXPECT_EQ(file_text(in("README.md")),
+  const ProcessOutcome run = succeeds("report @/run --docs", folder_.string());
+  EXPECT_THAT(run.out, HasSubstr("README.md"));
+  EXPECT_EQ(text_in("README.md"),
             "# Page\n<!-- figures: a -->\n0.235 µs, 46 s, 12,345 of 437,645, commit abc\n<!-- end of figures "
             "-->\nrest\n");
-  EXPECT_EQ(file_text(in("docs/figures/one-run.json")).find("phases"), std::string::npos) << "what is shown";
+  EXPECT_THAT(text_in("docs/results/deep.md"), HasSubstr("12,345")) << "in subfolders too";
+  EXPECT_THAT(text_in("docs/figures/one-run.json"), Not(HasSubstr("phases"))) << "what is shown";
   // Again, from what was kept: nothing changes.
-  const ProcessOutcome again = palpate_command({"report", "--docs", folder_.string()});
-  ASSERT_EQ(again.exit_code, 0) << again.err;
-  EXPECT_EQ(again.out.find("README.md"), std::string::npos) << again.out;
+  const ProcessOutcome again = succeeds("report --docs", folder_.string());
+  EXPECT_THAT(again.out, Not(HasSubstr("README.md")));
   // What a cache kept was measured on another day: nothing is taken of it.
-  const std::string kept = file_text(in("docs/figures/one-run.json"));
+  const std::string kept = text_in("docs/figures/one-run.json");
   put("run/table7/result.json",
       R"({"commit": "abd", "renderers": [{"label": "cloud", "n": 1, "frame": {"mean_us": 0.5},)"
       R"( "prepare": {"total_ms": 46012.5, "from_cache": true}}]})");
-  const ProcessOutcome cached = palpate_command({"report", in("run"), "--docs", folder_.string()});
-  EXPECT_EQ(cached.exit_code, 2);
-  EXPECT_NE(cached.err.find("--no-cache"), std::string::npos) << cached.err;
-  EXPECT_EQ(file_text(in("docs/figures/one-run.json")), kept);
+  refuses("--no-cache", "report @/run --docs", folder_.string());
+  EXPECT_EQ(text_in("docs/figures/one-run.json"), kept);
   // A value that is not there is named with its template and line.
   put("docs/figures/a.txt", "<!-- from one-run.json -->\nfirst\n{table7 cloud frame.max_us µs}\n");
-  const ProcessOutcome missing = palpate_command({"report", "--docs", folder_.string()});
-  EXPECT_EQ(missing.exit_code, 2);
-  EXPECT_NE(missing.err.find("a.txt:3: "), std::string::npos) << missing.err;
-  EXPECT_NE(missing.err.find("frame.max_us"), std::string::npos) << missing.err;
+  refuses({"a.txt:3: ", "frame.max_us"}, "report --docs", folder_.string());
 }
 
 TEST_F(Shown, FiguresOfTheTrialAreTakenFromItsOwnDocument) {
@@ -290,10 +378,9 @@ TEST_F(Shown, FiguresOfTheTrialAreTakenFromItsOwnDocument) {
              "<!-- from surface.json -->\n{felt_surface.json rows[ell/cloud].summary}\n");
   write_text(folder_ / "run/felt_surface.json",
              R"({"commit": "abc", "rows": [{"label": "ell/cloud", "summary": "0.2 / 0 / 0 / -"}]})");
-  const ProcessOutcome run = palpate_command({"report", in("run"), "--docs", folder_.string()});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_NE(file_text(in("README.md")).find("0.2 / 0 / 0 / -\n"), std::string::npos);
-  EXPECT_NE(file_text(in("docs/figures/surface.json")).find("\"abc\""), std::string::npos);
+  const ProcessOutcome run = succeeds("report @/run --docs", folder_.string());
+  EXPECT_THAT(text_in("README.md"), HasSubstr("0.2 / 0 / 0 / -\n"));
+  EXPECT_THAT(text_in("docs/figures/surface.json"), HasSubstr("\"abc\""));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "docs/figures/one-run.json"));
 }
 
@@ -307,8 +394,8 @@ TEST(Pages, WrongCommandsAreFound) {
   EXPECT_NE(problem("palpate info plane --jsn"), "");
   EXPECT_NE(problem("palpate info"), "");
   EXPECT_NE(problem("palpate info plain:points=961"), "");
-  EXPECT_NE(problem("palpate replay plane --path weav --out o"), "");
-  EXPECT_NE(problem("palpate replay plane --path weave:depth=2 --out o"), "");
+  EXPECT_NE(problem("palpate compare plane --renderers auto --path weav --out o"), "");
+  EXPECT_NE(problem("palpate compare plane --renderers auto --path weave:depth=2 --out o"), "");
   EXPECT_NE(problem("palpate compare plane --renderers cloud:shade=none --path tap --out o"), "");
   EXPECT_NE(problem("palpate clean scan.ply --steps outlier --out o.ply"), "");
   EXPECT_NE(problem("palpate reproduce --tables 99 --out o"), "");
@@ -328,9 +415,9 @@ TEST(Pages, WrongCommandsAreFound) {
     const auto all = commands_in_prose("page.md", text);
     return all.empty() ? "none" : problem_in_prose(all[0]);
   };
-  EXPECT_EQ(prose("see `palpate plan SCENE` and"), "");
+  EXPECT_EQ(prose("see `palpate info plan SCENE` and"), "");
   EXPECT_NE(prose("see `palpate plant SCENE`"), "");
-  EXPECT_NE(prose("see `palpate plan --renderrer`"), "");
+  EXPECT_NE(prose("see `palpate info plan --renderrer`"), "");
 }
 
 }  // namespace

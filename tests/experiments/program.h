@@ -1,7 +1,8 @@
-// Runs the palpate program as a user does.
+// Runs the palpate command as a user does.
 #pragma once
 
 #include <fcntl.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
 #include <sys/wait.h>
@@ -12,6 +13,8 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -20,6 +23,18 @@
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {
+
+using testing::HasSubstr, testing::Not;
+
+/// A text that holds all of these; one that holds none.
+template <class... Texts>
+auto HasAll(const Texts&... texts) {
+  return testing::AllOf(HasSubstr(texts)...);
+}
+template <class... Texts>
+auto HasNone(const Texts&... texts) {
+  return Not(testing::AnyOf(HasSubstr(texts)...));
+}
 
 /// Sets an environment variable for the lifetime of the object; null removes it.
 class Environment {
@@ -46,6 +61,18 @@ inline std::string file_text(const std::filesystem::path& path) {
 
 inline void write_text(const std::filesystem::path& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
+}
+
+/// What `run` returns, and what it writes to both standard streams.
+template <class Run>
+ProcessOutcome captured(Run&& run) {
+  ProcessOutcome outcome;
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  outcome.exit_code = run();
+  outcome.out = testing::internal::GetCapturedStdout();
+  outcome.err = testing::internal::GetCapturedStderr();
+  return outcome;
 }
 
 #ifdef PALPATE_PROGRAM
@@ -133,17 +160,71 @@ class Started {
   bool killed_ = false;
 };
 
-inline ProcessOutcome palpate_command(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), PALPATE_PROGRAM);
-  constexpr double kLimitS = 120.0;
-  Result<ProcessOutcome> run = run_process(arguments, {.time_limit_s = kLimitS});
-  if (!run) {
-    ADD_FAILURE() << run.error().message();
-    return {};
+/// Runs a command line in this process, through the entry function of the program, as long as two minutes.
+[[nodiscard]] ProcessOutcome palpate_command(std::vector<std::string> arguments);
+/// Runs the program itself: for what starts itself again, or ends at once.
+[[nodiscard]] ProcessOutcome palpate_process(std::vector<std::string> arguments);
+
+/// Command lines in a folder of their own, what they leave there, and what they must answer.
+///
+/// A line is given in parts. A literal is split at its spaces, and its '@' stands for the folder; a string is
+/// one word; a list is appended.
+class OnCommandLine : public InFolder {
+ protected:
+  using Words = std::vector<std::string>;
+  template <class... Parts>
+  [[nodiscard]] Words words(const Parts&... parts) const {
+    Words all;
+    (add(all, parts), ...);
+    return all;
   }
-  EXPECT_FALSE(run->timed_out);
-  return *std::move(run);
-}
+  template <class... Parts>
+  ProcessOutcome palpate(const Parts&... parts) const {
+    return run_line(words(parts...));
+  }
+  /// The line must end with exit status 0.
+  template <class... Parts>
+  ProcessOutcome succeeds(const Parts&... parts) const {
+    return ends_with(0, {}, words(parts...));
+  }
+  /// What a line that succeeds prints.
+  template <class... Parts>
+  [[nodiscard]] nlohmann::json printed(const Parts&... parts) const {
+    return nlohmann::json::parse(succeeds(parts...).out);
+  }
+  /// Texts that standard error must hold: one or several.
+  struct Says : Words {
+    Says() = default;
+    Says(const char* one) : Words{one} {}         // NOLINT(google-explicit-constructor)
+    Says(const std::string& one) : Words{one} {}  // NOLINT(google-explicit-constructor)
+    Says(std::initializer_list<std::string> all) : Words(all) {}
+    Says(const Words& all) : Words(all) {}  // NOLINT(google-explicit-constructor)
+  };
+  /// The line must end with exit status 2 and say why.
+  template <class... Parts>
+  ProcessOutcome refuses(const Says& says, const Parts&... parts) const {
+    return ends_with(2, says, words(parts...));
+  }
+  [[nodiscard]] ProcessOutcome run_line(const Words& line) const;
+  ProcessOutcome ends_with(int status, const Says& says, const Words& line) const;
+
+  [[nodiscard]] bool exists(const std::string& name) const { return std::filesystem::exists(in(name)); }
+  [[nodiscard]] std::string text_in(const std::string& name) const { return file_text(in(name)); }
+  [[nodiscard]] nlohmann::json json_in(const std::string& name) const {
+    return nlohmann::json::parse(text_in(name));
+  }
+  /// The document must follow docs/schemas/NAME.schema.json.
+  static void expect_valid(const std::string& name, const std::string& document);
+
+  /// Each line runs in a process of its own: for what goes on with a stopped process's work, or starts itself
+  /// again.
+  bool apart_ = false;
+
+ private:
+  void add(Words& all, const char* part) const;
+  static void add(Words& all, const std::string& part) { all.push_back(part); }
+  static void add(Words& all, const Words& part) { all.insert(all.end(), part.begin(), part.end()); }
+};
 #endif
 
 }  // namespace palpate::experiments

@@ -7,7 +7,6 @@
 #include <sstream>
 
 #include "tests/experiments/study_folder.h"
-#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -16,9 +15,9 @@ using nlohmann::json;
 
 class Blinded : public StudyFolder {
  protected:
-  json document(const std::string& out) const { return json::parse(file_text(in(out + "/study.json"))); }
+  json document(const std::string& out) const { return json_in(out + "/study.json"); }
   std::vector<std::map<std::string, std::string>> trials(const std::string& out) const {
-    std::istringstream lines(file_text(in(out + "/trials.csv")));
+    std::istringstream lines(text_in(out + "/trials.csv"));
     std::vector<std::string> names;
     std::vector<std::map<std::string, std::string>> rows;
     for (std::string line; std::getline(lines, line);) {
@@ -39,7 +38,7 @@ class Blinded : public StudyFolder {
   std::string changed(const std::string& example, const std::string& from, const std::string& to) const {
     const std::string file = in(example + "-changed.toml");
     std::filesystem::remove(file);
-    EXPECT_EQ(palpate_command({"study", example, "--save-plan", file}).exit_code, 0);
+    succeeds("study", example, "--save-plan", file);
     std::string text = file_text(file);
     const std::size_t at = text.find(from);
     EXPECT_NE(at, std::string::npos) << from;
@@ -50,12 +49,9 @@ class Blinded : public StudyFolder {
 };
 
 TEST_F(Blinded, AbxFindsItsObserver) {
-  const ProcessOutcome run = study("abx", "simulated:dprime=2.5", "out");
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_NE(run.out.find("69"), std::string::npos) << "trials to find 65 % are said beforehand: " << run.out;
-  EXPECT_EQ(
-      schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json", file_text(in("out/study.json"))),
-      "");
+  const ProcessOutcome run = succeeds(study("abx", "simulated:dprime=2.5", "out"));
+  EXPECT_THAT(run.out, HasSubstr("69")) << "trials to find 65 % are said beforehand: ";
+  expect_valid("observed", text_in("out/study.json"));
   const json found = document("out");
   EXPECT_EQ(found["trials"]["main"], 80);
   EXPECT_EQ(found["design"]["power"]["trials_to_detect"]["first"], 69);
@@ -72,19 +68,19 @@ TEST_F(Blinded, AbxFindsItsObserver) {
     right += row.at("correct") == "1" ? 1 : 0;
     shams += row.at("sham_switches") == "1" ? 1 : 0;
     EXPECT_EQ(row.at("switch_delay_s"), "0.500") << "of sham and real switches";
-    for (const auto& [name, cell] : row) EXPECT_EQ(cell.find("cloud"), std::string::npos) << name;
+    for (const auto& [name, cell] : row) EXPECT_THAT(cell, Not(HasSubstr("cloud"))) << name;
   }
   EXPECT_EQ(shown, (std::map<std::string, int>{{"ABA", 20}, {"ABB", 20}, {"BAA", 20}, {"BAB", 20}}));
   EXPECT_EQ(shams, 40);
   EXPECT_GT(catches, 6);
   EXPECT_EQ(found["difference"]["correct"], right);
   for (const char* file : {"report.html", "plan.toml", "read.R", "read.py", "figures/share.svg"})
-    EXPECT_TRUE(std::filesystem::exists(in(std::string("out/") + file))) << file;
+    EXPECT_TRUE(exists(std::string("out/") + file)) << file;
 }
 
 TEST_F(Blinded, NothingFeltIsShownToBeNothing) {
   const std::string plan = changed("abx", "count = 80", "count = 160");
-  ASSERT_EQ(study(plan, "simulated:dprime=0", "out").exit_code, 0);
+  succeeds(study(plan, "simulated:dprime=0", "out"));
   const json found = document("out");
   EXPECT_LT(found["difference"]["equivalence"]["p"].get<double>(), 0.05);
   EXPECT_GT(found["difference"]["p_by_chance"].get<double>(), 0.05);
@@ -93,12 +89,8 @@ TEST_F(Blinded, NothingFeltIsShownToBeNothing) {
 
 TEST_F(Blinded, EveryProcedureFindsTheJnd) {
   for (const char* example : {"constant", "staircase", "psi"}) {
-    const ProcessOutcome run = study(example, "simulated:jnd=0.05", example);
-    ASSERT_EQ(run.exit_code, 0) << example << run.err;
-    EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json",
-                                file_text(in(std::string(example) + "/study.json"))),
-              "")
-        << example;
+    succeeds(study(example, "simulated:jnd=0.05", example));
+    expect_valid("observed", text_in(std::string(example) + "/study.json"));
     const json found = document(example);
     EXPECT_EQ(found["estimate"]["name"], "jnd");
     EXPECT_EQ(found["estimate"]["unit"], "N/mm");
@@ -107,7 +99,7 @@ TEST_F(Blinded, EveryProcedureFindsTheJnd) {
     EXPECT_LT(found["estimate"]["value"].get<double>(), 0.1) << example;
     EXPECT_LE(found["interval"][0], found["estimate"]["value"]);
     EXPECT_GE(found["interval"][1], found["estimate"]["value"]);
-    EXPECT_TRUE(std::filesystem::exists(in(std::string(example) + "/figures/function.svg")));
+    EXPECT_TRUE(exists(std::string(example) + "/figures/function.svg"));
   }
 }
 
@@ -115,39 +107,37 @@ TEST_F(Blinded, GoesOnWhereItStopped) {
   for (const char* example : {"abx", "staircase"}) {
     const std::string observer = std::string(example) == "abx" ? "simulated:dprime=1" : "simulated:jnd=0.05";
     const std::string whole = std::string(example) + "-whole", parts = std::string(example) + "-parts";
-    ASSERT_EQ(study(example, observer, whole).exit_code, 0);
-    ASSERT_EQ(study(example, observer, parts, {"--stop-after", "7"}).exit_code, 0);
+    succeeds(study(example, observer, whole));
+    succeeds(study(example, observer, parts, "--stop-after 7"));
     EXPECT_EQ(trials(parts).size(), 7u);
-    EXPECT_FALSE(std::filesystem::exists(in(parts + "/study.json"))) << "nothing half done looks whole";
-    ASSERT_EQ(study(example, observer, parts, {"--stop-after", "13"}).exit_code, 0);
+    EXPECT_FALSE(exists(parts + "/study.json")) << "nothing half done looks whole";
+    succeeds(study(example, observer, parts, "--stop-after 13"));
     // As if the machine had lost its power in the middle of a row.
-    write_text(in(parts + "/trials.csv"), file_text(in(parts + "/trials.csv")) + "P01,simul");
-    ASSERT_EQ(study(example, observer, parts).exit_code, 0);
-    EXPECT_EQ(file_text(in(parts + "/trials.csv")), file_text(in(whole + "/trials.csv"))) << example;
+    write_text(in(parts + "/trials.csv"), text_in(parts + "/trials.csv") + "P01,simul");
+    succeeds(study(example, observer, parts));
+    EXPECT_EQ(text_in(parts + "/trials.csv"), text_in(whole + "/trials.csv")) << example;
     EXPECT_EQ(document(parts)["estimate"], document(whole)["estimate"]);
     // Once more: nothing is left to ask.
-    ASSERT_EQ(study(example, observer, parts).exit_code, 0);
-    EXPECT_EQ(file_text(in(parts + "/trials.csv")), file_text(in(whole + "/trials.csv"))) << example;
+    succeeds(study(example, observer, parts));
+    EXPECT_EQ(text_in(parts + "/trials.csv"), text_in(whole + "/trials.csv")) << example;
   }
 }
 
 TEST_F(Blinded, OtherPlansPeopleAndChangedRowsAreRefused) {
-  ASSERT_EQ(study("abx", "simulated:dprime=1", "out", {"--stop-after", "9"}).exit_code, 0);
-  const std::string before = file_text(in("out/trials.csv"));
-  EXPECT_EQ(study("same-different", "simulated:dprime=1", "out").exit_code, 2);
-  EXPECT_EQ(study("abx", "simulated:dprime=2", "out").exit_code, 2);
-  const ProcessOutcome other = study("abx", "simulated:dprime=1", "out", {"--participant", "P02"});
-  EXPECT_EQ(other.exit_code, 2);
-  EXPECT_NE(other.err.find("trials.csv:2"), std::string::npos) << other.err;
-  EXPECT_EQ(file_text(in("out/trials.csv")), before);
+  succeeds(study("abx", "simulated:dprime=1", "out", "--stop-after 9"));
+  const std::string before = text_in("out/trials.csv");
+  refuses({}, study("same-different", "simulated:dprime=1", "out"));
+  refuses({}, study("abx", "simulated:dprime=2", "out"));
+  refuses("trials.csv:2", study("abx", "simulated:dprime=1", "out", "--participant P02"));
+  EXPECT_EQ(text_in("out/trials.csv"), before);
   std::string forged = before;
   const std::size_t at = forged.find(",practice,");
   ASSERT_NE(at, std::string::npos);
   forged.replace(at, std::string(",practice,").size(), ",main,");
   write_text(in("out/trials.csv"), forged);
-  EXPECT_EQ(study("abx", "simulated:dprime=1", "out").exit_code, 2);
-  ASSERT_EQ(study("abx", "simulated:dprime=1", "second", {"--participant", "P02"}).exit_code, 0);
-  ASSERT_EQ(study("abx", "simulated:dprime=1", "first").exit_code, 0);
+  refuses({}, study("abx", "simulated:dprime=1", "out"));
+  succeeds(study("abx", "simulated:dprime=1", "second", "--participant P02"));
+  succeeds(study("abx", "simulated:dprime=1", "first"));
   int same = 0, all = 0;
   const auto first = trials("first"), second = trials("second");
   for (std::size_t i = 0; i < std::min(first.size(), second.size()); ++i, ++all)
@@ -156,7 +146,7 @@ TEST_F(Blinded, OtherPlansPeopleAndChangedRowsAreRefused) {
 }
 
 TEST_F(Blinded, ExclusionsAreThoseRegistered) {
-  ASSERT_EQ(study("abx", "simulated:dprime=2:missed=0.3", "out").exit_code, 0);
+  succeeds(study("abx", "simulated:dprime=2:missed=0.3", "out"));
   const json found = document("out");
   int excluded = 0;
   for (const auto& row : trials("out")) {
@@ -170,7 +160,7 @@ TEST_F(Blinded, ExclusionsAreThoseRegistered) {
   EXPECT_EQ(found["trials"]["excluded"], excluded);
   EXPECT_EQ(found["difference"]["trials"], found["trials"]["main"]);
   // Who misses the catch trials counts for nothing, and the report says so.
-  ASSERT_EQ(study("abx", "simulated:dprime=0:catch_dprime=0", "asleep").exit_code, 0);
+  succeeds(study("abx", "simulated:dprime=0:catch_dprime=0", "asleep"));
   const json asleep = document("asleep");
   EXPECT_FALSE(asleep["participant_excluded"].get<std::string>().empty());
   EXPECT_EQ(asleep["warnings"].size(), 1u);
@@ -196,18 +186,17 @@ TEST_F(Blinded, WrongPlansNameLineAndRemedy) {
   };
   for (const auto& wrong : kWrong) {
     const std::string plan = changed(wrong.example, wrong.from, wrong.to);
-    const ProcessOutcome run = study(plan, "simulated:dprime=1", "out");
-    EXPECT_EQ(run.exit_code, 2) << wrong.to << run.out;
-    EXPECT_NE(run.err.find(plan + wrong.line), std::string::npos) << wrong.to << ": " << run.err;
-    EXPECT_NE(run.err.find(wrong.says), std::string::npos) << wrong.to << ": " << run.err;
-    EXPECT_FALSE(std::filesystem::exists(in("out"))) << wrong.to;
+    const ProcessOutcome run = refuses({}, study(plan, "simulated:dprime=1", "out"));
+    EXPECT_THAT(run.err, HasSubstr(plan + wrong.line)) << wrong.to << ": ";
+    EXPECT_THAT(run.err, HasSubstr(wrong.says)) << wrong.to << ": ";
+    EXPECT_FALSE(exists("out")) << wrong.to;
   }
-  EXPECT_EQ(study("abx", "persons", "out").exit_code, 2);
-  EXPECT_EQ(study("abx", "simulated:jnd=0.1", "out").exit_code, 2);
-  EXPECT_EQ(study("psi", "simulated:dprime=1", "out").exit_code, 2);
-  EXPECT_EQ(study("abc", "simulated:dprime=1", "out").exit_code, 2);
-  EXPECT_EQ(study("abx", "simulated:dprime=1", "out", {"--participant", "Jane Doe"}).exit_code, 2);
-  EXPECT_FALSE(std::filesystem::exists(in("out")));
+  refuses({}, study("abx", "persons", "out"));
+  refuses({}, study("abx", "simulated:jnd=0.1", "out"));
+  refuses({}, study("psi", "simulated:dprime=1", "out"));
+  refuses({}, study("abc", "simulated:dprime=1", "out"));
+  refuses({}, study("abx", "simulated:dprime=1", "out", "--participant", std::string("Jane Doe")));
+  EXPECT_FALSE(exists("out"));
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "experiments/psychophysics/cues.h"
-#include "toolkit/metrics/touch.h"
+#include "toolkit/metrics/vibration_threshold.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
@@ -78,7 +78,8 @@ TEST(CuesOfATouch, VibrationIsInNoticedAmplitudes) {
   Thresholds thresholds;
   for (const double hz : {60.0, 200.0, 400.0}) {
     const double omega = 2.0 * std::numbers::pi * hz;
-    const double force_n = 5.0 * metrics::noticed_um(hz) * 1e-6 * thresholds.moved_kg * omega * omega;
+    const double force_n =
+        5.0 * metrics::detection_threshold_um(hz) * 1e-6 * thresholds.moved_kg * omega * omega;
     // Stretches in the press and out of it rest without the ripple: more than half of it is at rest.
     const double alone = cues_of(pressed(0.5, 2.0), thresholds).vibration;
     const double found = cues_of(pressed(0.5, 2.0, force_n, hz), thresholds).vibration;

@@ -8,11 +8,10 @@
 #include <sstream>
 #include <thread>
 
+#include <palpate/clock.h>
 #include "experiments/psychophysics/machine.h"
 #include "experiments/psychophysics/person.h"
 #include "tests/experiments/study_folder.h"
-#include "tests/json_schema.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::experiments {
 namespace {
@@ -193,21 +192,18 @@ class FeltStudy : public StudyFolder {
 
 TEST_F(FeltStudy, OfAMachineGoesOnWhereItStopped) {
   const std::string plan = short_plan();
-  ASSERT_EQ(study(plan, "machine", "whole").exit_code, 0);
-  const ProcessOutcome first = study(plan, "machine", "parts", {"--stop-after", "3"});
-  ASSERT_EQ(first.exit_code, 0) << first.err;
-  ASSERT_EQ(study(plan, "machine", "parts").exit_code, 0);
-  EXPECT_EQ(file_text(in("parts/trials.csv")), file_text(in("whole/trials.csv")));
+  succeeds(study(plan, "machine", "whole"));
+  succeeds(study(plan, "machine", "parts", "--stop-after 3"));
+  succeeds(study(plan, "machine", "parts"));
+  EXPECT_EQ(text_in("parts/trials.csv"), text_in("whole/trials.csv"));
   for (const char* trace : {"trial-0001.csv", "trial-0006.csv"}) {
-    const std::string text = file_text(in(std::string("whole/traces/") + trace));
+    const std::string text = text_in(std::string("whole/traces/") + trace);
     EXPECT_TRUE(text.starts_with("t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,interval\n")) << trace;
-    EXPECT_EQ(text, file_text(in(std::string("parts/traces/") + trace)));
-    EXPECT_EQ(text.find("cloud"), std::string::npos);
+    EXPECT_EQ(text, text_in(std::string("parts/traces/") + trace));
+    EXPECT_THAT(text, Not(HasSubstr("cloud")));
   }
-  const auto document = nlohmann::json::parse(file_text(in("whole/study.json")));
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json",
-                              file_text(in("whole/study.json"))),
-            "");
+  const auto document = json_in("whole/study.json");
+  expect_valid("observed", text_in("whole/study.json"));
   EXPECT_FALSE(document["simulated"].get<bool>());
   EXPECT_EQ(document["traces"], "traces");
 }
@@ -218,30 +214,28 @@ TEST_F(FeltStudy, APersonAnswersByKeys) {
   // of a renderer stands nowhere on the screen.
   const ProcessOutcome part = person(plan, "ax1", "out", "--stop-after 2");
   ASSERT_EQ(part.exit_code, 0) << part.err;
-  EXPECT_NE(part.out.find("2 trials are answered"), std::string::npos) << part.out << part.err;
-  EXPECT_NE(part.err.find("trial 2: touch 3 of 3"), std::string::npos) << part.err;
-  EXPECT_EQ((part.out + part.err).find("cloud"), std::string::npos) << part.out << part.err;
+  EXPECT_THAT(part.out, HasSubstr("2 trials are answered")) << part.err;
+  EXPECT_THAT(part.err, HasSubstr("trial 2: touch 3 of 3"));
+  EXPECT_THAT((part.out + part.err), Not(HasSubstr("cloud"))) << part.out << part.err;
   // Standard input ends early: what was answered stays.
   const ProcessOutcome cut = person(plan, "b", "out");
   ASSERT_EQ(cut.exit_code, 0) << cut.err;
-  EXPECT_NE(cut.out.find("3 trials are answered"), std::string::npos) << cut.out << cut.err;
+  EXPECT_THAT(cut.out, HasSubstr("3 trials are answered")) << cut.err;
   const ProcessOutcome rest = person(plan, " a b a b", "out");
   ASSERT_EQ(rest.exit_code, 0) << rest.err;
-  EXPECT_NE(rest.err.find("a break"), std::string::npos) << rest.err;
-  std::istringstream lines(file_text(in("out/trials.csv")));
+  EXPECT_THAT(rest.err, HasSubstr("a break"));
+  std::istringstream lines(text_in("out/trials.csv"));
   std::string answers;
   for (std::string line; std::getline(lines, line);) {
     std::istringstream cells(line);
     std::string cell;
     for (int i = 0; i < 9; ++i) std::getline(cells, cell, ',');
     answers += cell == "answer" ? "" : cell;
-    EXPECT_EQ(line.find("cloud"), std::string::npos);
+    EXPECT_THAT(line, Not(HasSubstr("cloud")));
   }
   EXPECT_EQ(answers, "001010");
-  EXPECT_TRUE(std::filesystem::exists(in("out/traces/trial-0006.csv")));
-  EXPECT_EQ(
-      schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json", file_text(in("out/study.json"))),
-      "");
+  EXPECT_TRUE(exists("out/traces/trial-0006.csv"));
+  expect_valid("observed", text_in("out/study.json"));
 }
 
 /// Sleeps in the first tick of each interval, so that the loop misses deadlines.
@@ -324,14 +318,14 @@ TEST_F(FeltStudy, OfAPersonInRealTimeKeepsHowTheLoopWasScheduled) {
   const ProcessOutcome rest = person_in_real_time(file, "21", "out");
   ASSERT_EQ(rest.exit_code, 0) << rest.err;
   EXPECT_GT(watch.ms(), 4.0 * 550.0) << "four intervals and delays take their time";
-  const std::string text = file_text(in("out/study.json"));
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json", text), "");
+  const std::string text = text_in("out/study.json");
+  expect_valid("observed", text);
   const auto document = nlohmann::json::parse(text);
   EXPECT_EQ(document["trials"]["rows"], 4);
   ASSERT_EQ(document["sessions"].size(), 2u);
   for (const auto& session : document["sessions"]) {
     EXPECT_TRUE(session["real_time"].get<bool>());
-    EXPECT_NE(session["scheduling"].get<std::string>().find("SCHED_"), std::string::npos) << session;
+    EXPECT_THAT(session["scheduling"].get<std::string>(), HasSubstr("SCHED_")) << session;
     EXPECT_EQ(session["rate_hz"], 1000.0);
     EXPECT_GT(session["ticks"].get<int>() + session["missed"].get<int>(), 1000) << session;
     EXPECT_GT(session["trial_frames"].get<int>(), 400) << session;
@@ -341,9 +335,9 @@ TEST_F(FeltStudy, OfAPersonInRealTimeKeepsHowTheLoopWasScheduled) {
   }
   EXPECT_EQ(document["sessions"][0]["last_trial"], 2);
   EXPECT_EQ(document["sessions"][1]["first_trial"], 3);
-  EXPECT_NE(file_text(in("out/report.html")).find("Sessions at the device"), std::string::npos);
+  EXPECT_THAT(text_in("out/report.html"), HasSubstr("Sessions at the device"));
   // A trace has a row for every tick, in order.
-  std::istringstream trace(file_text(in("out/traces/trial-0003.csv")));
+  std::istringstream trace(text_in("out/traces/trial-0003.csv"));
   std::string line;
   std::getline(trace, line);
   double before_s = -1.0, first_s = 0.0;
@@ -361,14 +355,14 @@ TEST_F(FeltStudy, OfAPersonInRealTimeKeepsHowTheLoopWasScheduled) {
   write_text(in("out/sessions.jsonl"), "{\"started_utc\": 3}\n");
   const ProcessOutcome changed = person_in_real_time(file, "", "out");
   EXPECT_EQ(changed.exit_code, 2);
-  EXPECT_NE(changed.err.find("sessions.jsonl:1"), std::string::npos) << changed.err;
+  EXPECT_THAT(changed.err, HasSubstr("sessions.jsonl:1"));
 }
 
 TEST_F(FeltStudy, ALevelIsFeltAfterAnother) {
   // The staircase makes a renderer anew for each level, in one session.
   const ProcessOutcome run = person("staircase", "11221122", "out", "--stop-after 8");
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_NE(run.out.find("8 trials are answered"), std::string::npos) << run.out << run.err;
+  EXPECT_THAT(run.out, HasSubstr("8 trials are answered")) << run.err;
 }
 
 TEST_F(FeltStudy, MarksGoToLabStreamingLayer) {
@@ -376,7 +370,7 @@ TEST_F(FeltStudy, MarksGoToLabStreamingLayer) {
   const std::string plan = short_plan();
   const ProcessOutcome run = person(plan, "1", "out", "--stop-after 1 --lsl --lsl-library " PALPATE_LSL_STUB);
   ASSERT_EQ(run.exit_code, 0) << run.err;
-  const std::string marks = file_text(in("marks"));
+  const std::string marks = text_in("marks");
   std::size_t at = 0;
   for (const char* next : {"name;Palpate;1", "type;Markers;0", "source;palpate-P01;3", "outlet;chunk;0",
                            "outlet;buffered;360", "sample;trial 1 begins;", "sample;trial 1 interval 1;",
@@ -387,27 +381,25 @@ TEST_F(FeltStudy, MarksGoToLabStreamingLayer) {
   }
   const ProcessOutcome none = person(plan, "1", "none", "--lsl --lsl-library " + in("liblsl.so"));
   EXPECT_EQ(none.exit_code, 2);
-  EXPECT_NE(none.err.find("--lsl-library"), std::string::npos) << none.err;
-  EXPECT_FALSE(std::filesystem::exists(in("none")));
+  EXPECT_THAT(none.err, HasSubstr("--lsl-library"));
+  EXPECT_FALSE(exists("none"));
 }
 
 TEST_F(FeltStudy, WhatDoesNotGoTogetherIsRefused) {
-  EXPECT_EQ(study("abx", "simulated:dprime=1", "out", {"--accelerated"}).exit_code, 2);
-  EXPECT_EQ(study("abx", "machine", "out", {"--lsl"}).exit_code, 2);
-  EXPECT_EQ(study("abx", "machine", "out", {"--device", "nothing"}).exit_code, 2);
-  EXPECT_EQ(study("abx", "machine:hand=tap", "out").exit_code, 2);
-  EXPECT_EQ(study("abx", "machine", "out", {"--rate", "1000.5"}).exit_code, 2);
+  refuses({}, study("abx", "simulated:dprime=1", "out", "--accelerated"));
+  refuses({}, study("abx", "machine", "out", "--lsl"));
+  refuses({}, study("abx", "machine", "out", "--device nothing"));
+  refuses({}, study("abx", "machine:hand=tap", "out"));
+  refuses({}, study("abx", "machine", "out", "--rate 1000.5"));
   // What a plan asks for, and no renderer can, is said before anything is written.
   const std::string file = in("rate.toml");
   write_text(
       file,
       "task = \"2ifc\"\nscene = \"sinusoid:points=961\"\n[option]\nrenderer = \"cloud\"\nkey = \"rate\"\n"
       "unit = \"Hz\"\nstandard = 1000.0\n[trials]\ncount = 4\nlevels = [500.0]\n");
-  const ProcessOutcome run = study(file, "machine", "out");
-  EXPECT_EQ(run.exit_code, 2);
-  EXPECT_NE(run.err.find("rate.toml"), std::string::npos) << run.err;
-  EXPECT_NE(run.err.find("1000 Hz"), std::string::npos) << run.err;
-  EXPECT_FALSE(std::filesystem::exists(in("out")));
+  const ProcessOutcome run = refuses({}, study(file, "machine", "out"));
+  EXPECT_THAT(run.err, HasAll("rate.toml", "1000 Hz"));
+  EXPECT_FALSE(exists("out"));
   EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kAbx, 's'), -1);
   EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kSameDifferent, 'd'), 1);
 }

@@ -7,8 +7,8 @@
 #include <memory>
 #include <span>
 
+#include <palpate/device/drivers.h>
 #include "device/falcon/falcon_device.h"
-#include "device/interface/drivers.h"
 #include "tests/device/mock/falcon_link.h"
 
 namespace palpate::experiments {

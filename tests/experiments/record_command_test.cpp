@@ -1,4 +1,4 @@
-// palpate record, replay and export as a user runs them; and the hashes of a recording, segment by segment.
+// Recordings made, compared and exported as a user does; and their hashes, segment by segment.
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -10,6 +10,7 @@
 #include <hdf5.h>
 #endif
 
+#include <palpate/trace.h>
 #include "device/record/recorder.h"
 #include "device/simulated/simulated_device.h"
 #include "experiments/live/recording_export.h"
@@ -18,7 +19,6 @@
 #include "experiments/live/recording_session.h"
 #include "experiments/run/recorded_path.h"
 #include "tests/experiments/program.h"
-#include "toolkit/trace/trace_io.h"
 
 namespace palpate::experiments {
 namespace {
@@ -107,7 +107,7 @@ void record_with_faults(const Prepared& p, const std::string& file) {
   ASSERT_TRUE(finished) << finished.error().message();
 }
 
-class RecordSegments : public InFolder, public testing::WithParamInterface<const char*> {};
+class RecordSegments : public OnCommandLine, public testing::WithParamInterface<const char*> {};
 
 TEST_P(RecordSegments, AnswerTheSameBitsWithFaultsAndStartsInContactBetween) {
   const Prepared p = prepared_stage(GetParam(), "weave:frames=3200:depth_mm=1.5");
@@ -133,7 +133,7 @@ TEST_P(RecordSegments, AnswerTheSameBitsWithFaultsAndStartsInContactBetween) {
   EXPECT_GT(contact, 500u);
   EXPECT_TRUE(from_contact) << segments_text(*segments);
   // Another renderer answers other bits: the comparison can fail.
-  Prepared other = prepared_stage("cloud:shading=none", "weave:frames=10");
+  Prepared other = prepared_stage("cloud:refine=1", "weave:frames=10");
   Result<device::Recording> again = device::Recording::open(file);
   const auto different = replay_segments(*again, "", *fresh(other), progress);
   ASSERT_TRUE(different);
@@ -202,18 +202,15 @@ TEST(RecordingFacts, CountFaultsAndSegments) {
   std::filesystem::remove(file);
 }
 
-class RecordCommand : public InFolder {
+class RecordCommand : public OnCommandLine {
  protected:
   /// Two seconds on a virtual clock.
-  ProcessOutcome record(const std::string& out, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments = {
-        "record",        kRolling, "--renderer", "cloud",
-        "--seconds",     "2",      "--path",     "weave:frames=2000:depth_mm=1",
-        "--accelerated", "--out",  in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
+  template <class... More>
+  Words record(const std::string& out, const More&... more) const {
+    return words("live record", kRolling, "--renderer cloud --seconds 2 --path weave:frames=2000:depth_mm=1",
+                 "--accelerated --out", in(out), more...);
   }
-  json document(const std::string& file) const { return json::parse(file_text(in(file))); }
+  json document(const std::string& file) const { return json_in(file); }
   /// Turns a bit in the middle.
   static void damage(const std::string& name) {
     std::fstream file(name, std::ios::in | std::ios::out | std::ios::binary);
@@ -223,43 +220,35 @@ class RecordCommand : public InFolder {
     file.seekp(middle);
     file.put(static_cast<char>(before ^ 1));
   }
-  static void refused(const ProcessOutcome& outcome, const char* words) {
-    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
-    EXPECT_TRUE(outcome.out.empty()) << outcome.out;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+  template <class... Parts>
+  void refused(const char* says, const Parts&... parts) const {
+    EXPECT_EQ(refuses(says, parts...).out, "");
   }
 };
 
 TEST_F(RecordCommand, RecordsReplaysToTheSameHashesAndCompares) {
-  const ProcessOutcome recorded = record("one.palrec", {"--json"});
-  ASSERT_EQ(recorded.exit_code, 0) << recorded.err;
-  const json said = json::parse(recorded.out);
+  const json said = printed(record("one.palrec", "--json"));
   EXPECT_EQ(said["ticks"], 2001);
   EXPECT_EQ(said["lost"], 0);
   EXPECT_EQ(said["scheduling"], "virtual clock");
   EXPECT_GT(said["contact_ticks"], 200);
   EXPECT_EQ(said["bytes"], std::filesystem::file_size(in("one.palrec")));
 
-  const ProcessOutcome replayed = palpate_command(
-      {"replay", kRolling, "--path", in("one.palrec"), "--passes", "1", "--out", in("again")});
-  ASSERT_EQ(replayed.exit_code, 0) << replayed.err;
-  EXPECT_NE(replayed.out.find("the same hash"), std::string::npos) << replayed.out;
+  const ProcessOutcome replayed =
+      succeeds("compare", kRolling, "--path @/one.palrec --passes 1 --out @/again --renderers auto");
+  EXPECT_THAT(replayed.out, HasSubstr("the same hash"));
   const json segments = document("again/segments.json");
   EXPECT_EQ(segments["schema"], "palpate-segments/1");
   ASSERT_GE(segments["segments"].size(), 1u);
   for (const json& segment : segments["segments"]) EXPECT_TRUE(segment["same"]) << segment;
-
   // On another scene it says that hashes may differ, and is no failure.
-  const ProcessOutcome other =
-      palpate_command({"replay", "sinusoid:points=961:extent_mm=40:wavelength_mm=20:amplitude_mm=1", "--path",
-                       in("one.palrec"), "--passes", "1", "--out", in("other")});
-  ASSERT_EQ(other.exit_code, 0) << other.err;
-  EXPECT_NE(other.out.find("the scene is another one"), std::string::npos) << other.out;
+  const ProcessOutcome other = succeeds(
+      "compare sinusoid:points=961:extent_mm=40:wavelength_mm=20:amplitude_mm=1 --path @/one.palrec --passes "
+      "1 --out @/other --renderers auto");
+  EXPECT_THAT(other.out, HasSubstr("the scene is another one"));
 
-  const ProcessOutcome compared =
-      palpate_command({"compare", kRolling, "--renderers", "cloud,cloud:shading=none:label=bare", "--path",
-                       in("one.palrec"), "--passes", "1", "--out", in("compared")});
-  ASSERT_EQ(compared.exit_code, 0) << compared.err;
+  succeeds("compare", kRolling,
+           "--renderers cloud,cloud:refine=1:label=bare --path @/one.palrec --passes 1 --out @/compared");
   const json result = document("compared/result.json");
   ASSERT_EQ(result["renderers"].size(), 2u);
   EXPECT_GT(result["renderers"][0]["accuracy"]["contact_frames"].is_null()
@@ -269,18 +258,15 @@ TEST_F(RecordCommand, RecordsReplaysToTheSameHashesAndCompares) {
 }
 
 TEST_F(RecordCommand, TheSameSessionTwiceIsTheSameTicks) {
-  ASSERT_EQ(record("a.palrec").exit_code, 0);
-  ASSERT_EQ(record("b.palrec").exit_code, 0);
+  succeeds(record("a.palrec"));
+  succeeds(record("b.palrec"));
   for (const char* const name : {"a", "b"})
-    ASSERT_EQ(palpate_command(
-                  {"export", in(std::string(name) + ".palrec"), "--out", in(std::string(name) + ".csv")})
-                  .exit_code,
-              0);
-  EXPECT_EQ(file_text(in("a.csv")), file_text(in("b.csv")));
+    succeeds("report export", in(std::string(name) + ".palrec"), "--out", in(std::string(name) + ".csv"));
+  EXPECT_EQ(text_in("a.csv"), text_in("b.csv"));
 }
 
 TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
-  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  succeeds(record("one.palrec"));
   // What is in it.
   std::vector<render::Frame> frames;
   std::vector<Vec3> hips, sent;
@@ -297,29 +283,27 @@ TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
     hips.push_back(tick.hip_mm);
     sent.push_back(tick.sent_n);
   }
-  ASSERT_EQ(palpate_command({"export", in("one.palrec"), "--out", in("one.csv")}).exit_code, 0);
+  succeeds("report export @/one.palrec --out @/one.csv");
   const auto csv = trace::read_trace_csv(in("one.csv"));
   ASSERT_TRUE(csv) << csv.error().message();
   EXPECT_EQ(trace::trace_hash(csv->trace), trace::trace_hash(truth));
   ASSERT_EQ(csv->path.size(), hips.size());
   for (std::size_t i = 0; i < hips.size(); ++i) ASSERT_EQ(csv->path.hip_mm[i], hips[i]) << i;
 
-  const ProcessOutcome bids = palpate_command({"export", in("one.palrec"), "--format", "motion-bids",
-                                               "--subject", "07", "--task", "feel", "--out", in("dataset")});
-  ASSERT_EQ(bids.exit_code, 0) << bids.err;
+  succeeds("report export @/one.palrec --format motion-bids --subject 07 --task feel --out @/dataset");
   const std::string stem = "dataset/sub-07/motion/sub-07_task-feel_tracksys-haptic";
   EXPECT_EQ(document("dataset/dataset_description.json")["BIDSVersion"], "1.9.0");
   const json motion = document(stem + "_motion.json");
   EXPECT_EQ(motion["SamplingFrequency"], 1000.0);
   EXPECT_EQ(motion["TaskName"], "feel");
-  std::istringstream channels(file_text(in(stem + "_channels.tsv")));
+  std::istringstream channels(text_in(stem + "_channels.tsv"));
   std::string line;
   std::getline(channels, line);
   EXPECT_TRUE(line.starts_with("name\tcomponent\ttype\ttracked_point\tunits\t")) << line;
   int columns = 0;
   while (std::getline(channels, line)) ++columns;
   EXPECT_EQ(motion["MotionChannelCount"], columns);
-  std::istringstream rows(file_text(in(stem + "_motion.tsv")));
+  std::istringstream rows(text_in(stem + "_motion.tsv"));
   std::size_t row = 0;
   for (; std::getline(rows, line); ++row) {
     ASSERT_EQ(std::count(line.begin(), line.end(), '\t') + 1, columns) << row;
@@ -332,9 +316,7 @@ TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
   EXPECT_EQ(row, hips.size());
 
 #ifdef PALPATE_WITH_HDF5
-  const ProcessOutcome hdf5 =
-      palpate_command({"export", in("one.palrec"), "--format", "hdf5", "--out", in("one.h5")});
-  ASSERT_EQ(hdf5.exit_code, 0) << hdf5.err;
+  succeeds("report export @/one.palrec --format hdf5 --out @/one.h5");
   const hid_t file = H5Fopen(in("one.h5").c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   ASSERT_GE(file, 0);
   const auto vectors = [&](const char* name) {
@@ -363,10 +345,8 @@ TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
 }
 
 TEST_F(RecordCommand, InfoSaysWhatIsInIt) {
-  ASSERT_EQ(record("one.palrec").exit_code, 0);
-  const ProcessOutcome printed = palpate_command({"info", in("one.palrec"), "--json"});
-  ASSERT_EQ(printed.exit_code, 0) << printed.err;
-  const json facts = json::parse(printed.out);
+  succeeds(record("one.palrec"));
+  const json facts = printed("info @/one.palrec --json");
   EXPECT_EQ(facts["recording"], in("one.palrec"));
   EXPECT_EQ(facts["bytes"], std::filesystem::file_size(in("one.palrec")));
   EXPECT_NEAR(facts["length_s"].get<double>(), 2.0, 1e-9);
@@ -380,97 +360,83 @@ TEST_F(RecordCommand, InfoSaysWhatIsInIt) {
   EXPECT_EQ(facts["renderers"][0]["name"], "cloud");
   EXPECT_EQ(facts["renderers"][0]["ticks"], 2001);
   EXPECT_GT(facts["renderers"][0]["contact_ticks"], 200);
-  EXPECT_TRUE(facts["renderers"][0]["options"].contains("shading"));
-  const ProcessOutcome text = palpate_command({"info", in("one.palrec")});
-  ASSERT_EQ(text.exit_code, 0) << text.err;
+  EXPECT_TRUE(facts["renderers"][0]["options"].contains("refine"));
+  const ProcessOutcome text = succeeds("info @/one.palrec");
   for (const char* const words : {"2.000 s, 2,001 ticks, none lost", "virtual clock", kRolling,
                                   "cloud (cloud): stepped in 2,001 ticks"})
-    EXPECT_NE(text.out.find(words), std::string::npos) << words << "\n" << text.out;
+    EXPECT_THAT(text.out, HasSubstr(words)) << words << "\n";
   // Whatever it is called.
   std::filesystem::copy_file(in("one.palrec"), in("renamed.bin"));
-  const ProcessOutcome renamed = palpate_command({"info", in("renamed.bin")});
-  EXPECT_NE(renamed.out.find("2,001 ticks"), std::string::npos) << renamed.err;
+  const ProcessOutcome renamed = palpate("info @/renamed.bin");
+  EXPECT_THAT(renamed.out, HasSubstr("2,001 ticks")) << renamed.err;
 }
 
 TEST_F(RecordCommand, InfoOfWhatIsMissingOrDamaged) {
-  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  succeeds(record("one.palrec"));
   const auto bytes = std::filesystem::file_size(in("one.palrec"));
   std::filesystem::copy_file(in("one.palrec"), in("torn.palrec"));
   std::filesystem::resize_file(in("torn.palrec"), bytes / 2);
-  const ProcessOutcome torn = palpate_command({"info", in("torn.palrec"), "--json"});
-  ASSERT_EQ(torn.exit_code, 0) << torn.err;
-  const json facts = json::parse(torn.out);
+  const json facts = printed("info @/torn.palrec --json");
   EXPECT_TRUE(facts["ticks"] < 2001 && facts["ticks"] > 500) << facts["ticks"];
   EXPECT_FALSE(facts["closed"].get<bool>());
   EXPECT_TRUE(facts["reason"].is_null());
   EXPECT_GE(facts["warnings"].size(), 1u);
   damage(in("one.palrec"));
-  refused(palpate_command({"info", in("one.palrec")}), "--skip-damaged");
-  const ProcessOutcome skipped = palpate_command({"info", in("one.palrec"), "--skip-damaged"});
-  EXPECT_EQ(skipped.exit_code, 0) << skipped.err;
-  EXPECT_NE(skipped.out.find("damaged and were left out"), std::string::npos) << skipped.out;
+  refused("--skip-damaged", "info @/one.palrec");
+  const ProcessOutcome skipped = succeeds("info @/one.palrec --skip-damaged");
+  EXPECT_THAT(skipped.out, HasSubstr("damaged and were left out"));
   write_text(in("text.palrec"), "somebody's");
-  refused(palpate_command({"info", in("text.palrec")}), "is no recording");
-  refused(palpate_command({"info", in("missing.palrec")}), "no such file");
-  refused(palpate_command({"info", in("torn.palrec"), "--unit", "m"}), "--unit does nothing");
-  refused(palpate_command({"info", kRolling, "--skip-damaged"}), "--skip-damaged does nothing");
+  refused("is no recording", "info @/text.palrec");
+  refused("no such file", "info @/missing.palrec");
+  refused("--unit does nothing", "info @/torn.palrec --unit m");
+  refused("--skip-damaged does nothing", "info", kRolling, "--skip-damaged");
 }
 
 TEST_F(RecordCommand, ATornTailIsDroppedAndSaid) {
-  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  succeeds(record("one.palrec"));
   std::filesystem::resize_file(in("one.palrec"), std::filesystem::file_size(in("one.palrec")) / 2);
-  const ProcessOutcome csv = palpate_command({"export", in("one.palrec"), "--out", in("one.csv")});
-  EXPECT_EQ(csv.exit_code, 0) << csv.err;
-  EXPECT_NE(csv.err.find("not closed"), std::string::npos) << csv.err;
-  EXPECT_NE(csv.err.find("half a chunk"), std::string::npos) << csv.err;
-  const ProcessOutcome replayed = palpate_command(
-      {"replay", kRolling, "--path", in("one.palrec"), "--passes", "1", "--out", in("again")});
-  EXPECT_EQ(replayed.exit_code, 0) << replayed.err;
-  EXPECT_NE(replayed.out.find("the same hash"), std::string::npos) << replayed.out;
-  EXPECT_NE(replayed.err.find("not closed"), std::string::npos) << replayed.err;
+  const ProcessOutcome csv = succeeds("report export @/one.palrec --out @/one.csv");
+  EXPECT_THAT(csv.err, HasAll("not closed", "half a chunk"));
+  const ProcessOutcome replayed =
+      succeeds("compare", kRolling, "--path @/one.palrec --passes 1 --out @/again --renderers auto");
+  EXPECT_THAT(replayed.out, HasSubstr("the same hash"));
+  EXPECT_THAT(replayed.err, HasSubstr("not closed"));
 }
 
 TEST_F(RecordCommand, DamageInTheMiddleIsAnErrorThatNamesTheByte) {
-  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  succeeds(record("one.palrec"));
   damage(in("one.palrec"));
-  const ProcessOutcome refused = palpate_command({"export", in("one.palrec"), "--out", in("one.csv")});
-  EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_NE(refused.err.find("byte "), std::string::npos) << refused.err;
-  EXPECT_NE(refused.err.find("--skip-damaged"), std::string::npos) << refused.err;
-  EXPECT_FALSE(std::filesystem::exists(in("one.csv")));
-  const ProcessOutcome skipped =
-      palpate_command({"export", in("one.palrec"), "--skip-damaged", "--out", in("one.csv")});
-  EXPECT_EQ(skipped.exit_code, 0) << skipped.err;
-  EXPECT_NE(skipped.err.find("damaged"), std::string::npos) << skipped.err;
+  refuses({"byte ", "--skip-damaged"}, "report export @/one.palrec --out @/one.csv");
+  EXPECT_FALSE(exists("one.csv"));
+  const ProcessOutcome skipped = succeeds("report export @/one.palrec --skip-damaged --out @/one.csv");
+  EXPECT_THAT(skipped.err, HasSubstr("damaged"));
 }
 
 TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
-  refused(record("no-ending"), "palrec");
-  refused(record("no/such/folder.palrec"), "create the folder");
-  refused(record("x.palrec", {"--device", "sim:omny"}), "sim:omni");
-  refused(record("x.palrec", {"--hand", "foot"}), "hand");
-  refused(palpate_command({"record", kRolling, "--renderer", "cloud,cloud-smooth", "--seconds", "1",
-                           "--accelerated", "--out", in("x.palrec")}),
-          "one renderer");
-  EXPECT_FALSE(std::filesystem::exists(in("x.palrec")));
+  refused("palrec", record("no-ending"));
+  refused("create the folder", record("no/such/folder.palrec"));
+  refused("sim:omni", record("x.palrec", "--device sim:omny"));
+  refused("hand", record("x.palrec", "--grip foot"));
+  refused("one renderer", "live record", kRolling,
+          "--renderer cloud,cloud-smooth --seconds 1 --accelerated --out @/x.palrec");
+  EXPECT_FALSE(exists("x.palrec"));
   write_text(in("there.palrec"), "somebody's");
-  refused(record("there.palrec"), "--force");
-  EXPECT_EQ(file_text(in("there.palrec")), "somebody's");
-  refused(palpate_command({"export", in("there.palrec"), "--out", in("x.csv")}), "is no recording");
-  refused(palpate_command({"export", in("missing.palrec"), "--out", in("x.csv")}), "no such file");
-  ASSERT_EQ(record("one.palrec").exit_code, 0);
-  refused(palpate_command({"export", in("one.palrec"), "--out", in("x.txt")}), ".csv");
-  refused(palpate_command({"export", in("one.palrec"), "--renderer", "bare", "--out", in("x.csv")}), "cloud");
-  refused(palpate_command({"export", in("one.palrec")}), "--out");
+  refused("--force", record("there.palrec"));
+  EXPECT_EQ(text_in("there.palrec"), "somebody's");
+  refused("is no recording", "report export @/there.palrec --out @/x.csv");
+  refused("no such file", "report export @/missing.palrec --out @/x.csv");
+  succeeds(record("one.palrec"));
+  refused(".csv", "report export @/one.palrec --out @/x.txt");
+  refused("cloud", "report export @/one.palrec --renderer bare --out @/x.csv");
+  refused("--out", "report export @/one.palrec");
   std::filesystem::create_directories(in("full"));
   write_text(in("full/kept.txt"), "kept");
-  refused(palpate_command({"export", in("one.palrec"), "--format", "motion-bids", "--out", in("full")}),
-          "not empty");
-  EXPECT_FALSE(std::filesystem::exists(in("x.csv")));
+  refused("not empty", "report export @/one.palrec --format motion-bids --out @/full");
+  EXPECT_FALSE(exists("x.csv"));
 }
 
 TEST_F(RecordCommand, StoppedByCtrlCItIsClosedAndWhole) {
-  Started started(folder_, {"record", kRolling, "--renderer", "cloud", "--seconds", "60", "--path",
+  Started started(folder_, {"live", "record", kRolling, "--renderer", "cloud", "--seconds", "60", "--path",
                             "weave:frames=2000:depth_mm=1", "--out", in("stopped.palrec")});
   started.wait_for([&] {
     std::error_code code;
@@ -480,7 +446,7 @@ TEST_F(RecordCommand, StoppedByCtrlCItIsClosedAndWhole) {
   });
   started.send(SIGINT);
   EXPECT_EQ(started.end(), 128 + SIGINT) << started.err();
-  EXPECT_NE(started.err().find("stopped.palrec holds"), std::string::npos) << started.err();
+  EXPECT_THAT(started.err(), HasSubstr("stopped.palrec holds"));
   Result<device::Recording> recording = device::Recording::open(in("stopped.palrec"));
   ASSERT_TRUE(recording) << recording.error().message();
   device::RecordedTick tick;
@@ -492,7 +458,7 @@ TEST_F(RecordCommand, StoppedByCtrlCItIsClosedAndWhole) {
   EXPECT_TRUE(recording->end().closed);
   EXPECT_EQ(recording->end().reason, "stopped");
   ASSERT_FALSE(recording->notes().empty());
-  EXPECT_NE(recording->notes().front().find("scheduling: "), std::string::npos);
+  EXPECT_THAT(recording->notes().front(), HasSubstr("scheduling: "));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "experiments/report/figures.h"
 #include "experiments/report/findings.h"
+#include "experiments/report/fronts.h"
 #include "experiments/report/model_picture.h"
 #include "experiments/report/page.h"
 #include "experiments/tables/manifest.h"
@@ -71,8 +72,7 @@ TEST(ComparisonTable, ARunThatDidNotFinishSaysSo) {
   d.renderers[1].frame.reset();
   d.renderers[1].accuracy.reset();
   const std::string text = to_text(comparison_table(d), 100);
-  EXPECT_NE(text.find("did not finish"), std::string::npos);
-  EXPECT_NE(text.find("preparation stopped after 3 s"), std::string::npos);
+  EXPECT_THAT(text, HasAll("did not finish", "preparation stopped after 3 s"));
   bool said = false;
   for (const Headline& line : headlines_of(d))
     said = said || line.text.find("did not finish") != std::string::npos;
@@ -82,11 +82,9 @@ TEST(ComparisonTable, ARunThatDidNotFinishSaysSo) {
 TEST(Headlines, SayWhoKeepsContactAndRankTheOthers) {
   std::string all;
   for (const Headline& line : headlines_of(document())) all += line.lead + ": " + line.text + "\n";
-  EXPECT_NE(all.find("Contact: right with cloud: nothing missed, false or stuck"), std::string::npos) << all;
-  EXPECT_NE(all.find("wrong with cloud-literal: 1,234 frames of false contact"), std::string::npos) << all;
-  EXPECT_NE(all.find("Mean frame in contact: cloud 0.200 µs, cloud-literal 1.50 µs (7.50 times)"),
-            std::string::npos)
-      << all;
+  EXPECT_THAT(all, HasAll("Contact: right with cloud: nothing missed, false or stuck",
+                          "wrong with cloud-literal: 1,234 frames of false contact",
+                          "Mean frame in contact: cloud 0.200 µs, cloud-literal 1.50 µs (7.50 times)"));
 }
 
 TEST(Headlines, SayTheSameFaultOnce) {
@@ -94,7 +92,7 @@ TEST(Headlines, SayTheSameFaultOnce) {
   d.renderers.push_back(result("twin", 1.0, 90.0, 1234));
   std::string all;
   for (const Headline& line : headlines_of(d)) all += line.text;
-  EXPECT_NE(all.find("wrong with cloud-literal and twin: 1,234"), std::string::npos) << all;
+  EXPECT_THAT(all, HasSubstr("wrong with cloud-literal and twin: 1,234"));
 }
 
 TEST(Page, EscapesWhatItIsGiven) {
@@ -102,13 +100,13 @@ TEST(Page, EscapesWhatItIsGiven) {
   page.headlines = {{"<b>", {{"<script>", "<script>alert(1)</script>"}}}};
   page.sections.push_back({"s", "Section", {}, {document().path}, {comparison_table(document())}, {}, {}});
   const std::string html = to_html(page);
-  EXPECT_EQ(html.find("<script"), std::string::npos);
-  EXPECT_NE(html.find("tap &lt;&amp;&gt;"), std::string::npos);
-  EXPECT_EQ(html.find("<b>"), std::string::npos);
-  EXPECT_NE(html.find("A &lt;title&gt;"), std::string::npos);
+  EXPECT_THAT(html, Not(HasSubstr("<script")));
+  EXPECT_THAT(html, HasSubstr("tap &lt;&amp;&gt;"));
+  EXPECT_THAT(html, Not(HasSubstr("<b>")));
+  EXPECT_THAT(html, HasSubstr("A &lt;title&gt;"));
 }
 
-TEST(Warnings, StandFirstOnTerminalAndPage) {
+TEST(Warnings, StandOnTheTerminalAndBelowTheAnswerOfThePage) {
   metrics::ResultDocument d = document();
   d.warnings = {"The path never touches <the> model."};
   d.notes = {"There is no ground truth."};
@@ -128,60 +126,127 @@ TEST(Warnings, StandFirstOnTerminalAndPage) {
   ASSERT_NE(note, std::string::npos) << html;
   EXPECT_LT(path, mesh);
   EXPECT_LT(mesh, note) << "warnings first";
-  EXPECT_LT(note, html.find("Heading of the findings")) << "before what was found";
-  // The first line counts them.
-  const std::size_t counted = html.find("2 warnings:");
-  ASSERT_NE(counted, std::string::npos) << html;
-  EXPECT_LT(counted, path);
-  EXPECT_EQ(to_html(begin_page("title", d)).find("class=\"warned\""), std::string::npos) << "none, no line";
+  EXPECT_LT(html.find("Heading of the findings"), path) << "after what was found";
+  EXPECT_EQ(to_html(begin_page("title", d)).find("id=\"known\""), std::string::npos) << "none, no box";
 }
 
-TEST(Opening, AnswersFourQuestionsBeforeAnyProse) {
+TEST(FirstPage, AnswersBeforeItExplains) {
   metrics::ResultDocument d = document();
-  for (metrics::RendererResult& r : d.renderers) r.accuracy->force_rms_percent = 2.5;
+  for (metrics::RendererResult& r : d.renderers) {
+    r.accuracy->force_rms_percent = 2.5;
+    r.frame_all = r.frame;
+  }
   d.renderers[0].role = render::Role::kOurs;
   d.renderers[1].role = render::Role::kLiteral;
   d.renderers[1].missing = {"dents"};
   d.warnings = {"doubtful"};
-  Study study;
-  study.document = d;
   Page page = begin_page("title", d);
-  Section section;
-  section.opening = opening_html(d);
-  page.sections.push_back(section);
+  page.apart = true;
+  page.answers = {answer_of(d)};
+  page.tables = {summary_table(d, SummaryFor::kPage)};
+  page.figures = {{"f", "The picture", "a caption", "<svg></svg>", true}};
   add_known(page, known_of("", d));
-  page.headlines.push_back({"Heading of the findings", headlines_of(d)});
+  page.sections.push_back({"details", "The details", {}, {"A paragraph."}, {comparison_table(d)}, {}, {}});
   const std::string html = to_html(page);
-  const std::size_t picture = html.find("<svg class=\"trade\""), table = html.find("<table class=\"four\">");
-  ASSERT_NE(picture, std::string::npos);
-  EXPECT_LT(picture, table);
-  EXPECT_LT(table, html.find("<div class=\"known\""));
-  EXPECT_LT(table, html.find("Heading of the findings"));
-  EXPECT_EQ(html.find("class=\"four\"", table + 20), std::string::npos) << "once on the page";
-  for (const char* said : {"Right?", "Fast?", "Ready when?", "How large?", "2.50 % off", "contact right",
-                           "1,234 frames of wrong contact", "0.200 µs", "100 ms", "48.0 kB",
-                           "48.0 bytes a point", ">ours<", "as printed; without dents"})
-    EXPECT_NE(html.find(said), std::string::npos) << said << "\n" << section.opening;
+  const std::size_t answer = html.find("<dt>Take</dt>"), table = html.find("<table"),
+                    picture = html.find("The picture"), known = html.find("id=\"known\"");
+  ASSERT_NE(known, std::string::npos) << html;
+  EXPECT_LT(answer, table);
+  EXPECT_LT(table, picture);
+  EXPECT_LT(picture, known);
+  EXPECT_NE(html.find("<a href=\"details.html\">The details</a>"), std::string::npos);
+  EXPECT_EQ(html.find("All scores"), std::string::npos) << "that is on the other page";
+  for (const char* said :
+       {"what it is", "force error, RMS, %", "contact", "ready after", "bytes a point", "2.50", ">right<",
+        "1,234 frames of false contact", "0.200", "100 ms", ">48.0", ">ours<", "as printed; without dents"})
+    EXPECT_NE(html.find(said), std::string::npos) << said << "\n" << html;
+  const std::string details = section_page(page, page.sections[0]);
+  EXPECT_NE(details.find("All scores"), std::string::npos);
+  EXPECT_NE(details.find("<a href=\"report.html\">"), std::string::npos);
 }
 
-TEST(Opening, SaysWhatThereIsWhereForcesOrTruthAreMissing) {
+TEST(FirstPage, SaysWhatThereIsWhereForcesOrTruthAreMissing) {
   metrics::ResultDocument d = document();
   for (metrics::RendererResult& r : d.renderers) r.accuracy->force_rms_n.reset();
-  std::string html = opening_html(d);
-  EXPECT_NE(html.find("frames of wrong contact"), std::string::npos) << html;
-  EXPECT_NE(html.find("forces are not compared"), std::string::npos) << html;
+  EXPECT_EQ(summary_table(d, SummaryFor::kPage).rows[0][2].text, kMissingNumber);
+  EXPECT_EQ(trade_chart("t", d).x_label, "preparation, ms") << "nothing is said of the force";
+  EXPECT_TRUE(has_points(trade_chart("t", d)));
   for (metrics::RendererResult& r : d.renderers) r.accuracy.reset();
-  html = opening_html(d);
-  EXPECT_NE(html.find("preparation, ms"), std::string::npos) << html;
-  EXPECT_NE(html.find("no ground truth"), std::string::npos) << html;
+  for (const auto& row : summary_table(d, SummaryFor::kPage).rows)
+    EXPECT_EQ(row[3].text, kMissingNumber) << "no truth, no word on contact";
   d.renderers[1].status = metrics::RunStatus::kFailed;
   d.renderers[1].reason = "no <mesh>";
   d.renderers[1].frame.reset();
-  html = opening_html(d);
-  EXPECT_NE(html.find("no &lt;mesh&gt;"), std::string::npos) << html;
+  EXPECT_EQ(summary_table(d, SummaryFor::kPage).rows[1][6].text, "failed");
+  EXPECT_EQ(headlines_of(d)[0].text, "cloud-literal failed: no <mesh>.");
   for (metrics::RendererResult& r : d.renderers) r.frame.reset();
-  EXPECT_EQ(opening_html(d).find("<svg"), std::string::npos) << "nothing to draw";
-  EXPECT_EQ(opening_html({}), "");
+  EXPECT_FALSE(has_points(trade_chart("t", d))) << "nothing to draw";
+  EXPECT_TRUE(summary_table({}, SummaryFor::kPage).rows.empty());
+}
+
+/// A frames-table of the thesis, measured: literal, ours, mesh.
+metrics::ResultDocument measured_table() {
+  metrics::ResultDocument d = document();
+  d.renderers.push_back(result("mesh-godobject", 0.3, 900.0, 0));
+  d.renderers[0].role = render::Role::kOurs;
+  d.renderers[1].role = render::Role::kLiteral;
+  d.renderers[2].works_on = render::Geometry::kMesh;
+  for (metrics::RendererResult& r : d.renderers) {
+    r.model->points = 1'002'001;
+    r.frame_all = r.frame;
+    r.accuracy->force_rms_percent = 0.5;
+  }
+  return d;
+}
+
+TEST(Answers, FollowFromTheNumbers) {
+  const Manifest manifest = manifests_for("7")->front();
+  metrics::ResultDocument d = measured_table();
+  const Answer part = frames_answer(manifest, d);
+  EXPECT_EQ(part.printed, "37.4 µs, dual Xeon 2.8 GHz, 2 GB (2008)");
+  EXPECT_EQ(part.ours, "cloud 0.200 µs");
+  EXPECT_NEAR(part.ratio, 187.0, 1e-9);
+  EXPECT_EQ(part.error, "0.500 %");
+  EXPECT_EQ(part.mesh_error, "0.500 %");
+  EXPECT_EQ(part.take, "cloud");
+  EXPECT_EQ(part.status, "in part: as fast; as printed 1,234 frames of wrong contact, made right none");
+  EXPECT_TRUE(part.reproduced == Judged::kNo && part.as_fast == Judged::kYes);
+  d.renderers[1].accuracy->false_contact_frames = d.renderers[1].accuracy->longest_stick_frames = 0;
+  const Answer whole = frames_answer(manifest, d);
+  EXPECT_EQ(whole.status, "reproduced");
+  const std::vector<Headline> verdicts = verdicts_of({part, whole});
+  ASSERT_EQ(verdicts.size(), 2u);
+  EXPECT_NE(verdicts[0].text.find("Its times are reproduced: all 2"), std::string::npos) << verdicts[0].text;
+  EXPECT_NE(
+      verdicts[0].text.find("right in 1 of 2 tables with the algorithm as printed, in all 2 made right"),
+      std::string::npos)
+      << verdicts[0].text;
+  EXPECT_TRUE(verdicts[1].text.starts_with("cloud (tables 7, 7): ")) << verdicts[1].text;
+  d.renderers[1].frame->mean_us = 40.0;
+  EXPECT_EQ(frames_answer(manifest, d).status, "not reproduced: slower than printed");
+  d.renderers[0].accuracy->missed_contact_frames = 3;
+  d.renderers[1].frame->mean_us = 1.0;
+  EXPECT_EQ(frames_answer(manifest, d).status, "in part: contact is wrong, 3 frames of wrong contact");
+  // A small part of the model is not held against the whole of the thesis.
+  for (metrics::RendererResult& r : d.renderers) r.model->points = 10'201;
+  const Answer tried = frames_answer(manifest, d);
+  EXPECT_EQ(tried.status, "tried on a small model only");
+  EXPECT_TRUE(tried.ratio == 0.0 && tried.reproduced == Judged::kNot && tried.ours_right == Judged::kNot);
+  EXPECT_TRUE(verdicts_of({tried})[0].text.starts_with("Not judged")) << verdicts_of({tried})[0].text;
+}
+
+TEST(Answers, StandBeforeTheReasonsAndLeadToAPageEach) {
+  const Manifest manifest = manifests_for("7")->front();
+  Part part{{}, {}, {frames_answer(manifest, measured_table())}, {"table 3, bunny: not here"}, false};
+  part.sections.push_back(
+      {"table7", "Table 7", {}, {}, {}, {{"table7-trade", "Time", "", "<svg></svg>", true}}, {}});
+  const std::string html = to_html(page_of({}, {part}));
+  const std::size_t verdict = html.find("<dt>The thesis</dt>"), row = html.find("table7.html\">7</a>"),
+                    picture = html.find("<svg>"), missing = html.find("not here");
+  ASSERT_NE(row, std::string::npos) << html;
+  EXPECT_LT(verdict, row);
+  EXPECT_LT(row, picture);
+  EXPECT_LT(picture, missing);
 }
 
 TEST(Roles, DecideWhoCompetesAndNotNames) {
@@ -223,7 +288,7 @@ Study small_study() {
 TEST(ModelFigure, ShowsTheModelThePathAndWhatIsWrong) {
   Study study = small_study();
   const Figure figure = model_figure(study, "s");
-  EXPECT_NE(figure.svg.find("href=\"data:image/png;base64,iVBOR"), std::string::npos);
+  EXPECT_THAT(figure.svg, HasSubstr("href=\"data:image/png;base64,iVBOR"));
   EXPECT_LT(figure.svg.size(), 200'000u);
   EXPECT_EQ(model_figure(study, "s").svg, figure.svg) << "drawn twice, the same picture";
   const std::size_t right = figure.svg.find(">cloud<"), wrong = figure.svg.find(">cloud-literal<");
@@ -237,8 +302,8 @@ TEST(ModelFigure, ShowsTheModelThePathAndWhatIsWrong) {
   // Without a truth one panel, and no legend of errors.
   for (StudyRun& run : study.runs) run.per_frame = {};
   const Figure alone = model_figure(study, "s");
-  EXPECT_EQ(alone.svg.find("false contact"), std::string::npos);
-  EXPECT_NE(alone.caption.find("no ground truth"), std::string::npos);
+  EXPECT_THAT(alone.svg, Not(HasSubstr("false contact")));
+  EXPECT_THAT(alone.caption, HasSubstr("no ground truth"));
   study.models.clear();
   EXPECT_TRUE(model_figure(study, "s").svg.empty());
 }
@@ -311,10 +376,10 @@ TEST_F(Charts, EverySeriesIsDrawnUnderItsOwnName) {
   ASSERT_EQ(blocks.size(), 3u) << data;
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_TRUE(blocks[i].starts_with("# " + chart.series[i].label)) << blocks[i];
-    EXPECT_EQ(blocks[i].find("\n\n"), std::string::npos) << "a blank line within a series: " << blocks[i];
+    EXPECT_THAT(blocks[i], Not(HasSubstr("\n\n"))) << "a blank line within a series: ";
   }
   if (figure.svg.empty()) GTEST_SKIP() << "gnuplot is not here";
-  EXPECT_NE(figure.svg.find(">last<"), std::string::npos);
+  EXPECT_THAT(figure.svg, HasSubstr(">last<"));
 }
 
 TEST_F(Charts, WithoutAPointSaySo) {
@@ -343,8 +408,8 @@ TEST_F(Charts, PanelsLeaveOutWhoDidNotRun) {
   ASSERT_TRUE(folder.ok());
   const Figure figure = draw(chart, *folder);
   if (figure.svg.empty()) GTEST_SKIP() << "gnuplot is not here: " << figure.caption;
-  EXPECT_NE(figure.svg.find(">renderer-8<"), std::string::npos);
-  EXPECT_EQ(figure.svg.find(">failed<"), std::string::npos);
+  EXPECT_THAT(figure.svg, HasSubstr(">renderer-8<"));
+  EXPECT_THAT(figure.svg, Not(HasSubstr(">failed<")));
 }
 
 TEST_F(Charts, WhatLeavesAPanelRunsAlongItsEdge) {
@@ -400,10 +465,7 @@ TEST(FramesTable, StandsBesideTheThesis) {
   const auto manifests = manifests_for("7");
   ASSERT_TRUE(manifests.ok());
   const std::string text = to_text(frames_table(manifests->front(), document()), 100);
-  EXPECT_NE(text.find("54,717"), std::string::npos);
-  EXPECT_NE(text.find("37.4"), std::string::npos);
-  EXPECT_NE(text.find("1,234"), std::string::npos) << text;
-  EXPECT_NE(text.find("Not in the thesis"), std::string::npos) << text;
+  EXPECT_THAT(text, HasAll("54,717", "37.4", "1,234", "Not in the thesis"));
 }
 
 }  // namespace

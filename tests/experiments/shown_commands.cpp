@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <optional>
 #include <regex>
 #include <set>
 
+#include <palpate/paths.h>
 #include "experiments/command/command_line.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/data/locate.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/cleaning.h"
@@ -14,8 +17,7 @@
 #include "experiments/tables/manifest.h"
 #include "experiments/trade/setting.h"
 #include "tests/house/source_tree.h"
-#include "toolkit/core/words.h"
-#include "toolkit/trace/paths.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::experiments {
 namespace {
@@ -119,14 +121,14 @@ std::string cmake_problem(const ShownCommand& command) {
   return {};
 }
 
-std::string path_problem(const std::string& path, const std::string& columns) {
+std::string path_problem(const std::string& path) {
   const Result<NamedOptions> named = parse_named_options(path);
   if (!named) return named.error().message();
-  const trace::PathGenerator* generator = trace::find_path_generator(named->name);
+  const paths::PathGenerator* generator = paths::find_path_generator(named->name);
   if (generator == nullptr) {
     const std::string ending = fs::path(named->name).extension();
     if (ending.empty()) return "no path is called " + named->name;
-    if (ending != ".csv" && ending != ".traj" && ending != ".palrec" && columns.empty())
+    if (ending != ".csv" && ending != ".traj" && ending != ".palrec" && named->options.all().empty())
       return "what are the columns of " + path;
     return {};
   }
@@ -142,19 +144,12 @@ std::string model_problem(const std::string& model) {
 }
 
 std::string palpate_problem(const ShownCommand& command) {
-  CLI::App app;
-  Runs runs;
-  declare(app, runs);
-  std::vector<const char*> argv = {"palpate"};
-  for (std::size_t i = 1; i < command.words.size(); ++i) argv.push_back(command.words[i].c_str());
-  bool answered = false;
-  if (const Status good = parse(app, static_cast<int>(argv.size()), argv.data(), answered); !good)
-    return good.error().message();
-  if (answered) return {};
-  const CLI::App& named = *app.get_subcommands().front();
-  const std::string name = named.get_name();
+  const Result<ReadLine> line = read_line({command.words.begin() + 1, command.words.end()});
+  if (!line) return line.error().message();
+  if (!line->answer.empty()) return {};
+  const std::string& name = line->name;
   const auto given = [&](const char* option) {
-    const CLI::Option* found = named.get_option_no_throw(option);
+    const CLI::Option* found = line->command.app->get_option_no_throw(option);
     return found == nullptr || found->count() == 0 ? std::string() : found->as<std::string>();
   };
   const render::Registry registry = all_renderers();
@@ -165,18 +160,25 @@ std::string palpate_problem(const ShownCommand& command) {
   if (const std::string steps = given("--steps"); !steps.empty())
     if (const auto parsed = all_cleaning().parse(steps); !parsed) return parsed.error().message();
   for (const char* option : {"--renderer", "--renderers"})
-    if (const std::string renderers = given(option); !renderers.empty())
+    if (const std::string renderers = given(option); !renderers.empty() && renderers != "auto")
       if (const auto parsed = parse_renderers(renderers, registry); !parsed) return parsed.error().message();
   if (const std::string turned = given("--axes"); !turned.empty())
     if (const auto parsed = parse_axes(turned); !parsed) return parsed.error().message();
   if (const std::string path = given("--path"); !path.empty())
-    if (const std::string problem = path_problem(path, given("--traj-columns")); !problem.empty())
-      return problem;
+    if (const std::string problem = path_problem(path); !problem.empty()) return problem;
   for (const char* model : {"MODEL", "SCENE"})
     if (const std::string scene = given(model); !scene.empty())
       if (const std::string problem = model_problem(scene); !problem.empty()) return problem;
   return {};
 }
+
+/// Whether the verb or its kind has this name, a former one too.
+bool is_of(const std::vector<std::string>& words, const std::string& name) {
+  return words.size() > 1 && (words[1] == name || (words.size() > 2 && words[2] == name));
+}
+
+/// They are taken for one version more.
+const std::set<std::string> kFormerOptions = {"--traj-columns", "--headless", "--renderer", "--hand"};
 
 }  // namespace
 
@@ -236,12 +238,6 @@ std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string
   return all;
 }
 
-std::vector<ShownCommand> commands_in_help(const std::string& command, std::string_view footer) {
-  const std::size_t at = footer.find("Example");
-  if (at == std::string_view::npos) return {};
-  return split(command + " --help", footer.substr(footer.find('\n', at)), 1);
-}
-
 std::string problem_of(const ShownCommand& command) {
   const std::string program = command.program();
   if (program == "palpate") return palpate_problem(command);
@@ -256,20 +252,25 @@ std::string problem_of(const ShownCommand& command) {
 
 std::string problem_in_prose(const ShownCommand& command) {
   if (command.program() != "palpate") return script_problem(command);
-  CLI::App app;
-  Runs runs;
-  declare(app, runs);
   const std::vector<std::string>& words = command.words;
-  CLI::App* named = nullptr;
-  if (words.size() > 1 && !words[1].starts_with("-") && !is_name(words[1])) {
-    // "report|score"
-    for (const CLI::App* one : app.get_subcommands(nullptr))
-      if (one->get_name() == words[1]) named = app.get_subcommand(words[1]);
-    if (named == nullptr) return "there is no command " + words[1];
+  if (words.size() < 2 || words[1].starts_with("-") || is_name(words[1])) return {};
+  // With a former name or today's, alone or with a kind.
+  const auto former = former_names();
+  const auto renewed =
+      std::find_if(former.begin(), former.end(), [&](const auto& f) { return f.first == words[1]; });
+  const std::string pair = words.size() > 2 ? words[1] + " " + words[2] : words[1];
+  std::optional<Subcommand> named;
+  bool verb = false;
+  for (const Subcommand& one : all_subcommands()) {
+    verb = verb || one.name.starts_with(words[1] + " ");
+    if (one.name == words[1] && !named) named = one;
+    if (one.name == pair || (renewed != former.end() && one.name == renewed->second)) named = one;
   }
+  if (!named) return verb ? "" : "there is no command " + words[1];
+  const DeclaredCommand declared = declare(*named);
   for (const std::string& word : words)
-    if (const std::string option = option_of(word); !option.empty() && option != "--help")
-      if ((named != nullptr ? named : &app)->get_option_no_throw(option) == nullptr)
+    if (const std::string option = option_of(word); !option.empty() && !option.starts_with("--help"))
+      if (!kFormerOptions.contains(option) && declared.app->get_option_no_throw(option) == nullptr)
         return "there is no option " + option;
   return {};
 }
@@ -278,14 +279,13 @@ std::string why_not_run(const ShownCommand& command) {
   if (command.program() == "echo") return {};
   if (command.program() != "palpate") return "builds, or is of the shell";
   for (const char* slow : {"reproduce", "behaviours", "goals"})
-    if (command.words.size() > 1 && command.words[1] == slow)
-      return "takes minutes, and has tests of its own";
+    if (is_of(command.words, slow)) return "takes minutes, and has tests of its own";
   for (const std::string& word : command.words)
     if (word == "--docs") return "writes the pages themselves";
   for (const std::string& word : command.words)
     if (word == "--window") return "needs a display, and stays until it is closed";
   if (command.words.size() > 1 &&
-      (command.words[1] == "live" || command.words[1] == "record" || command.words[1] == "study"))
+      (is_of(command.words, "live") || is_of(command.words, "record") || is_of(command.words, "study")))
     for (std::size_t i = 2; i < command.words.size(); ++i)
       if (command.words[i - 1] == "--device" && !command.words[i].starts_with("sim")) return "needs a device";
   for (const std::string& word : command.words)
@@ -301,16 +301,16 @@ std::vector<std::string> made_small(const ShownCommand& command) {
   for (std::size_t i = 1; i < words.size(); ++i) {
     words[i] = std::regex_replace(words[i], kPoints, "points=961");
     words[i] = std::regex_replace(words[i], kFrames, "frames=300");
-    const trace::PathGenerator* path = trace::find_path_generator(words[i].substr(0, words[i].find(':')));
+    const paths::PathGenerator* path = paths::find_path_generator(words[i].substr(0, words[i].find(':')));
     // What `paths` is given is a name to look up, and a hand is no path.
-    if (path != nullptr && words[1] != "paths" && words[i - 1] != "--hand" &&
+    if (path != nullptr && !is_of(words, "paths") && words[i - 1] != "--hand" &&
         words[i].find("frames=") == std::string::npos)
       words[i] += ":frames=300";
     if (words[i - 1] == "--paced") words[i] = "20";
     if (words[i - 1] == "--budget") words[i] = "2";
     if (words[i - 1] == "--max-error") words[i] = "100";  // so few points are far from the surface
   }
-  if (words.size() > 1 && words[1] == "stability")
+  if (is_of(words, "stability"))
     for (const auto& [option, value] :
          {std::pair{"--rates", "1000"}, {"--delays", "0"}, {"--dampings", "0"}}) {
       const auto at = std::find(words.begin(), words.end(), option);
@@ -319,13 +319,13 @@ std::vector<std::string> made_small(const ShownCommand& command) {
       else
         words.insert(words.end(), {option, value});
     }
-  if (words.size() > 1 && words[1] == "record") {
+  if (is_of(words, "record")) {
     const auto seconds = std::find(words.begin(), words.end(), "--seconds");
     if (seconds != words.end()) seconds[1] = "1";
     if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
       words.push_back("--accelerated");
   }
-  if (words.size() > 1 && words[1] == "live") {
+  if (is_of(words, "live") && !is_of(words, "record") && !is_of(words, "serve")) {
     const auto seconds = std::find(words.begin(), words.end(), "--seconds");
     if (seconds != words.end())
       seconds[1] = "0.3";
@@ -335,9 +335,8 @@ std::vector<std::string> made_small(const ShownCommand& command) {
     if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
       words.emplace_back("--accelerated");
   }
-  if (words.size() > 1 && (words[1] == "sweep" || words[1] == "tune"))
-    words.insert(words.end(), {"--passes", "1"});
-  if (words.size() > 1 && words[1] == "hunt") {
+  if (is_of(words, "sweep") || is_of(words, "tune")) words.insert(words.end(), {"--passes", "1"});
+  if (is_of(words, "hunt")) {
     const auto given = [&](const char* name) { return std::find(words.begin(), words.end(), name); };
     if (const auto minutes = given("--minutes"); minutes != words.end())
       minutes[1] = "0.02";

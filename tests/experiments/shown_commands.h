@@ -8,7 +8,7 @@
 namespace palpate::experiments {
 
 struct ShownCommand {
-  std::string where;  ///< "docs/start.md:12"
+  std::string where;  ///< "docs/tutorials/first-touch.md:12"
   std::vector<std::string> words;
 
   [[nodiscard]] std::string text() const;
@@ -21,8 +21,6 @@ struct ShownCommand {
 [[nodiscard]] std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::string_view page);
 /// `palpate ..`, `experiments/reproduce ..` and `tests/run ..` in running text; they may be cut short.
 [[nodiscard]] std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page);
-/// Those of "Example:" and "Examples:" at the end of a help text.
-[[nodiscard]] std::vector<ShownCommand> commands_in_help(const std::string& command, std::string_view footer);
 /// The blocks of a language, "toml", with the line of each.
 struct Block {
   std::string where, text;

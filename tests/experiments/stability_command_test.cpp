@@ -1,10 +1,9 @@
-// palpate stability as a user runs it, on a tiny scene.
+// palpate test stability as a user runs it, on a tiny scene.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
 #include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments {
@@ -14,16 +13,14 @@ using nlohmann::json;
 
 const char* const kWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
 
-class Stability : public InFolder {
+class Stability : public OnCommandLine {
  protected:
-  ProcessOutcome stability(const std::string& out, std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"stability", kWaves,   "--renderers",
-                                          "cloud",     "--path", "weave:frames=1500:depth_mm=0.5",
-                                          "--out",     in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
+  template <class... More>
+  Words stability(const std::string& out, const More&... more) const {
+    return words("test stability", kWaves, "--renderers cloud --path weave:frames=1500:depth_mm=0.5 --out",
+                 in(out), more...);
   }
-  json document(const std::string& out) const { return json::parse(file_text(in(out + "/stability.json"))); }
+  json document(const std::string& out) const { return json_in(out + "/stability.json"); }
 };
 
 double largest(const json& document, const std::string& renderer, const std::string& hand,
@@ -38,12 +35,9 @@ double largest(const json& document, const std::string& renderer, const std::str
 
 TEST_F(Stability, MeasuresLimitsTasksAndScoresAndIsTheSameTwice) {
   const std::vector<std::string> small = {"--rates", "1000", "--delays", "0,2", "--dampings", "0"};
-  const ProcessOutcome run = stability("out", small);
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stability.schema.json",
-                              file_text(in("out/stability.json"))),
-            "");
-  EXPECT_NE(run.out.find("Largest stable stiffness"), std::string::npos);
+  const ProcessOutcome run = succeeds(stability("out", small));
+  expect_valid("stability", text_in("out/stability.json"));
+  EXPECT_THAT(run.out, HasSubstr("Largest stable stiffness"));
   const json first = document("out");
   for (const char* const hand : {"hand", "released"}) {
     const double without = largest(first, "truth", hand, "delay", "delay_ms", 0.0);
@@ -69,18 +63,15 @@ TEST_F(Stability, MeasuresLimitsTasksAndScoresAndIsTheSameTwice) {
     tapped = tapped || task["task"] == "tap";
   }
   EXPECT_TRUE(tapped);
-  ASSERT_EQ(stability("again", small).exit_code, 0);
+  succeeds(stability("again", small));
   const json second = document("again");
   for (const char* const part : {"points", "tasks", "scores"}) EXPECT_EQ(first[part], second[part]) << part;
 }
 
 TEST_F(Stability, EveryRateWithEveryDelayIsMeasuredWhereAsked) {
   const ProcessOutcome run =
-      stability("out", {"--rates", "1000", "--delays", "2", "--dampings", "0", "--cross"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stability.schema.json",
-                              file_text(in("out/stability.json"))),
-            "");
+      succeeds(stability("out", "--rates 1000 --delays 2 --dampings 0 --cross --verbose"));
+  expect_valid("stability", text_in("out/stability.json"));
   const json found = document("out");
   std::size_t crossed = 0;
   for (const json& point : found["points"]) crossed += point["varied"] == "cross";
@@ -89,34 +80,31 @@ TEST_F(Stability, EveryRateWithEveryDelayIsMeasuredWhereAsked) {
     const double without = largest(found, renderer, "hand", "cross", "control", "none");
     EXPECT_EQ(without, largest(found, renderer, "hand", "delay", "delay_ms", 2.0)) << renderer;
     EXPECT_GT(largest(found, renderer, "hand", "cross", "control", "coupling"), 2.0 * without) << renderer;
-    EXPECT_NE(run.out.find(std::string("over rate and delay, N/mm: ") + renderer), std::string::npos);
-    EXPECT_TRUE(
-        std::filesystem::exists(in(std::string("out/figures/limit-cross-") + renderer + "-released.svg")));
+    EXPECT_THAT(run.out, HasSubstr(std::string("over rate and delay, N/mm: ") + renderer));
+    EXPECT_TRUE(exists(std::string("out/figures/limit-cross-") + renderer + "-released.svg"));
   }
 }
 
 TEST_F(Stability, TheAdmittanceDeviceTakesAStiffWallFromASpring) {
-  const ProcessOutcome run = stability(
-      "out", {"--device", "admittance", "--rates", "1000", "--delays", "0", "--dampings", "0", "--json"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_GT(largest(json::parse(run.out), "truth", "hand", "rate", "rate_hz", 1000.0), 20.0);
+  EXPECT_GT(
+      largest(printed(stability("out", "--device admittance --rates 1000 --delays 0 --dampings 0 --json")),
+              "truth", "hand", "rate", "rate_hz", 1000.0),
+      20.0);
 }
 
 TEST_F(Stability, RefusesWhatIsNotRight) {
-  for (const auto& [arguments, named] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-           {{"--device", "omnni"}, "did you mean 'omni'?"},
-           {{"--hand", "foot"}, "choose from"},
-           {{"--rates", "1000,500"}, "--rates"},
-           {{"--rates", "0"}, "--rates"},
-           {{"--delays", "0,x"}, "--delays"},
-           {{"--dampings", ""}, "--dampings"},
-           {{"--jitter", "1"}, "--jitter"},
-           {{"--slew", "0"}, "--slew"}}) {
-    const ProcessOutcome run = stability("bad", arguments);
-    EXPECT_EQ(run.exit_code, 2) << arguments.back();
-    EXPECT_NE(run.err.find(named), std::string::npos) << run.err;
-    EXPECT_FALSE(std::filesystem::exists(in("bad/stability.json")));
+  for (const auto& [arguments, named] :
+       std::vector<std::pair<const char*, const char*>>{{"--device omnni", "did you mean 'omni'?"},
+                                                        {"--grip foot", "choose from"},
+                                                        {"--rates 1000,500", "--rates"},
+                                                        {"--rates 0", "--rates"},
+                                                        {"--delays 0,x", "--delays"},
+                                                        {"--jitter 1", "--jitter"},
+                                                        {"--slew 0", "--slew"}}) {
+    refuses(named, stability("bad", arguments));
+    EXPECT_FALSE(exists("bad/stability.json"));
   }
+  refuses("--dampings", stability("bad", "--dampings", std::string()));
 }
 
 }  // namespace

@@ -8,10 +8,9 @@
 #include <set>
 
 #include "experiments/session/session.h"
-#include "experiments/stress/apart.h"
+#include "experiments/stress/cell.h"
 #include "experiments/stress/matrix.h"
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
 #include "toolkit/render/work_bound.h"
 
 namespace palpate::experiments {
@@ -61,7 +60,7 @@ TEST(Stress, ABoundLongerThanATickIsALimitThatIsStated) {
   const StressCell cell = run_cell(case_of("fan-1000"), request_of("mesh-proxy"), registry());
   EXPECT_EQ(cell.status, CellStatus::kLimit) << cell.check << ": " << cell.cause;
   EXPECT_EQ(cell.check, "bounded");
-  EXPECT_NE(cell.cause.find("longer than a tick at worst"), std::string::npos) << cell.cause;
+  EXPECT_THAT(cell.cause, HasSubstr("longer than a tick at worst"));
   EXPECT_GT(cell.contact_frames, 0u);
 }
 
@@ -124,9 +123,9 @@ TEST(Stress, AStatedLimitIsTheRenderersOwnWarning) {
     const StressCell cell = run_cell(case_of(told.name), request_of(told.renderer), registry());
     EXPECT_NE(cell.status, CellStatus::kFailed) << told.name << ", " << cell.check << ": " << cell.cause;
     ASSERT_FALSE(cell.warnings.empty()) << told.renderer << ", " << told.name;
-    EXPECT_NE(cell.warnings.front().find(told.words), std::string::npos) << cell.warnings.front();
+    EXPECT_THAT(cell.warnings.front(), HasSubstr(told.words));
     if (cell.status == CellStatus::kLimit) {
-      EXPECT_NE(cell.cause.find(cell.warnings.front()), std::string::npos) << cell.cause;
+      EXPECT_THAT(cell.cause, HasSubstr(cell.warnings.front()));
     }
   }
   // The remedy that is named.
@@ -201,7 +200,7 @@ TEST(Stress, AFieldEndsBelowItsBand) {
     const StressCell cell = run_cell(deep, field, registry());
     EXPECT_EQ(cell.status, CellStatus::kFailed) << name;
     EXPECT_EQ(cell.check, "felt") << name;
-    EXPECT_NE(known_reason(field, deep, cell).find("Deeper than its band"), std::string::npos) << name;
+    EXPECT_THAT(known_reason(field, deep, cell), HasSubstr("Deeper than its band")) << name;
     EXPECT_EQ(run_cell(deep, request_of("cloud"), registry()).status, CellStatus::kOk) << name;
   }
 }
@@ -227,20 +226,20 @@ TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
   });
   ASSERT_EQ(row.size(), 4u);
   EXPECT_NE(row[0].status, CellStatus::kFailed) << row[0].cause;
-  EXPECT_NE(row[1].cause.find("signal 11"), std::string::npos) << row[1].cause;
-  EXPECT_NE(row[2].cause.find("not done"), std::string::npos) << row[2].cause;
+  EXPECT_THAT(row[1].cause, HasSubstr("signal 11"));
+  EXPECT_THAT(row[2].cause, HasSubstr("not done"));
   EXPECT_EQ(row[3].trace_hash, row[0].trace_hash);
 }
 
-class StressCommand : public InFolder {};
+class StressCommand : public OnCommandLine {};
 
 TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
   const std::vector<std::string> words = {
-      "stress", "--renderers", "cloud,penalty-grid", "--cases", "one-point,hip-nan", "--out", in("out")};
-  const ProcessOutcome run = palpate_command(words);
-  ASSERT_EQ(run.exit_code, 0) << run.err << run.out;
-  const std::string text = file_text(in("out/stress.json"));
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stress.schema.json", text), "");
+      "test",  "stress", "--renderers", "cloud,penalty-grid", "--cases", "one-point,hip-nan",
+      "--out", in("out")};
+  succeeds(words);
+  const std::string text = text_in("out/stress.json");
+  expect_valid("stress", text);
   const nlohmann::json first = nlohmann::json::parse(text);
   EXPECT_EQ(first["cells"].size(), 4u);
   for (const nlohmann::json& row : first["renderers"])
@@ -250,39 +249,31 @@ TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
       };
       EXPECT_EQ(row[status], std::count_if(first["cells"].begin(), first["cells"].end(), is)) << row;
     }
-  EXPECT_NE(file_text(in("out/report.html")).find("<svg"), std::string::npos);
-  ASSERT_EQ(palpate_command(words).exit_code, 0);
-  EXPECT_EQ(nlohmann::json::parse(file_text(in("out/stress.json")))["cells"], first["cells"]);
+  EXPECT_THAT(text_in("out/report.html"), HasSubstr("<svg"));
+  succeeds(words);
+  EXPECT_EQ(json_in("out/stress.json")["cells"], first["cells"]);
 }
 
 TEST_F(StressCommand, HashesOfAnotherRunMustBeTheSame) {
-  const auto run = [&](const std::string& out, const std::string& against) {
-    std::vector<std::string> words = {
-        "stress", "--renderers", "cloud,mls-proxy", "--cases", "one-point,scale-unit", "--out", in(out)};
-    if (!against.empty()) words.insert(words.end(), {"--against", against});
-    return palpate_command(words);
+  const auto run = [&](const std::string& out, const Words& against) {
+    return words("test stress --renderers cloud,mls-proxy --cases one-point,scale-unit --verbose --out",
+                 in(out), against);
   };
-  ASSERT_EQ(run("first", "").exit_code, 0);
-  const ProcessOutcome same = run("second", in("first/stress.json"));
-  EXPECT_EQ(same.exit_code, 0) << same.err;
-  EXPECT_NE(same.out.find("Trace hashes against"), std::string::npos);
-  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stress.schema.json",
-                              file_text(in("second/stress.json"))),
-            "");
-  nlohmann::json other = nlohmann::json::parse(file_text(in("first/stress.json")));
+  succeeds(run("first", {}));
+  const ProcessOutcome same = succeeds(run("second", words("--against @/first/stress.json")));
+  EXPECT_THAT(same.out, HasSubstr("Trace hashes against"));
+  expect_valid("stress", text_in("second/stress.json"));
+  nlohmann::json other = json_in("first/stress.json");
   for (nlohmann::json& cell : other["cells"])
     if (cell["renderer"] == "cloud" && cell["case"] == "scale-unit") cell["trace_hash"] = "0123456789abcdef";
   write_text(in("other.json"), other.dump());
-  EXPECT_EQ(run("third", in("other.json")).exit_code, 1);
-  const nlohmann::json third =
-      nlohmann::json::parse(file_text(in("third/stress.json")))["against"]["renderers"];
+  EXPECT_EQ(palpate(run("third", words("--against @/other.json"))).exit_code, 1);
+  const nlohmann::json third = json_in("third/stress.json")["against"]["renderers"];
   EXPECT_EQ(third[0]["different"], nlohmann::json::array({"scale-unit"}));
   EXPECT_EQ(third[1]["same"], 2);
   write_text(in("none.json"), "{}");
-  const ProcessOutcome none = run("fourth", in("none.json"));
-  EXPECT_EQ(none.exit_code, 2);
-  EXPECT_NE(none.err.find("is no stress.json"), std::string::npos) << none.err;
-  EXPECT_FALSE(std::filesystem::exists(in("fourth")));
+  refuses("is no stress.json", run("fourth", words("--against @/none.json")));
+  EXPECT_FALSE(exists("fourth"));
 }
 
 std::size_t count_of_text(const std::string& text, const std::string& part) {
@@ -291,7 +282,7 @@ std::size_t count_of_text(const std::string& text, const std::string& part) {
   return count;
 }
 
-// docs/stress.md: `palpate report DIR --docs .` takes both at once.
+// docs/results/measured.md: `palpate report DIR --docs .` takes both at once.
 TEST(Stress, PictureAndTableOfThePageAreOfOneRun) {
   const std::string figures = std::string(PALPATE_DOCS) + "/figures/";
   const nlohmann::json taken = nlohmann::json::parse(file_text(figures + "stress.json"));
@@ -308,12 +299,9 @@ TEST(Stress, PictureAndTableOfThePageAreOfOneRun) {
 }
 
 TEST_F(StressCommand, RefusesWhatItDoesNotKnow) {
-  const ProcessOutcome run = palpate_command({"stress", "--cases", "no-such-case", "--out", in("out")});
-  EXPECT_EQ(run.exit_code, 2);
-  EXPECT_NE(run.err.find("there is no case 'no-such-case'"), std::string::npos) << run.err;
-  EXPECT_NE(run.err.find("scale-1e-6"), std::string::npos) << run.err;
-  EXPECT_NE(run.err.find("groups from scale (scale-unit "), std::string::npos) << run.err;
-  EXPECT_FALSE(std::filesystem::exists(in("out")));
+  refuses({"there is no case 'no-such-case'", "scale-1e-6", "groups from scale (scale-unit "},
+          "test stress --cases no-such-case --out @/out");
+  EXPECT_FALSE(exists("out"));
 }
 
 }  // namespace

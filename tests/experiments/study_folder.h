@@ -8,14 +8,12 @@
 
 namespace palpate::experiments {
 
-class StudyFolder : public InFolder {
+class StudyFolder : public OnCommandLine {
  protected:
-  [[nodiscard]] ProcessOutcome study(const std::string& plan, const std::string& observer,
-                                     const std::string& out,
-                                     const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> arguments = {"study", plan, "--observer", observer, "--out", in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
+  template <class... More>
+  [[nodiscard]] Words study(const std::string& plan, const std::string& observer, const std::string& out,
+                            const More&... more) const {
+    return words("study", plan, "--observer", observer, "--out", in(out), more...);
   }
 };
 

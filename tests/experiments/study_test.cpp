@@ -7,7 +7,6 @@
 
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -18,22 +17,14 @@ namespace fs = std::filesystem;
 const char* const kStudyScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
 const char* const kStudyPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 
-std::string study_schema(const std::string& name) {
-  return std::string(PALPATE_DOCS) + "/" + name + ".schema.json";
-}
-
-class StudyFolder : public InFolder {
+class StudyFolder : public OnCommandLine {
  protected:
   void compare(const std::string& renderers, const std::vector<std::string>& more = {},
                const std::string& scene = kStudyScene, const std::string& path = kStudyPath) const {
-    std::vector<std::string> words = {"compare", scene, "--renderers", renderers,
-                                      "--path",  path,  "--out",       in("out")};
-    words.insert(words.end(), more.begin(), more.end());
-    const ProcessOutcome run = palpate_command(words);
-    ASSERT_EQ(run.exit_code, 0) << run.err;
+    succeeds("compare", scene, "--renderers", renderers, "--path", path, "--out @/out", more);
   }
   [[nodiscard]] json result(const std::string& folder = "out") const {
-    return json::parse(file_text(in(folder + "/result.json")));
+    return json_in(folder + "/result.json");
   }
   /// With one thing changed in result.json.
   void change(const std::function<void(json&)>& how) const {
@@ -44,38 +35,42 @@ class StudyFolder : public InFolder {
   /// Both commands refuse the folder with these words, and change nothing.
   void expect_refused(const std::string& folder, const std::vector<std::string>& words) const {
     for (const char* command : {"report", "score"}) {
-      const ProcessOutcome run = palpate_command({command, in(folder)});
+      const ProcessOutcome run = palpate(command, in(folder));
       EXPECT_EQ(run.exit_code, 2) << command << " " << folder << run.out;
       for (const std::string& word : words)
-        EXPECT_NE(run.err.find(word), std::string::npos) << command << ": " << run.err << "lacks " << word;
+        EXPECT_THAT(run.err, HasSubstr(word)) << command << ": "
+                                              << "lacks " << word;
     }
   }
 };
 
 TEST_F(StudyFolder, TheReportIsDrawnAgainFromItByteByByte) {
   compare("cloud,cloud-literal,analytic,brute-force");
-  const std::string first = file_text(in("out/report.html"));
+  const std::string first = file_text(in("out/report.html")), second = file_text(in("out/study.html"));
   ASSERT_GT(first.size(), 10000u);
+  ASSERT_GT(second.size(), 10000u);
   fs::remove(in("out/report.html"));
+  fs::remove(in("out/study.html"));
   fs::remove_all(in("out/figures"));
   const ProcessOutcome run = palpate_command({"report", in("out")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   EXPECT_NE(run.out.find("report.html"), std::string::npos) << run.out;
   EXPECT_TRUE(file_text(in("out/report.html")) == first) << "another page";
+  EXPECT_TRUE(file_text(in("out/study.html")) == second) << "another page";
   // The folder alone: moved away, hidden files too, it is the same study.
   fs::copy(in("out"), in("elsewhere"), fs::copy_options::recursive);
   fs::remove(in("elsewhere/report.html"));
-  ASSERT_EQ(palpate_command({"report", in("elsewhere")}).exit_code, 0);
-  EXPECT_TRUE(file_text(in("elsewhere/report.html")) == first) << "another page elsewhere";
-  EXPECT_EQ(file_text(in("elsewhere/result.json")), file_text(in("out/result.json")));
+  succeeds("report @/elsewhere");
+  EXPECT_TRUE(text_in("elsewhere/report.html") == first) << "another page elsewhere";
+  EXPECT_EQ(text_in("elsewhere/result.json"), text_in("out/result.json"));
 }
 
 TEST_F(StudyFolder, ScoringAgainGivesTheSameNumbers) {
   compare("cloud,cloud-literal,analytic");
-  const std::string first = file_text(in("out/result.json"));
+  const std::string first = text_in("out/result.json");
   std::map<std::string, std::string> scores;
   for (const char* label : {"cloud", "cloud-literal", "analytic"})
-    scores[label] = file_text(in(std::string("out/scores-") + label + ".csv"));
+    scores[label] = text_in(std::string("out/scores-") + label + ".csv");
   // What was measured stays; what is scored comes again, whatever stood there.
   change([](json& document) {
     for (json& r : document["renderers"]) {
@@ -85,79 +80,70 @@ TEST_F(StudyFolder, ScoringAgainGivesTheSameNumbers) {
       r["energy"] = nullptr;
     }
   });
-  const ProcessOutcome run = palpate_command({"score", in("out"), "--json"});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(file_text(in("out/result.json")), first);
+  const ProcessOutcome run = succeeds("report score @/out --json");
+  EXPECT_EQ(text_in("out/result.json"), first);
   EXPECT_EQ(json::parse(run.out), json::parse(first));
   for (const auto& [label, text] : scores)
-    EXPECT_TRUE(file_text(in("out/scores-" + label + ".csv")) == text) << label;
+    EXPECT_TRUE(text_in("out/scores-" + label + ".csv") == text) << label;
   // Another stiffness of the truth's basis gives other scores: they do come from there.
   change([](json& document) { document["scoring"]["device_resolution_mm"] = 0.2; });
-  ASSERT_EQ(palpate_command({"score", in("out")}).exit_code, 0);
+  succeeds("report score @/out");
   EXPECT_NE(result()["renderers"][1]["accuracy"]["floor_n"],
             json::parse(first)["renderers"][1]["accuracy"]["floor_n"]);
 }
 
 TEST_F(StudyFolder, AReplayIsAStudyToo) {
-  ASSERT_EQ(palpate_command({"replay", kStudyScene, "--renderer", "cloud", "--path", kStudyPath,
-                             "--reference", "none", "--out", in("out")})
-                .exit_code,
-            0);
-  EXPECT_EQ(schema_violations(study_schema("result"), file_text(in("out/result.json"))), "");
+  succeeds("compare", kStudyScene, "--renderers cloud --path", kStudyPath, "--reference none --out @/out");
+  expect_valid("result", text_in("out/result.json"));
   EXPECT_TRUE(result()["truth"].is_null());
   ASSERT_EQ(palpate_command({"report", in("out")}).exit_code, 0);
-  EXPECT_NE(file_text(in("out/report.html")).find("there is no ground truth here"), std::string::npos);
-  ASSERT_EQ(palpate_command({"score", in("out")}).exit_code, 0);
+  EXPECT_NE(file_text(in("out/study.html")).find("there is no ground truth here"), std::string::npos);
+  ASSERT_EQ(palpate_command({"report", "score", in("out")}).exit_code, 0);
   EXPECT_TRUE(result()["renderers"][0]["accuracy"].is_null());
 }
 
 TEST_F(StudyFolder, ATableOfTheThesisIsAStudy) {
-  const ProcessOutcome run = palpate_command({"reproduce", "--tables", "8", "--quick", "--out", in("out")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  const std::string page = file_text(in("out/report.html")), text = file_text(in("out/table8/result.json"));
-  EXPECT_EQ(schema_violations(study_schema("result"), text), "");
-  ASSERT_EQ(palpate_command({"report", in("out/table8")}).exit_code, 0);
-  EXPECT_GT(file_text(in("out/table8/report.html")).size(), 10000u);
-  ASSERT_EQ(palpate_command({"score", in("out/table8")}).exit_code, 0);
-  EXPECT_EQ(file_text(in("out/table8/result.json")), text);
-  EXPECT_TRUE(file_text(in("out/report.html")) == page) << "the whole report stays";
-  const ProcessOutcome score = palpate_command({"score", in("out")});
-  EXPECT_EQ(score.exit_code, 2);
-  EXPECT_NE(score.err.find("is no study"), std::string::npos) << score.err;
+  succeeds("reproduce --tables 8 --quick --out @/out");
+  const std::string page = text_in("out/report.html"), text = text_in("out/table8/result.json");
+  expect_valid("result", text);
+  succeeds("report @/out/table8");
+  EXPECT_GT(text_in("out/table8/report.html").size(), 10000u);
+  succeeds("report score @/out/table8");
+  EXPECT_EQ(text_in("out/table8/result.json"), text);
+  EXPECT_TRUE(text_in("out/report.html") == page) << "the whole report stays";
+  refuses("is no study", "report score @/out");
 }
 
 TEST_F(StudyFolder, TheWholeReportIsDrawnAgainFromItsFolderByteByByte) {
-  const ProcessOutcome run =
-      palpate_command({"reproduce", "--tables", "6,8,growth", "--quick", "--out", in("out")});
+  const ProcessOutcome run = palpate("reproduce --tables 6,8,growth --quick --out @/out");
   ASSERT_EQ(run.exit_code, all_renderers().find("mesh-godobject") != nullptr ? 0 : 1) << run.err;
   const std::string first = file_text(in("out/report.html"));
-  ASSERT_GT(first.size(), 50000u);
-  EXPECT_EQ(schema_violations(study_schema("reproduction"), file_text(in("out/reproduction.json"))), "");
+  const std::string second = file_text(in("out/table8.html"));
+  ASSERT_GT(second.size(), 50000u);
+  expect_valid("reproduction", text_in("out/reproduction.json"));
   // The folder alone: elsewhere, without the page and without any picture.
   fs::copy(in("out"), in("elsewhere"), fs::copy_options::recursive);
   fs::remove(in("elsewhere/report.html"));
+  fs::remove(in("elsewhere/table8.html"));
   for (const auto& entry : fs::directory_iterator(in("elsewhere/figures")))
     if (entry.path().extension() == ".svg") fs::remove(entry.path());
   const ProcessOutcome again = palpate_command({"report", in("elsewhere")});
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_TRUE(file_text(in("elsewhere/report.html")) == first) << "another page";
+  EXPECT_TRUE(file_text(in("elsewhere/table8.html")) == second) << "another page";
   // The tables are drawn from their studies: what stands there is what is shown.
-  std::string table = file_text(in("elsewhere/table8/result.json"));
+  std::string table = text_in("elsewhere/table8/result.json");
   const std::string title = "Table 8: test 2, friction and deformation";
   for (std::size_t at = table.find(title); at != std::string::npos; at = table.find(title))
     table.replace(at, title.size(), "Table 8: another title");
   write_text(in("elsewhere/table8/result.json"), table);
-  ASSERT_EQ(palpate_command({"report", in("elsewhere")}).exit_code, 0);
-  EXPECT_NE(file_text(in("elsewhere/report.html")).find("Table 8: another title"), std::string::npos);
+  succeeds("report @/elsewhere");
+  EXPECT_THAT(text_in("elsewhere/report.html"), HasSubstr("Table 8: another title"));
   // What is missing or spoiled is named.
   fs::remove(in("elsewhere/table8/result.json"));
-  const ProcessOutcome missing = palpate_command({"report", in("elsewhere")});
-  EXPECT_EQ(missing.exit_code, 2);
-  EXPECT_NE(missing.err.find("table8"), std::string::npos) << missing.err;
+  refuses("table8", "report @/elsewhere");
   write_text(in("elsewhere/reproduction.json"), "{}");
-  const ProcessOutcome spoiled = palpate_command({"report", in("elsewhere")});
-  EXPECT_EQ(spoiled.exit_code, 2);
-  EXPECT_NE(spoiled.err.find("reproduction.json"), std::string::npos) << spoiled.err;
+  refuses("reproduction.json", "report @/elsewhere");
 }
 
 TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
@@ -167,7 +153,7 @@ TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
   fs::create_directories(folder_ / "empty");
   expect_refused("empty", {in("empty"), "no result.json", "--out"});
   compare("cloud,analytic");
-  const std::string good = file_text(in("out/result.json"));
+  const std::string good = text_in("out/result.json");
   const auto refused = [&](const std::function<void(json&)>& how, const std::vector<std::string>& words) {
     write_text(in("out/result.json"), good);
     change(how);
@@ -186,7 +172,7 @@ TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
   expect_refused("out", {"result.json", "not a JSON"});
   write_text(in("out/result.json"), good);
   for (const char* file : {"trace-cloud.csv", "scores-cloud.csv", "reference.csv", "model-1.csv"}) {
-    const std::string whole = file_text(in(std::string("out/") + file));
+    const std::string whole = text_in(std::string("out/") + file);
     fs::remove(in(std::string("out/") + file));
     expect_refused("out",
                    {in(std::string("out/") + file), "is missing", "copy the whole folder", "run it again"});
@@ -195,7 +181,7 @@ TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
     if (std::string(file) != "model-1.csv") expect_refused("out", {file});
     write_text(in(std::string("out/") + file), whole);
   }
-  EXPECT_EQ(palpate_command({"report", in("out")}).exit_code, 0);
+  succeeds("report @/out");
   fs::remove(in("out/.palpate-output"));
   expect_refused("out", {in("out"), ".palpate-output", "hidden files too"});
 }
@@ -206,7 +192,7 @@ TEST_F(StudyFolder, ForcesThatCannotBeComparedAreNotScored) {
              "0.5\n");
   compare("cloud,cloud-literal", {}, in("rough.toml"),
           "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1");
-  EXPECT_EQ(schema_violations(study_schema("result"), file_text(in("out/result.json"))), "");
+  expect_valid("result", text_in("out/result.json"));
   const json document = result();
   EXPECT_FALSE(document["scoring"]["forces_comparable"]);
   for (const json& r : document["renderers"]) {
@@ -216,18 +202,18 @@ TEST_F(StudyFolder, ForcesThatCannotBeComparedAreNotScored) {
       EXPECT_TRUE(r["accuracy"][key].is_null()) << r["label"] << " " << key << " " << r["accuracy"][key];
     EXPECT_FALSE(r["accuracy"]["missed_contact_frames"].is_null());
     EXPECT_FALSE(r["accuracy"]["pop_throughs"].is_null());
-    EXPECT_EQ(file_text(in("out/" + r["files"]["scores"].get<std::string>())).find("force_error"),
-              std::string::npos);
+    EXPECT_THAT(text_in("out/" + r["files"]["scores"].get<std::string>()), Not(HasSubstr("force_error")));
   }
-  const std::string page = file_text(in("out/report.html"));
+  const std::string page = file_text(in("out/study.html"));
+  EXPECT_EQ(file_text(in("out/report.html")).find("Time against error"), std::string::npos);
   EXPECT_EQ(page.find("Force error"), std::string::npos);
   EXPECT_EQ(page.find("is the ground truth"), std::string::npos);
   EXPECT_NE(page.find("is no truth of the force"), std::string::npos);
   EXPECT_FALSE(fs::exists(in("out/figures/study-error.svg")));
   // Scored again it stays so.
-  const std::string first = file_text(in("out/result.json"));
-  ASSERT_EQ(palpate_command({"score", in("out")}).exit_code, 0);
-  EXPECT_EQ(file_text(in("out/result.json")), first);
+  const std::string first = text_in("out/result.json");
+  succeeds("report score @/out");
+  EXPECT_EQ(text_in("out/result.json"), first);
 }
 
 TEST_F(StudyFolder, SaysWhatEachRendererIsAndLeavesOut) {
@@ -251,10 +237,10 @@ TEST_F(StudyFolder, WhatThePageWarnsOfStandsInTheDocument) {
   // Far above the model: nobody ever touches.
   write_text(folder_ / "far.csv", "t_s,x_mm,y_mm,z_mm\n0,0,0,50\n0.001,0,0,51\n0.002,0,0,52\n");
   compare("cloud,analytic", {}, kStudyScene, in("far.csv"));
-  const std::string page = file_text(in("out/report.html"));
+  const std::string page = text_in("out/report.html");
   const json document = result();
   ASSERT_FALSE(document["warnings"].empty());
-  EXPECT_NE(page.find("<strong>Warning:</strong>"), std::string::npos);
+  EXPECT_THAT(page, HasSubstr("<strong>Warning:</strong>"));
   const auto& warnings = document["warnings"];
   EXPECT_TRUE(std::any_of(warnings.begin(), warnings.end(), [](const json& text) {
     return text.get<std::string>().find("never touch") != std::string::npos;

@@ -9,6 +9,7 @@
 #include "experiments/report/page.h"
 #include "experiments/report/tables.h"
 #include "experiments/session/terminal.h"
+#include "tests/experiments/program.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments {
@@ -87,7 +88,7 @@ TEST(TableText, FitsEveryTerminal) {
       // Every cell is there, turned or not.
       for (const auto& row : table.rows)
         for (std::size_t i = 1; i < row.size(); ++i)
-          EXPECT_NE(text.find(row[i].text), std::string::npos) << row[0].text << " " << row[i].text;
+          EXPECT_THAT(text, HasSubstr(row[i].text)) << row[0].text << " " << row[i].text;
       EXPECT_GE(count_of(text, "number-" + std::to_string(renderers)), 1u) << text;
     }
 }
@@ -102,7 +103,7 @@ TEST(TableText, GoesOnBelowWhereItCannotBeTurned) {
   }
   const std::string text = to_text(table, 50);
   for (const std::string& line : lines_of(text)) EXPECT_LE(text_width(line), 50u) << line;
-  for (int i = 0; i < 12; ++i) EXPECT_NE(text.find(std::to_string(1'000'000 + i)), std::string::npos);
+  for (int i = 0; i < 12; ++i) EXPECT_THAT(text, HasSubstr(std::to_string(1'000'000 + i)));
   EXPECT_GT(count_of(text, "sinusoid"), 1u) << "each part says what its rows are\n" << text;
 }
 
@@ -142,13 +143,13 @@ TEST(Legend, ExplainsTheMarksThatAreThere) {
   const Table table = comparison_table(study_of(2));
   ASSERT_TRUE(row_of(table, "mean, µs")[1].best);
   const std::string text = to_text(table, 100);
-  EXPECT_NE(text.find("* the best of its row"), std::string::npos) << text;
-  EXPECT_EQ(text.find("! "), std::string::npos) << text;
-  EXPECT_NE(to_html(table).find("<span>* the best of its row</span>"), std::string::npos);
+  EXPECT_THAT(text, HasSubstr("* the best of its row"));
+  EXPECT_THAT(text, Not(HasSubstr("! ")));
+  EXPECT_THAT(to_html(table), HasSubstr("<span>* the best of its row</span>"));
   // A turned table says column.
   const Table many = comparison_table(study_of(12));
-  EXPECT_NE(to_text(many, 80).find("* the best of its column"), std::string::npos);
-  EXPECT_NE(to_html(many).find("<span>* the best of its column</span>"), std::string::npos);
+  EXPECT_THAT(to_text(many, 80), HasSubstr("* the best of its column"));
+  EXPECT_THAT(to_html(many), HasSubstr("<span>* the best of its column</span>"));
   // Nothing marked, nothing said.
   EXPECT_EQ(to_text(comparison_table(study_of(1)), 80).find('*'), std::string::npos);
   // What is missing is a dash with a word for it; what failed is marked.
@@ -157,9 +158,8 @@ TEST(Legend, ExplainsTheMarksThatAreThere) {
   d.renderers[1].frame.reset();
   d.renderers[0].accuracy->force_max_n = std::numeric_limits<double>::quiet_NaN();
   const std::string failed = to_text(comparison_table(d), 100);
-  EXPECT_NE(failed.find("– no value"), std::string::npos) << failed;
-  EXPECT_NE(failed.find("! did not run to its end"), std::string::npos) << failed;
-  EXPECT_EQ(failed.find("nan"), std::string::npos) << failed;
+  EXPECT_THAT(failed, HasAll("– no value", "! did not run to its end"));
+  EXPECT_THAT(failed, Not(HasSubstr("nan")));
 }
 
 TEST(ComparisonTable, AMeanIsNeverAboveTheLongestBesideIt) {
@@ -182,7 +182,7 @@ TEST(ComparisonTable, AMeanIsNeverAboveTheLongestBesideIt) {
     const auto range = [&](const char* row, std::size_t i) {
       std::string text = row_of(table, row)[i].text;
       std::erase(text, ',');
-      EXPECT_EQ(text.find("×10"), std::string::npos) << text;
+      EXPECT_THAT(text, Not(HasSubstr("×10")));
       const bool less = text.starts_with("<");
       if (less) text.erase(0, 1);
       const std::size_t point = text.find('.');
@@ -215,11 +215,11 @@ TEST(ComparisonTable, RoundingIsNoError) {
   EXPECT_EQ(row_of(comparison_table(d), "force error, RMS, %")[1].text, "0");
   EXPECT_EQ(row_of(comparison_table(d), "god object error, RMS, mm")[1].text, "0");
   EXPECT_EQ(row_of(comparison_table(d), "energy generated, %")[1].text, "0");
-  EXPECT_EQ(text.find("0000000"), std::string::npos) << text;
-  EXPECT_NE(text.find("0 also where it is no more than the rounding"), std::string::npos) << text;
+  EXPECT_THAT(text, Not(HasSubstr("0000000")));
+  EXPECT_THAT(text, HasSubstr("0 also where it is no more than the rounding"));
   std::string found;
   for (const Headline& line : headlines_of(d)) found += line.lead + ": " + line.text + "\n";
-  EXPECT_NE(found.find("Force error, RMS: mesh-godobject exact, cloud 2.00 %\n"), std::string::npos) << found;
+  EXPECT_THAT(found, HasSubstr("Force error, RMS: mesh-godobject exact, cloud 2.00 %\n"));
   // Both exact: neither is the better one. A real error is none of that.
   d.renderers[1] = renderer("cloud", 200, 3e-16);
   EXPECT_FALSE(row_of(comparison_table(d), "force error, RMS, N")[2].best);
@@ -247,7 +247,7 @@ TEST(ComparisonTable, WhatIsNotFiniteWinsNothing) {
   for (const std::size_t bad : {0u, 2u}) {
     d.renderers[bad].accuracy->force_rms_n = std::numeric_limits<double>::quiet_NaN();
     const Table table = comparison_table(d);
-    EXPECT_EQ(row_of(table, "force error, RMS, N")[bad + 1].text, kNoNumber);
+    EXPECT_EQ(row_of(table, "force error, RMS, N")[bad + 1].text, kMissingNumber);
     EXPECT_FALSE(row_of(table, "force error, RMS, N")[bad + 1].best);
   }
   EXPECT_TRUE(row_of(comparison_table(study_of(3)), "force error, RMS, N")[1].best);
@@ -258,7 +258,7 @@ TEST(Headlines, OfManyNameTheFirstAndTheLast) {
   for (const Headline& line : headlines_of(study_of(14)))
     if (line.lead == "Force error, RMS") all = line.text;
   EXPECT_EQ(count_of(all, "number-"), 6u) << all;
-  EXPECT_NE(all.find("9 more up to mesh-godobject-number-14 14.0 % (14.0 times)"), std::string::npos) << all;
+  EXPECT_THAT(all, HasSubstr("9 more up to mesh-godobject-number-14 14.0 % (14.0 times)"));
 }
 
 TEST(TableHtml, ManyRenderersBecomeRows) {

@@ -1,4 +1,4 @@
-// palpate sweep, merge, tune and compare --against, as a user runs them, on a tiny scene.
+// palpate compare sweep, merge, tune and compare --against, as a user runs them, on a tiny scene.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +9,6 @@
 #include <sstream>
 
 #include "tests/experiments/program.h"
-#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -20,21 +19,20 @@ const char* const kTiny =
     "sinusoid:points=961:extent_mm=20:wavelength_mm=20:amplitude_mm=1:sampling=random:noise=0.05:seed=1";
 const char* const kShort = "weave:frames=900:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 
-class Trade : public InFolder {
+class Trade : public OnCommandLine {
  protected:
-  static std::string schema(const std::string& name) {
-    return std::string(PALPATE_DOCS) + "/" + name + ".schema.json";
+  template <class... More>
+  Words sweep(const std::string& out, const More&... more) const {
+    return sweep_of(kTiny, out, more...);
   }
-  ProcessOutcome sweep(const std::string& out, std::vector<std::string> more = {},
-                       const std::string& scene = kTiny) {
-    std::vector<std::string> arguments = {"sweep",    scene,         "--renderers", "cloud,cloud-smooth",
-                                          "--axes",   "points,rate", "--path",      kShort,
-                                          "--passes", "2",           "--out",       in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
+  template <class... More>
+  Words sweep_of(const std::string& scene, const std::string& out, const More&... more) const {
+    return words("compare sweep", scene,
+                 "--renderers cloud,cloud-smooth --axes points,rate --passes 2 --path", kShort, "--out",
+                 in(out), more...);
   }
   json document(const std::string& out, const std::string& file = "sweep.json") const {
-    return json::parse(file_text(in(out + "/" + file)));
+    return json_in(out + "/" + file);
   }
   /// What no clock has a say in, by setting.
   std::map<std::string, std::string> exact(const std::string& out) const {
@@ -47,18 +45,16 @@ class Trade : public InFolder {
     return all;
   }
   std::size_t lines(const std::string& file) const {
-    const std::string text = file_text(in(file));
+    const std::string text = text_in(file);
     return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
   }
 };
 
 TEST_F(Trade, SweepMeasuresEverySettingAndDrawsTheFronts) {
-  const ProcessOutcome run = sweep("out");
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(schema_violations(schema("sweep"), file_text(in("out/sweep.json"))), "");
-  std::istringstream rows(file_text(in("out/rows.jsonl")));
-  for (std::string line; std::getline(rows, line);)
-    EXPECT_EQ(schema_violations(schema("rows"), line), "") << line;
+  succeeds(sweep("out"));
+  expect_valid("sweep", text_in("out/sweep.json"));
+  std::istringstream rows(text_in("out/rows.jsonl"));
+  for (std::string line; std::getline(rows, line);) expect_valid("rows", line);
   const json whole = document("out");
   EXPECT_EQ(whole["not_measured"].size(), 0u);
   std::size_t on_speed = 0;
@@ -83,15 +79,13 @@ TEST_F(Trade, SweepMeasuresEverySettingAndDrawsTheFronts) {
   EXPECT_GT(slow["error_p95_percent"], fast["error_p95_percent"]);
   EXPECT_DOUBLE_EQ(slow["rate_hz"].get<double>() * 4.0, all["rate_hz"].get<double>());
   for (const char* file : {"report.html", "figures/front-speed-1.svg", "figures/front-memory-1.gp"})
-    EXPECT_TRUE(std::filesystem::exists(in(std::string("out/") + file))) << file;
-  EXPECT_NE(file_text(in("out/report.html")).find("Dominated"), std::string::npos);
+    EXPECT_TRUE(exists(std::string("out/") + file)) << file;
+  EXPECT_THAT(text_in("out/report.html"), HasSubstr("Dominated"));
 }
 
 TEST_F(Trade, SweepErrorIsThatOfCompare) {
-  ASSERT_EQ(sweep("out", {"--budget", "60"}).exit_code, 0);
-  const ProcessOutcome run = palpate_command(
-      {"compare", kTiny, "--renderers", "cloud", "--path", kShort, "--passes", "1", "--out", in("ab")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  succeeds(sweep("out", "--budget 60"));
+  succeeds("compare", kTiny, "--renderers cloud --path", kShort, "--passes 1 --out @/ab");
   const json result = document("ab", "result.json")["renderers"][0];
   for (const json& row : document("out")["rows"])
     if (row["setting"] == "cloud") {
@@ -104,63 +98,60 @@ TEST_F(Trade, SweepErrorIsThatOfCompare) {
 }
 
 TEST_F(Trade, SweepGoesOnWhereItStopped) {
-  ASSERT_EQ(sweep("whole").exit_code, 0);
-  ASSERT_EQ(sweep("out").exit_code, 0);
+  succeeds(sweep("whole"));
+  succeeds(sweep("out"));
   // As if it had been stopped after three settings.
-  std::istringstream rows(file_text(in("out/rows.jsonl")));
+  std::istringstream rows(text_in("out/rows.jsonl"));
   std::string kept, line;
   for (int i = 0; i < 3 && std::getline(rows, line); ++i) kept += line + "\n";
   write_text(in("out/rows.jsonl"), kept);
-  const ProcessOutcome again = sweep("out");
-  ASSERT_EQ(again.exit_code, 0) << again.err;
-  EXPECT_TRUE(file_text(in("out/rows.jsonl")).starts_with(kept)) << "what was measured is not measured again";
+  succeeds(sweep("out"));
+  EXPECT_TRUE(text_in("out/rows.jsonl").starts_with(kept)) << "what was measured is not measured again";
   EXPECT_EQ(exact("out"), exact("whole"));
   // Once more: there is nothing left to measure.
-  const std::string before = file_text(in("out/rows.jsonl"));
-  ASSERT_EQ(sweep("out").exit_code, 0);
-  EXPECT_EQ(file_text(in("out/rows.jsonl")), before);
+  const std::string before = text_in("out/rows.jsonl");
+  succeeds(sweep("out"));
+  EXPECT_EQ(text_in("out/rows.jsonl"), before);
 }
 
 TEST_F(Trade, SweepStoppedBySignalKeepsItsRows) {
-  Started running(folder_, {"sweep", kTiny, "--path", kShort, "--passes", "2", "--out", in("out")});
+  apart_ = true;
+  Started running(folder_,
+                  {"compare", "sweep", kTiny, "--path", kShort, "--passes", "2", "--out", in("out")});
   ASSERT_TRUE(running.wait_for([&] { return lines("out/rows.jsonl") > 0; })) << running.err();
   running.send_group(SIGINT);
   EXPECT_EQ(running.end(), 130) << running.err();
   EXPECT_GT(lines("out/rows.jsonl"), 0u);
-  EXPECT_FALSE(std::filesystem::exists(in("out/sweep.json"))) << "nothing half done looks whole";
-  EXPECT_EQ(sweep("out").exit_code, 0);
-  EXPECT_EQ(schema_violations(schema("sweep"), file_text(in("out/sweep.json"))), "");
+  EXPECT_FALSE(exists("out/sweep.json")) << "nothing half done looks whole";
+  succeeds(sweep("out"));
+  expect_valid("sweep", text_in("out/sweep.json"));
 }
 
 TEST_F(Trade, ShardsAreTheWhole) {
-  ASSERT_EQ(sweep("whole").exit_code, 0);
+  succeeds(sweep("whole"));
   for (const char* part : {"1", "2", "3"})
-    ASSERT_EQ(sweep(std::string("shard-") + part, {"--shard", std::string(part) + "/3"}).exit_code, 0);
-  const ProcessOutcome merged =
-      palpate_command({"merge", in("shard-1"), in("shard-2"), in("shard-3"), "--out", in("merged")});
-  ASSERT_EQ(merged.exit_code, 0) << merged.err;
+    succeeds(sweep(std::string("shard-") + part, "--shard", std::string(part) + "/3"));
+  succeeds("compare merge @/shard-1 @/shard-2 @/shard-3 --out @/merged");
   EXPECT_EQ(exact("merged"), exact("whole"));
-  EXPECT_EQ(schema_violations(schema("sweep"), file_text(in("merged/sweep.json"))), "");
+  expect_valid("sweep", text_in("merged/sweep.json"));
   // One folder twice is one.
-  ASSERT_EQ(palpate_command({"merge", in("shard-1"), in("shard-1"), "--out", in("twice")}).exit_code, 0);
+  succeeds("compare merge @/shard-1 @/shard-1 --out @/twice");
   EXPECT_EQ(exact("twice"), exact("shard-1"));
 }
 
 TEST_F(Trade, MergeKeepsMachinesApartAndScenesOut) {
-  ASSERT_EQ(sweep("a", {"--shard", "1/2"}).exit_code, 0);
-  ASSERT_EQ(sweep("b", {"--shard", "2/2"}).exit_code, 0);
-  ASSERT_EQ(sweep("other", {"--shard", "1/2"}, "plane:points=961").exit_code, 0);
-  const ProcessOutcome refused = palpate_command({"merge", in("a"), in("other"), "--out", in("merged")});
-  EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_NE(refused.err.find("another scene"), std::string::npos) << refused.err;
-  EXPECT_FALSE(std::filesystem::exists(in("merged")));
+  succeeds(sweep("a", "--shard 1/2"));
+  succeeds(sweep("b", "--shard 2/2"));
+  succeeds(sweep_of("plane:points=961", "other", "--shard 1/2"));
+  refuses("another scene", "compare merge @/a @/other --out @/merged");
+  EXPECT_FALSE(exists("merged"));
   // The second half as another machine has it.
-  std::string rows = file_text(in("b/rows.jsonl"));
+  std::string rows = text_in("b/rows.jsonl");
   const std::string hash = json::parse(rows.substr(0, rows.find('\n')))["machine"]["hash"];
   for (std::size_t at = 0; (at = rows.find(hash, at)) != std::string::npos;)
     rows.replace(at, hash.size(), "feedfacefeedface");
   write_text(in("b/rows.jsonl"), rows);
-  ASSERT_EQ(palpate_command({"merge", in("a"), in("b"), "--out", in("merged")}).exit_code, 0);
+  succeeds("compare merge @/a @/b --out @/merged");
   const json whole = document("merged");
   EXPECT_EQ(whole["machines"].size(), 2u);
   std::map<std::string, std::string> machine_of;
@@ -170,30 +161,22 @@ TEST_F(Trade, MergeKeepsMachinesApartAndScenesOut) {
       EXPECT_EQ(machine_of.at(row["dominated_by"]), row["machine"]) << row["setting"];
     }
   for (const char* file : {"figures/front-speed-1.svg", "figures/front-speed-2.svg"})
-    EXPECT_TRUE(std::filesystem::exists(in(std::string("merged/") + file))) << file;
+    EXPECT_TRUE(exists(std::string("merged/") + file)) << file;
 }
 
 TEST_F(Trade, BrokenRowsAndForeignFoldersAreRefused) {
-  ASSERT_EQ(sweep("out").exit_code, 0);
-  const std::string rows = file_text(in("out/rows.jsonl")), report = file_text(in("out/report.html"));
+  succeeds(sweep("out"));
+  const std::string rows = text_in("out/rows.jsonl"), report = text_in("out/report.html");
   write_text(in("out/rows.jsonl"), rows + "{\"schema\":\"palpate-row/1\"");
-  const ProcessOutcome cut = sweep("out");
-  EXPECT_EQ(cut.exit_code, 2);
-  EXPECT_NE(
-      cut.err.find("rows.jsonl:" + std::to_string(std::count(rows.begin(), rows.end(), '\n') + 1) + ": "),
-      std::string::npos)
-      << cut.err;
-  EXPECT_EQ(file_text(in("out/report.html")), report) << "nothing was touched";
+  refuses("rows.jsonl:" + std::to_string(std::count(rows.begin(), rows.end(), '\n') + 1) + ": ",
+          sweep("out"));
+  EXPECT_EQ(text_in("out/report.html"), report) << "nothing was touched";
   write_text(in("out/rows.jsonl"), rows);
-  const ProcessOutcome other = sweep("out", {}, "plane:points=961");
-  EXPECT_EQ(other.exit_code, 2);
-  EXPECT_NE(other.err.find("another scene"), std::string::npos) << other.err;
-  EXPECT_EQ(file_text(in("out/rows.jsonl")), rows);
-  ASSERT_EQ(palpate_command({"replay", "plane:points=441", "--path", "tap:frames=300", "--out", in("study")})
-                .exit_code,
-            0);
-  EXPECT_EQ(sweep("study").exit_code, 2) << "another command's results are not written over";
-  EXPECT_TRUE(std::filesystem::exists(in("study/result.json")));
+  refuses("another scene", sweep_of("plane:points=961", "out"));
+  EXPECT_EQ(text_in("out/rows.jsonl"), rows);
+  succeeds("compare plane:points=441 --path tap:frames=300 --out @/study --renderers auto");
+  EXPECT_EQ(palpate(sweep("study")).exit_code, 2) << "another command's results are not written over";
+  EXPECT_TRUE(exists("study/result.json"));
 }
 
 TEST_F(Trade, HostileOptionsAreAnswered) {
@@ -202,32 +185,30 @@ TEST_F(Trade, HostileOptionsAreAnswered) {
   write_text(folder_ / "bare.xyz", bare);
   write_text(folder_ / "rough.toml",
              "[[model]]\ngenerate = \"plane\"\npoints = 441\n[model.surface]\nfriction = 0.5\n");
-  for (const auto& [arguments, says] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-           {{"sweep", kTiny, "--axes", "shadng"}, "did you mean 'shading'?"},
-           {{"sweep", kTiny, "--shard", "3/2"}, "--shard"},
-           {{"sweep", kTiny, "--shard", "1"}, "--shard"},
-           {{"sweep", kTiny, "--shard", "0/2"}, "--shard"},
-           {{"sweep", kTiny, "--shard", "a/b"}, "--shard"},
-           {{"sweep", kTiny, "--budget", "-1"}, "--budget"},
-           {{"sweep", kTiny, "--budget", "nan"}, "--budget"},
-           {{"sweep", kTiny, "--passes", "0"}, "--passes"},
-           {{"sweep", kTiny, "--renderers", "cluod"}, "did you mean 'cloud'?"},
-           {{"sweep", in("bare.xyz"), "--unit", "mm"}, "ground truth"},
-           {{"sweep", in("rough.toml")}, "friction"},
-           {{"sweep", in("nowhere.ply")}, "nowhere.ply"},
-           {{"tune", kTiny}, "--max-error"},
-           {{"tune", kTiny, "--max-error", "0"}, "--max-error"},
-           {{"tune", kTiny, "--max-bytes", "-5"}, "--max-bytes"},
-           {{"merge", in("nowhere")}, "nowhere"},
-           {{"compare", kTiny, "--against", in("nowhere")}, "nowhere"},
-           {{"compare", kTiny, "--against", in("rough.toml")}, "rough.toml"}}) {
-    std::vector<std::string> all = arguments;
-    all.insert(all.end(), {"--out", in("out")});
-    const ProcessOutcome run = palpate_command(all);
-    EXPECT_EQ(run.exit_code, 2) << arguments[0] << " " << arguments[2 % arguments.size()] << ": " << run.err;
-    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
-    EXPECT_FALSE(std::filesystem::exists(in("out/sweep.json")));
-    EXPECT_FALSE(std::filesystem::exists(in("out/result.json")));
+  for (const auto& [line, says] : std::vector<std::pair<const char*, const char*>>{
+           {"compare sweep % --axes shadng", "did you mean 'shading'?"},
+           {"compare sweep % --shard 3/2", "--shard"},
+           {"compare sweep % --shard 1", "--shard"},
+           {"compare sweep % --shard 0/2", "--shard"},
+           {"compare sweep % --shard a/b", "--shard"},
+           {"compare sweep % --budget -1", "--budget"},
+           {"compare sweep % --budget nan", "--budget"},
+           {"compare sweep % --passes 0", "--passes"},
+           {"compare sweep % --renderers cluod", "did you mean 'cloud'?"},
+           {"compare sweep @/bare.xyz --unit mm", "ground truth"},
+           {"compare sweep @/rough.toml", "friction"},
+           {"compare sweep @/nowhere.ply", "nowhere.ply"},
+           {"tune %", "--max-error"},
+           {"tune % --max-error 0", "--max-error"},
+           {"tune % --max-bytes -5", "--max-bytes"},
+           {"compare merge @/nowhere", "nowhere"},
+           {"compare % --against @/nowhere", "nowhere"},
+           {"compare % --against @/rough.toml", "rough.toml"}}) {
+    std::string all = line;
+    if (const std::size_t at = all.find('%'); at != std::string::npos) all.replace(at, 1, kTiny);
+    refuses(says, all.c_str(), "--out @/out");
+    EXPECT_FALSE(exists("out/sweep.json"));
+    EXPECT_FALSE(exists("out/result.json"));
   }
 }
 
@@ -236,16 +217,12 @@ TEST_F(Trade, TuneWritesASceneThatKeepsTheLimit) {
              "[[model]]\ngenerate = \"sinusoid\"\npoints = 961\nextent_mm = 20\nwavelength_mm = 20\n"
              "amplitude_mm = 1\nscale = 1.0\n[model.surface]\nstiffness_n_per_mm = 0.7\n[renderer]\n"
              "name = \"cloud\"\n");
-  const std::vector<std::string> common = {
-      "--renderers", "cloud,cloud-smooth", "--axes", "points,detail", "--path", kShort, "--passes", "2"};
-  const auto tune = [&](std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {"tune", in("scene.toml")});
-    arguments.insert(arguments.end(), common.begin(), common.end());
-    return palpate_command(arguments);
+  const auto tune = [&](const char* limits) {
+    return words("tune @/scene.toml --renderers cloud,cloud-smooth --axes points,detail --passes 2 --path",
+                 kShort, limits);
   };
-  const ProcessOutcome run = tune({"--max-error", "8", "--out", in("out")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_EQ(schema_violations(schema("tune"), file_text(in("out/tune.json"))), "");
+  succeeds(tune("--max-error 8 --out @/out"));
+  expect_valid("tune", text_in("out/tune.json"));
   const json answer = document("out", "tune.json");
   const json& tried = answer["evidence"]["tried"].back();
   EXPECT_EQ(tried["keeps"], true);
@@ -257,22 +234,17 @@ TEST_F(Trade, TuneWritesASceneThatKeepsTheLimit) {
       EXPECT_GE(row["load_percent_interval"][1], answer["chosen"]["load_percent_interval"][0])
           << row["setting"];
     }
-  const ProcessOutcome replay = palpate_command(
-      {"replay", in("out/tuned.toml"), "--path", kShort, "--passes", "1", "--out", in("again")});
-  ASSERT_EQ(replay.exit_code, 0) << replay.err << file_text(in("out/tuned.toml"));
+  succeeds("compare @/out/tuned.toml --path", kShort, "--passes 1 --out @/again --renderers auto");
   EXPECT_EQ(document("again", "result.json")["renderers"][0]["trace_hash"], answer["chosen"]["trace_hash"]);
   // The most accurate in a budget, from the same rows: nothing is measured again.
-  const std::string rows = file_text(in("out/rows.jsonl"));
+  const std::string rows = text_in("out/rows.jsonl");
   const json fine = answer["chosen"];
-  const ProcessOutcome small = tune({"--max-bytes", "20000", "--out", in("out")});
-  ASSERT_EQ(small.exit_code, 0) << small.err;
-  EXPECT_EQ(file_text(in("out/rows.jsonl")), rows);
+  succeeds(tune("--max-bytes 20000 --out @/out"));
+  EXPECT_EQ(text_in("out/rows.jsonl"), rows);
   EXPECT_LE(document("out", "tune.json")["evidence"]["tried"].back()["verified"]["bytes"], 20000);
   // What nothing keeps: the nearest is named, and no scene is left.
-  const ProcessOutcome none = tune({"--max-error", "1e-6", "--max-bytes", "10", "--out", in("out")});
-  EXPECT_EQ(none.exit_code, 1);
-  EXPECT_NE(none.err.find("the nearest is "), std::string::npos) << none.err;
-  EXPECT_FALSE(std::filesystem::exists(in("out/tuned.toml")));
+  ends_with(1, "the nearest is ", words(tune("--max-error 1e-6 --max-bytes 10 --out @/out")));
+  EXPECT_FALSE(exists("out/tuned.toml"));
   EXPECT_TRUE(document("out", "tune.json")["chosen"].is_null());
 }
 
@@ -284,51 +256,36 @@ TEST_F(Trade, TunedSceneOfAFileStandsAnywhere) {
   write_text(folder_ / "my points.xyz", points);
   std::string mesh = "OFF\n4 2 0\n-1 -1 -0.1\n17 -1 -0.1\n17 16 1.6\n-1 16 1.6\n3 0 1 2\n3 0 2 3\n";
   write_text(folder_ / "truth.off", mesh);
-  const ProcessOutcome run = palpate_command({"tune",        in("my points.xyz"),
-                                              "--unit",      "mm",
-                                              "--scale",     "2",
-                                              "--reference", in("truth.off"),
-                                              "--renderers", "cloud",
-                                              "--axes",      "points",
-                                              "--passes",    "1",
-                                              "--path",      "exploration:frames=600",
-                                              "--max-bytes", "1e6",
-                                              "--out",       in("out")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  const std::string scene = file_text(in("out/tuned.toml"));
-  EXPECT_NE(scene.find(in("my points.xyz")), std::string::npos) << scene;
+  succeeds("tune", in("my points.xyz"),
+           "--unit mm --scale 2 --reference @/truth.off --renderers cloud --axes points --passes 1 --path "
+           "exploration:frames=600 --max-bytes 1e6 --out @/out");
+  const std::string scene = text_in("out/tuned.toml");
+  EXPECT_THAT(scene, HasSubstr(in("my points.xyz")));
   std::filesystem::create_directories(folder_ / "elsewhere");
   std::filesystem::copy_file(folder_ / "out/tuned.toml", folder_ / "elsewhere/it.toml");
-  EXPECT_EQ(palpate_command({"plan", in("elsewhere/it.toml")}).exit_code, 0);
+  succeeds("info plan @/elsewhere/it.toml");
 }
 
 TEST_F(Trade, CompareAgainstSaysWhatChanged) {
-  const auto compare = [&](const std::string& out, std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"compare",  kTiny, "--path", kShort,
-                                          "--passes", "2",   "--out",  in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
+  const auto compare = [&](const std::string& out, const char* more) {
+    return palpate("compare", kTiny, "--path", kShort, "--passes 2 --out", in(out), more);
   };
-  ASSERT_EQ(compare("before", {"--renderers", "cloud:refine=1:label=it"}).exit_code, 0);
-  const ProcessOutcome same =
-      compare("same", {"--renderers", "cloud:refine=1:label=it", "--against", in("before")});
+  ASSERT_EQ(compare("before", "--renderers cloud:refine=1:label=it").exit_code, 0);
+  const ProcessOutcome same = compare("same", "--renderers cloud:refine=1:label=it --against @/before");
   EXPECT_EQ(same.exit_code, 0) << same.out;
-  EXPECT_EQ(schema_violations(schema("against"), file_text(in("same/against.json"))), "");
+  expect_valid("against", text_in("same/against.json"));
   const ProcessOutcome better =
-      compare("better", {"--renderers", "cloud:label=it", "--against", in("before/result.json")});
-  EXPECT_NE(better.out.find("memory.bytes"), std::string::npos) << better.out;
+      compare("better", "--renderers cloud:label=it --against @/before/result.json");
+  EXPECT_THAT(better.out, HasSubstr("memory.bytes"));
   std::map<std::string, std::string> verdicts;
   const json changes = document("better", "against.json");
   for (const json& change : changes["changes"]) verdicts[change["number"]] = change["verdict"];
   EXPECT_EQ(verdicts.at("memory.bytes"), "better") << "a quarter of the triangles";
-  EXPECT_NE(changes["notes"].dump().find("other options"), std::string::npos);
-  const ProcessOutcome worse =
-      compare("worse", {"--renderers", "cloud:refine=1:label=it", "--against", in("better")});
+  EXPECT_THAT(changes["notes"].dump(), HasSubstr("other options"));
+  const ProcessOutcome worse = compare("worse", "--renderers cloud:refine=1:label=it --against @/better");
   EXPECT_EQ(worse.exit_code, 1) << worse.out;
-  const ProcessOutcome other = palpate_command({"compare", kTiny, "--path", "tap:frames=300", "--renderers",
-                                                "cloud", "--out", in("other"), "--against", in("before")});
-  EXPECT_EQ(other.exit_code, 2);
-  EXPECT_NE(other.err.find("another path"), std::string::npos) << other.err;
+  refuses("another path", "compare", kTiny,
+          "--path tap:frames=300 --renderers cloud --out @/other --against @/before");
 }
 
 }  // namespace

@@ -8,11 +8,12 @@
 #include <limits>
 #include <set>
 
+#include <palpate/generate.h>
 #include "experiments/report/fronts.h"
 #include "experiments/trade/against.h"
 #include "experiments/trade/document.h"
 #include "experiments/trade/tune.h"
-#include "toolkit/cloud/generate.h"
+#include "tests/experiments/program.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments {
@@ -191,7 +192,7 @@ TEST(Rows, ABrokenOneIsRefusedWithItsLine) {
         replaced("\"rate_divisor\":1", "\"rate_divisor\":0"), std::string(5000, '[') + "\n"}) {
     const auto rows = rows_of(good + bad, "rows.jsonl");
     ASSERT_FALSE(rows) << bad;
-    EXPECT_NE(rows.error().message().find("rows.jsonl:2: "), std::string::npos) << rows.error().message();
+    EXPECT_THAT(rows.error().message(), HasSubstr("rows.jsonl:2: "));
     EXPECT_FALSE(rows.error().remedy.empty());
   }
 }
@@ -269,7 +270,7 @@ TEST_F(Settings, OfAllShardsAreTheWhole) {
 
 TEST(Axes, UnknownAndDoubleOnesAreRefused) {
   EXPECT_EQ(parse_axes("")->size(), axes().size());
-  EXPECT_NE(parse_axes("shadng").error().message().find("shading"), std::string::npos);
+  EXPECT_THAT(parse_axes("shadng").error().message(), HasSubstr("shading"));
   EXPECT_FALSE(parse_axes("shading,shading"));
   EXPECT_FALSE(parse_axes(","));
 }

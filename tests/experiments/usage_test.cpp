@@ -10,13 +10,13 @@
 #include <string>
 #include <vector>
 
+#include <palpate/generate.h>
+#include <palpate/paths.h>
+#include <palpate/trace.h>
 #include "experiments/report/tables.h"
 #include "experiments/run/arguments.h"
 #include "tests/experiments/program.h"
-#include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
-#include "toolkit/trace/paths.h"
-#include "toolkit/trace/trace_io.h"
 
 namespace palpate::experiments {
 namespace {
@@ -25,7 +25,7 @@ using nlohmann::json;
 
 const char* const kPlane = "plane:points=961:extent_mm=30";
 
-class Usage : public InFolder {
+class Usage : public OnCommandLine {
  protected:
   /// A file of points "x y z".
   std::string points(const std::string& name, const std::vector<Vec3>& at) {
@@ -44,15 +44,14 @@ class Usage : public InFolder {
   /// The warnings of a run, after it was checked that terminal, document and report have the same.
   std::vector<std::string> warnings(std::vector<std::string> arguments) {
     arguments.insert(arguments.end(), {"--out", in("out")});
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 0) << run.err;
-    const json document = json::parse(file_text(in("out/result.json")));
+    const ProcessOutcome run = succeeds(arguments);
+    const json document = json_in("out/result.json");
     std::vector<std::string> all = document["warnings"];
-    const std::string report = arguments.front() == "compare" ? file_text(in("out/report.html")) : "";
+    const std::string report = arguments.front() == "compare" ? text_in("out/report.html") : "";
     for (const std::string& warning : all) {
-      EXPECT_NE(run.err.find("palpate: warning: " + warning), std::string::npos) << run.err;
+      EXPECT_THAT(run.err, HasSubstr("palpate: warning: " + warning));
       if (!report.empty()) {
-        EXPECT_NE(report.find(html_escaped(warning)), std::string::npos) << warning;
+        EXPECT_THAT(report, HasSubstr(html_escaped(warning))) << warning;
       }
     }
     return all;
@@ -67,18 +66,18 @@ bool any_says(const std::vector<std::string>& sentences, const std::string& what
 // ---- paths
 
 TEST_F(Usage, PathsAreThoseOfTheToolkitWithEveryOption) {
-  const ProcessOutcome text = palpate_command({"paths"}), run = palpate_command({"paths", "--json"});
+  const ProcessOutcome text = palpate("list paths"), run = palpate("list paths --json");
   ASSERT_EQ(text.exit_code, 0) << text.err;
   const json list = json::parse(run.out);
-  const auto& generators = trace::path_generators();
+  const auto& generators = paths::path_generators();
   ASSERT_EQ(list.size(), generators.size() + 2);
   const auto check = [&](const json& entry, const std::vector<OptionSpec>& options) {
     ASSERT_EQ(entry["options"].size(), options.size()) << entry["name"];
     for (std::size_t i = 0; i < options.size(); ++i) {
       EXPECT_EQ(entry["options"][i]["key"], options[i].key);
       EXPECT_EQ(entry["options"][i]["default"], options[i].default_value);
-      EXPECT_NE(text.out.find(options[i].key + "=" + options[i].default_value + "  " + options[i].help),
-                std::string::npos)
+      EXPECT_THAT(text.out,
+                  HasSubstr(options[i].key + "=" + options[i].default_value + "  " + options[i].help))
           << options[i].key;
     }
     EXPECT_FALSE(entry["models"].get<std::string>().empty());
@@ -94,26 +93,22 @@ TEST_F(Usage, OneOfAListIsShownAlone) {
   for (const auto& [list, name, near] : {std::tuple{"paths", "tap", "tab"},
                                          {"paths", "FILE.traj", "FILE.tray"},
                                          {"renderers", "cloud", "cluod"}}) {
-    const ProcessOutcome one = palpate_command({list, name, "--json"});
-    ASSERT_EQ(one.exit_code, 0) << one.err;
-    const json shown = json::parse(one.out);
+    const json shown = printed("list", list, name, "--json");
     ASSERT_EQ(shown.size(), 1u);
     EXPECT_EQ(shown[0]["name"], name);
-    const ProcessOutcome none = palpate_command({list, near});
-    EXPECT_EQ(none.exit_code, 2);
-    EXPECT_NE(none.err.find(fmt::format("did you mean '{}'?", name)), std::string::npos) << none.err;
+    refuses(fmt::format("did you mean '{}'?", name), "list", list, near);
   }
 }
 
 TEST_F(Usage, EveryExampleOfAPathIsOne) {
   const cloud::GeneratedModel model = cloud::generate(*parse_named_options("sphere:points=10000")).value();
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.cloud = &model.cloud;
   for (const bool formula : {true, false}) {
     target.surface = formula ? model.surface.get() : nullptr;
-    for (const trace::PathGenerator& generator : trace::path_generators()) {
+    for (const paths::PathGenerator& generator : paths::path_generators()) {
       if (generator.name == "hand") continue;  // which is run below: it needs somebody to feel
-      const auto path = trace::make_path(*parse_named_options(generator.example), target);
+      const auto path = paths::make_path(*parse_named_options(generator.example), target);
       EXPECT_TRUE(path) << generator.example << ": " << (path ? "" : path.error().message());
     }
   }
@@ -127,13 +122,13 @@ TEST_F(Usage, EveryGeneratorRunsOnAFileOfPoints) {
     bowl.emplace_back(x, y, 0.01 * (x * x + y * y));
   }
   const std::string file = points("bowl.xyz", bowl);
-  for (const trace::PathGenerator& generator : trace::path_generators()) {
-    const ProcessOutcome run = palpate_command(
-        {"replay", file, "--unit", "mm", "--renderer", "cloud", "--path",
-         generator.name + (generator.name == "hand" ? ":frames=3000" : ":frames=3000:depth_mm=0.5"), "--out",
-         in("out"), "--json"});
-    ASSERT_EQ(run.exit_code, 0) << generator.name << run.err;
-    EXPECT_GT(json::parse(run.out)["renderers"][0]["frame"]["contact_frames"], 500) << generator.name;
+  for (const paths::PathGenerator& generator : paths::path_generators()) {
+    EXPECT_GT(
+        printed("compare", file, "--unit mm --renderers cloud --path",
+                generator.name + (generator.name == "hand" ? ":frames=3000" : ":frames=3000:depth_mm=0.5"),
+                "--out @/out --json")["renderers"][0]["frame"]["contact_frames"],
+        500)
+        << generator.name;
   }
 }
 
@@ -143,37 +138,27 @@ TEST_F(Usage, ColumnsOfARecordingFromTheCommandLine) {
     text += fmt::format("{},{},0.001,0.002,{}\n", i, i, 0.001 * (0.4 - 0.005 * i));
   write_text(folder_ / "log.csv", text);
   const auto hash = [&](const std::vector<std::string>& path) {
-    std::vector<std::string> arguments = {"replay", kPlane,    "--renderer", "cloud",
-                                          "--out",  in("out"), "--json"};
-    arguments.insert(arguments.end(), path.begin(), path.end());
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 0) << run.err;
-    return json::parse(run.out)["renderers"][0]["trace_hash"].get<std::string>();
+    return printed("compare", kPlane, "--renderers cloud --out @/out --json",
+                   path)["renderers"][0]["trace_hash"]
+        .get<std::string>();
   };
   std::vector<Vec3> straight;
   for (int i = 0; i < 400; ++i) straight.emplace_back(1, 2, 1000 * (0.001 * (0.4 - 0.005 * i)));
   const std::string csv = hash({"--path", path_at("same.csv", straight)});
-  EXPECT_EQ(
-      hash({"--path", in("log.csv"), "--traj-columns", "t=1,x=2,y=3,z=4,mm_per_unit=1000,s_per_unit=0.001"}),
-      csv);
+  EXPECT_EQ(hash({"--path", in("log.csv") + ":t=1:x=2:y=3:z=4:mm_per_unit=1000:s_per_unit=0.001"}), csv);
   std::filesystem::copy_file(folder_ / "log.csv", folder_ / "log.traj");
   EXPECT_EQ(hash({"--path", in("log.traj") + ":t=1:x=2:y=3:z=4:mm_per_unit=1000:s_per_unit=0.001"}), csv);
+  // As the former version had it.
   EXPECT_EQ(hash({"--path", in("log.traj") + ":t=1:x=2:y=3:z=4", "--traj-columns",
                   "mm_per_unit=1000,s_per_unit=0.001"}),
             csv);
   const auto refused = [&](const std::vector<std::string>& path, const std::string& says) {
-    std::vector<std::string> arguments = {"replay", kPlane, "--renderer", "cloud", "--out", in("no")};
-    arguments.insert(arguments.end(), path.begin(), path.end());
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 2) << path.back();
-    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
+    refuses(says, "compare", kPlane, "--renderers cloud --out @/no", path);
   };
-  refused({"--path", "tap", "--traj-columns", "t=0"}, "is generated");
-  refused({"--path", in("log.traj") + ":t=1", "--traj-columns", "t=2"}, "given twice");
-  refused({"--path", in("log.csv"), "--traj-columns", "tt=2"}, "tt");
-  refused({"--path", in("log.csv"), "--traj-columns", "t=0,x=9"}, "too few");
+  refused({"--path", in("log.csv") + ":tt=2"}, "tt");
+  refused({"--path", in("log.csv") + ":t=0:x=9"}, "too few");
   refused({"--path", in("log.csv")}, "header");
-  refused({"--path", in("log.csv")}, "--traj-columns");
+  refused({"--path", in("log.csv")}, "FILE:t=0");
   refused({"--path", "spirale"}, "did you mean 'spiral'?");
 }
 
@@ -181,13 +166,10 @@ TEST_F(Usage, ColumnsOfARecordingFromTheCommandLine) {
 
 TEST_F(Usage, SurfacesFromTheCommandLineActAndSaySo) {
   const auto largest = [&](const std::vector<std::string>& surface) {
-    std::vector<std::string> arguments = {
-        "replay", kPlane, "--renderer", "cloud", "--path", "tap:frames=500:depth_mm=1", "--out", in("out")};
-    arguments.insert(arguments.end(), surface.begin(), surface.end());
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 0) << run.err;
+    const ProcessOutcome run = succeeds(
+        "compare", kPlane, "--renderers cloud --path tap:frames=500:depth_mm=1 --out @/out", surface);
     if (!surface.empty()) {
-      EXPECT_NE(run.err.find("From the command line, for every model"), std::string::npos) << run.err;
+      EXPECT_THAT(run.err, HasSubstr("From the command line, for every model"));
     }
     double most = 0;
     const auto read = trace::read_trace_csv(in("out/trace.csv"));
@@ -197,39 +179,23 @@ TEST_F(Usage, SurfacesFromTheCommandLineActAndSaySo) {
   EXPECT_NEAR(largest({}), 0.5, 1e-4);
   EXPECT_NEAR(largest({"--stiffness", "0.8"}), 0.8, 1e-4);
   EXPECT_NEAR(largest({"--stiffness", "0.8", "--deformation", "0.25"}), 0.6, 1e-4);
-  const ProcessOutcome plan = palpate_command({"plan", kPlane, "--friction", "0.7,0.5", "--json"});
-  ASSERT_EQ(plan.exit_code, 0) << plan.err;
-  EXPECT_NE(plan.out.find("friction 0.7 static, 0.5 dynamic"), std::string::npos) << plan.out;
+  const ProcessOutcome plan = succeeds("info plan", kPlane, "--friction 0.7,0.5 --json");
+  EXPECT_THAT(plan.out, HasSubstr("friction 0.7 static, 0.5 dynamic"));
 }
 
 TEST_F(Usage, SurfacesThatCannotBeAreRefused) {
-  for (const auto& [option, value] :
-       std::vector<std::pair<std::string, std::string>>{{"--stiffness", "0"},
-                                                        {"--stiffness", "-1"},
-                                                        {"--stiffness", "nan"},
-                                                        {"--stiffness", "inf"},
-                                                        {"--stiffness", "1e300"},
-                                                        {"--friction", "1e300"},
-                                                        {"--stiffness", "0.5 N"},
-                                                        {"--friction", "-0.1"},
-                                                        {"--friction", "0.5,0.7"},
-                                                        {"--friction", "1,2,3"},
-                                                        {"--friction", "0.5,"},
-                                                        {"--friction", "a"},
-                                                        {"--deformation", "1"},
-                                                        {"--deformation", "-0.1"},
-                                                        {"--deformation", "1e999"}}) {
-    const ProcessOutcome run = palpate_command({"plan", kPlane, option + "=" + value});
-    EXPECT_EQ(run.exit_code, 2) << option << ' ' << value;
-    EXPECT_NE(run.err.find(option), std::string::npos) << run.err;
-  }
+  for (const std::string word :
+       {"--stiffness=0", "--stiffness=-1", "--stiffness=nan", "--stiffness=inf", "--stiffness=1e300",
+        "--friction=1e300", "--stiffness=0.5 N", "--friction=-0.1", "--friction=0.5,0.7", "--friction=1,2,3",
+        "--friction=0.5,", "--friction=a", "--deformation=1", "--deformation=-0.1", "--deformation=1e999"})
+    refuses(word.substr(0, word.find('=')), "info plan", kPlane, word);
 }
 
 TEST_F(Usage, SurfacesPointByPointAreNotPassedOverInSilence) {
   const std::string model = "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n";
   write_text(folder_ / "region.toml", model + "[[model.region]]\nx_mm = [0, 10]\nfriction = 0.9\n");
-  const std::vector<std::string> region = warnings(
-      {"replay", in("region.toml"), "--friction", "0.2", "--renderer", "cloud", "--path", "tap:frames=500"});
+  const std::vector<std::string> region = warnings({"compare", in("region.toml"), "--friction", "0.2",
+                                                    "--renderers", "cloud", "--path", "tap:frames=500"});
   EXPECT_TRUE(any_says(region, "--friction does not hold in a region of 'plane' (line 5)")) << json(region);
   std::string ply = "x y z k\n";
   for (int i = 0; i < 400; ++i) ply += fmt::format("{} {} 0 0.5\n", i % 20, i / 20);
@@ -237,10 +203,7 @@ TEST_F(Usage, SurfacesPointByPointAreNotPassedOverInSilence) {
   write_text(folder_ / "column.toml",
              "[[model]]\ncloud = \"k.csv\"\nunit = \"mm\"\n[model.surface]\nstiffness_n_per_mm = { column = "
              "\"k\" }\n");
-  const ProcessOutcome run = palpate_command({"plan", in("column.toml"), "--stiffness", "0.8"});
-  EXPECT_EQ(run.exit_code, 2) << run.out;
-  EXPECT_NE(run.err.find("point by point from the column 'k'"), std::string::npos) << run.err;
-  EXPECT_NE(run.err.find("column.toml:4"), std::string::npos) << run.err;
+  refuses({"point by point from the column 'k'", "column.toml:4"}, "info plan @/column.toml --stiffness 0.8");
 }
 
 // ---- scans by name
@@ -248,35 +211,21 @@ TEST_F(Usage, SurfacesPointByPointAreNotPassedOverInSilence) {
 TEST_F(Usage, EveryCommandThatTakesAModelTakesAScanByName) {
   const Environment data("PALPATE_DATA", folder_.c_str());
   const Environment cache("XDG_CACHE_HOME", in("cache").c_str());
-  const ProcessOutcome missing = palpate_command({"info", "stanford-bunny"});
-  EXPECT_EQ(missing.exit_code, 2);
-  EXPECT_NE(missing.err.find("palpate fetch stanford-bunny"), std::string::npos) << missing.err;
-  EXPECT_NE(palpate_command({"info", "stanford-buny"}).err.find("did you mean 'stanford-bunny'"),
-            std::string::npos);
-  ASSERT_EQ(palpate_command({"clean", "sphere:points=2000:scale=0.001", "--steps", "thin/cell=0.1", "--out",
-                             in("sphere.ply")})
-                .exit_code,
-            0);
+  refuses("palpate fetch stanford-bunny", "info stanford-bunny");
+  EXPECT_THAT(palpate("info stanford-buny").err, HasSubstr("did you mean 'stanford-bunny'"));
+  succeeds("clean sphere:points=2000:scale=0.001 --steps thin/cell=0.1 --out @/sphere.ply");
   std::filesystem::create_directories(folder_ / "stanford");
   std::filesystem::rename(folder_ / "sphere.ply", folder_ / "stanford/bun_zipper.ply");
-  const ProcessOutcome info = palpate_command({"info", "stanford-bunny", "--json"});
-  ASSERT_EQ(info.exit_code, 0) << info.err;
-  EXPECT_EQ(json::parse(info.out)["unit"], "m");
-  EXPECT_EQ(palpate_command({"plan", "stanford-bunny"}).exit_code, 0);
-  EXPECT_EQ(
-      palpate_command({"clean", "stanford-bunny", "--steps", "thin", "--out", in("thin.ply")}).exit_code, 0);
-  for (const char* command : {"replay", "compare"}) {
-    const ProcessOutcome run = palpate_command(
-        {command, "stanford-bunny", command == std::string("replay") ? "--renderer" : "--renderers", "cloud",
-         "--path", "tap:frames=500", "--out", in(command)});
-    EXPECT_EQ(run.exit_code, 0) << run.err;
-  }
+  EXPECT_EQ(printed("info stanford-bunny --json")["unit"], "m");
+  succeeds("info plan stanford-bunny");
+  succeeds("clean stanford-bunny --steps thin --out @/thin.ply");
+  succeeds("compare stanford-bunny --renderers cloud --path tap:frames=500 --out @/compare");
 }
 
 // ---- what is not here
 
 TEST_F(Usage, TablesAreReproducedAsFarAsTheNetworkAllows) {
-  if (palpate_command({"renderers"}).out.find("mesh-godobject") == std::string::npos)
+  if (palpate("list renderers").out.find("mesh-godobject") == std::string::npos)
     GTEST_SKIP() << "built without meshes";
   std::filesystem::create_directories(folder_ / "empty");
   const Environment data("PALPATE_DATA", in("empty").c_str()), cache("XDG_CACHE_HOME", in("cache").c_str());
@@ -284,15 +233,12 @@ TEST_F(Usage, TablesAreReproducedAsFarAsTheNetworkAllows) {
   const char* const kNobody = "http://127.0.0.1:9";
   const Environment http("http_proxy", kNobody), https("https_proxy", kNobody), all("all_proxy", kNobody),
       npm("npm_config_registry", kNobody), none("no_proxy", nullptr), upper("NO_PROXY", nullptr);
-  const ProcessOutcome run =
-      palpate_command({"reproduce", "--tables", "3", "--mesh-limit", "2", "--out", in("out")});
-  EXPECT_EQ(run.exit_code, 0) << run.err << run.out;
-  EXPECT_NE(run.out.find("not done: table 3, bunny"), std::string::npos) << run.out;
-  EXPECT_NE(run.out.find("not done: table 3, dragon"), std::string::npos) << run.out;
-  EXPECT_NE(run.out.find("Reconstruction of the sinusoid"), std::string::npos) << run.out;
-  EXPECT_TRUE(std::filesystem::exists(in("out/report.html")));
+  const ProcessOutcome run = succeeds("reproduce --tables 3 --mesh-limit 2 --out @/out");
+  EXPECT_THAT(run.out, HasAll("not done: table 3, bunny", "not done: table 3, dragon",
+                              "Reconstruction of the sinusoid"));
+  EXPECT_TRUE(exists("out/report.html"));
   // Where nothing comes of what was asked for, that is a failure.
-  EXPECT_EQ(palpate_command({"reproduce", "--tables", "9", "--out", in("nine")}).exit_code, 1);
+  EXPECT_EQ(palpate("reproduce --tables 9 --out @/nine").exit_code, 1);
 }
 
 // ---- models that are none
@@ -308,21 +254,17 @@ TEST_F(Usage, PointsThatAreNoSurfaceAreRefused) {
   const std::string path = path_at("p.csv", {{0, 0, 10}, {0, 0, 9}});
   for (const auto& [file, says] : clouds) {
     SCOPED_TRACE(file);
-    const ProcessOutcome info = palpate_command({"info", file, "--unit", "mm", "--json"});
-    EXPECT_EQ(info.exit_code, 0) << info.err;
+    const ProcessOutcome info = succeeds("info", file, "--unit mm --json");
     EXPECT_TRUE(any_says(json::parse(info.out)["warnings"], says)) << info.out;
     for (const std::vector<std::string>& command :
-         {std::vector<std::string>{"plan", file, "--unit", "mm"},
-          {"replay", file, "--unit", "mm", "--path", path, "--out", in("out")},
+         {std::vector<std::string>{"info", "plan", file, "--unit", "mm"},
+          {"compare", file, "--unit", "mm", "--path", path, "--out", in("out"), "--renderers", "auto"},
           {"compare", file, "--unit", "mm", "--renderers", "cloud", "--path", path, "--out", in("out")}}) {
-      const ProcessOutcome run = palpate_command(command);
-      EXPECT_EQ(run.exit_code, 2) << command[0];
-      EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
-      EXPECT_NE(run.err.find("at least 3 that are not in one line"), std::string::npos) << run.err;
+      refuses({says, "at least 3 that are not in one line"}, command);
     }
   }
   const std::string three = points("three.xyz", {{0, 0, 0}, {10, 0, 0}, {0, 10, 0}});
-  EXPECT_EQ(palpate_command({"plan", three, "--unit", "mm"}).exit_code, 0) << "three places are a plane";
+  EXPECT_EQ(palpate("info plan", three, "--unit mm").exit_code, 0) << "three places are a plane";
 }
 
 TEST_F(Usage, AFileInMetresReadAsMillimetresIsSaid) {
@@ -330,9 +272,7 @@ TEST_F(Usage, AFileInMetresReadAsMillimetresIsSaid) {
   for (int i = 0; i < 400; ++i) at.emplace_back(0.01 * (i % 20), 0.01 * (i / 20), 0);
   const std::string file = points("metres.xyz", at);
   const auto warned = [&](const char* unit) {
-    const ProcessOutcome run = palpate_command({"info", file, "--unit", unit, "--json"});
-    EXPECT_EQ(run.exit_code, 0) << run.err;
-    return any_says(json::parse(run.out)["warnings"], "is its file in metres");
+    return any_says(printed("info", file, "--unit", unit, "--json")["warnings"], "is its file in metres");
   };
   EXPECT_TRUE(warned("mm"));
   EXPECT_FALSE(warned("m"));
@@ -350,9 +290,7 @@ TEST_F(Usage, APathThatNeverTouchesIsSaidWithItsNearestApproach) {
   for (int i = -50; i <= 50; ++i) above.emplace_back(0.5 + 0.001 * i, 0.5, 5 + 0.01 * std::abs(i));
   std::vector<std::string> said = run(above);
   ASSERT_EQ(said.size(), 1u) << json(said);
-  EXPECT_NE(said[0].find("The path never touches: its nearest approach is 5.05 mm"), std::string::npos)
-      << said[0];
-  EXPECT_NE(said[0].find("at 0.05 s"), std::string::npos) << said[0];
+  EXPECT_THAT(said[0], HasAll("The path never touches: its nearest approach is 5.05 mm", "at 0.05 s"));
   // A hundred models away, of its size.
   std::vector<Vec3> away;
   for (int i = 0; i < 100; ++i) away.emplace_back(3000 + 0.2 * i, 0, 1);
@@ -378,7 +316,7 @@ TEST_F(Usage, ARendererThatFeelsNothingWhereTheTruthDoesIsSaid) {
 }
 
 TEST_F(Usage, AReferenceElsewhereIsRefusedAndOneThatDoesNotFitSaid) {
-  if (palpate_command({"renderers"}).out.find("mesh-godobject") == std::string::npos)
+  if (palpate("list renderers").out.find("mesh-godobject") == std::string::npos)
     GTEST_SKIP() << "built without the reference on meshes";
   const auto mesh = [&](const char* name, double scale, const Vec3& at) {
     std::string off = "OFF\n4 2 0\n";
@@ -396,11 +334,9 @@ TEST_F(Usage, AReferenceElsewhereIsRefusedAndOneThatDoesNotFitSaid) {
   EXPECT_TRUE(warnings(compare(mesh("right.off", 1, Vec3::Zero()))).empty());
   std::vector<std::string> elsewhere = compare(mesh("elsewhere.off", 1, Vec3(100, 0, 0)));
   elsewhere.insert(elsewhere.end(), {"--out", in("no")});
-  const ProcessOutcome run = palpate_command(elsewhere);
-  EXPECT_EQ(run.exit_code, 2) << run.err;
-  EXPECT_NE(run.err.find("stands elsewhere than the model"), std::string::npos) << run.err;
-  EXPECT_NE(run.err.find("(85, -15, 0) to (115, 15, 0)"), std::string::npos) << "both boxes: " << run.err;
-  EXPECT_NE(run.err.find("(-15, -15, 0) to (15, 15, 0)"), std::string::npos) << "both boxes: " << run.err;
+  const ProcessOutcome run = refuses("stands elsewhere than the model", elsewhere);
+  EXPECT_THAT(run.err, HasSubstr("(85, -15, 0) to (115, 15, 0)")) << "both boxes: ";
+  EXPECT_THAT(run.err, HasSubstr("(-15, -15, 0) to (15, 15, 0)")) << "both boxes: ";
   const std::vector<std::string> small = warnings(compare(mesh("small.off", 1e-3, Vec3::Zero())));
   EXPECT_TRUE(any_says(small, "metres and millimetres?")) << json(small);
   const std::vector<std::string> aside = warnings(compare(mesh("aside.off", 1, Vec3(0, 0, 0.29))));
@@ -411,7 +347,7 @@ TEST_F(Usage, ModelsFarApartAreSaid) {
   const std::string first = "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n";
   const auto said = [&](const std::string& second) {
     write_text(folder_ / "s.toml", first + first + second);
-    return warnings({"replay", in("s.toml"), "--renderer", "cloud", "--path", "tap:frames=500"});
+    return warnings({"compare", in("s.toml"), "--renderers", "cloud", "--path", "tap:frames=500"});
   };
   EXPECT_TRUE(said("position_mm = [0, 0, -20]\n").empty());
   EXPECT_TRUE(any_says(said("position_mm = [30000, 0, 0]\n"), "29,970 mm from the nearest other model"));

@@ -13,13 +13,13 @@
 #include <string>
 #include <vector>
 
+#include <palpate/clock.h>
 #include "experiments/live/stand_in.h"
 #include "experiments/live/window_hooks.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/pulled_falcon.h"
 #include "tests/experiments/window_rig.h"
-#include "toolkit/cloud/part.h"
-#include "toolkit/core/clock.h"
+#include "toolkit/cloud/cloud_subset.h"
 
 namespace palpate::experiments {
 namespace {
@@ -369,7 +369,7 @@ TEST(StandIn, SpreadsEvenlyAndTakesThePropertiesAlong) {
   for (std::size_t i = 0; i < cloud.size(); ++i) number.values.push_back(static_cast<float>(i));
   cloud.properties = {number};
   const std::vector<std::uint32_t> kept = thinned(cloud, 8'000);
-  const cloud::Cloud thin = cloud::part_of(cloud, kept);
+  const cloud::Cloud thin = cloud::subset_of(cloud, kept);
   EXPECT_GT(kept.size(), 6'000u);
   EXPECT_LT(kept.size(), 10'000u);
   EXPECT_EQ(kept, thinned(cloud, 8'000)) << "the same every time";

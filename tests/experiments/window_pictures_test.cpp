@@ -1,5 +1,5 @@
-// Pictures of the window on the dragon, for docs/window.md: made where PALPATE_PICTURES names a folder and
-// PALPATE_DATA has the scans.
+// Pictures of the window on the dragon, for docs/how-to/feel-live.md: made where PALPATE_PICTURES names a
+// folder and PALPATE_DATA has the scans.
 #include <gtest/gtest.h>
 
 #include <cstdlib>

@@ -14,13 +14,13 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/device/servo_loop.h>
+#include <palpate/options.h>
+#include <palpate/scene.h>
 #include "device/live/workspace.h"
-#include "device/servo/servo_loop.h"
 #include "device/simulated/arm_models.h"
 #include "experiments/session/session.h"
 #include "experiments/window/window.h"
-#include "toolkit/core/options.h"
-#include "toolkit/scene/scene.h"
 
 namespace palpate::experiments {
 

@@ -109,7 +109,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   double deepest_mm = 0.0;
   std::uint32_t deepest = 0;
   for (std::uint32_t i = 0; i < cloud.size(); ++i) {
-    const double away_mm = (*editable->place_mm(0, i) - cloud.local_mm(i)).norm();
+    const double away_mm = (*editable->point_position_mm(0, i) - cloud.local_mm(i)).norm();
     moved += away_mm > 0.0 ? 1u : 0u;
     if (away_mm <= deepest_mm) continue;
     deepest_mm = away_mm;
@@ -117,7 +117,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   }
   EXPECT_GT(deepest_mm, 0.5);
   EXPECT_GE(window->scene().shifted(), moved * 9 / 10);
-  const Vec3 now_mm = cloud.origin_mm + *editable->place_mm(0, deepest);
+  const Vec3 now_mm = cloud.origin_mm + *editable->point_position_mm(0, deepest);
   const Pixel there = seen(now_mm);
   const std::optional<Hit> hit = window->scene().splats().at(there.x, there.y);
   ASSERT_TRUE(hit);
@@ -133,7 +133,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
 
 TEST_F(WindowShows, CellsThatTheWayIntoTheSurfaceCrosses) {
   VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3",
-                                 {"cloud:surface=vertices"});
+                                 {"cloud-vertices"});
   begin(virtual_session);
   virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
   virtual_session.run(1.0);

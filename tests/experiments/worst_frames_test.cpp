@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/core/instructions.h"
+#include "toolkit/core/instruction_counter.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {
@@ -30,7 +30,7 @@ constexpr double kMostGrowth = 5.0;
 
 /// Two ways to count the same frame: an instruction that repeats itself is one to callgrind and several to
 /// who steps, and the stepped frame has some dozen of its mark's own.
-constexpr double kSameShare = 0.02;
+constexpr double kAgreementShare = 0.02;
 
 struct Counted {
   std::string renderer, scene;
@@ -76,7 +76,7 @@ std::vector<Counted> count_by_steps(const std::vector<std::string>& words, doubl
 }
 
 TEST(WorstFrames, AreWithinTheWrittenBound) {
-  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
+  if (const Status able = can_count_instructions(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_WORST_FRAMES)) GTEST_SKIP() << "built without the benchmarks";
 #ifndef NDEBUG
   GTEST_SKIP() << "the counts are those of release builds";
@@ -108,7 +108,7 @@ TEST(WorstFrames, AreWithinTheWrittenBound) {
 
 // Callgrind and a processor that is stopped after each instruction are of one opinion.
 TEST(WorstFrames, AreTheSameStepByStep) {
-  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
+  if (const Status able = can_count_instructions(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_WORST_FRAMES)) GTEST_SKIP() << "built without the benchmarks";
 #ifndef NDEBUG
   GTEST_SKIP() << "the counts are those of release builds";
@@ -121,7 +121,7 @@ TEST(WorstFrames, AreTheSameStepByStep) {
   EXPECT_FALSE(stepped.empty());
   for (const Counted& one : stepped) {
     ASSERT_TRUE(by_frame.contains(one.frame)) << one.frame;
-    EXPECT_NEAR(one.instructions, by_frame[one.frame], kSameShare * by_frame[one.frame]) << one.frame;
+    EXPECT_NEAR(one.instructions, by_frame[one.frame], kAgreementShare * by_frame[one.frame]) << one.frame;
   }
 }
 

@@ -1,6 +1,5 @@
-// Bytes as a datagram of the bridge: what is decoded encodes to the same bytes, and neither side of the
-// bridge gives a force for it. The first datagram is taken as it is, and once more with a right CRC, so that
-// the fuzzer gets past it.
+// Fuzzes bridge datagrams: decoded ones encode to the same bytes, and neither side gives a force for them.
+// The first is used as it is and with a corrected CRC.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -8,7 +7,7 @@
 #include <vector>
 
 #include "device/bridge/bridge_device.h"
-#include "device/bridge/far_end.h"
+#include "device/bridge/bridge_server.h"
 
 namespace palpate::device {
 namespace {
@@ -17,7 +16,6 @@ void sound(bool so) {
   if (!so) std::abort();
 }
 
-/// Says the same datagram again and again.
 class OneDatagram final : public Link, public DatagramPort {
  public:
   explicit OneDatagram(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -43,7 +41,6 @@ class OneDatagram final : public Link, public DatagramPort {
   std::span<const std::uint8_t> bytes_;
 };
 
-/// Aborts where it is given any force.
 class NoForce final : public Device {
  public:
   [[nodiscard]] std::string name() const override { return "none"; }
@@ -64,7 +61,7 @@ void feed(std::span<const std::uint8_t> bytes) {
   VirtualClock clock;
   OneDatagram port(bytes);
   NoForce motors;
-  FarEnd far(motors, port, clock, {});
+  BridgeServer far(motors, port, clock, {});
   sound(far.open().ok());
   for (int i = 0; i < 3; ++i) {
     far.tick();
@@ -75,7 +72,7 @@ void feed(std::span<const std::uint8_t> bytes) {
   options.wait = [&clock] { clock.advance(1e-3); };
   auto owned = std::make_unique<OneDatagram>(bytes);
   BridgeDevice host(std::move(owned), clock, options);
-  sound(!host.open().ok());  // one datagram makes no far end that obeys
+  sound(!host.open().ok());  // one datagram cannot make the far end obey
 }
 
 }  // namespace
@@ -86,7 +83,7 @@ extern "C" int palpate_fuzz_bridge(const std::uint8_t* data, std::size_t size) {
   const std::span<const std::uint8_t> bytes(data, size);
   feed(bytes);
   constexpr std::size_t kCrc = 4;
-  if (size < kCrc || size > kMostDatagramBytes) return 0;
+  if (size < kCrc || size > kMaxDatagramBytes) return 0;
   std::vector<std::uint8_t> mended(bytes.begin(), bytes.end());
   const std::uint32_t crc = crc32_of(bytes.first(size - kCrc));
   for (std::size_t i = 0; i < kCrc; ++i)

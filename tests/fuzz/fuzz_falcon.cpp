@@ -1,5 +1,5 @@
-// Bytes as an image of firmware, as replies, and as what a whole Falcon sends: what is found must be what
-// stands there, and the device above must stay sane.
+// Fuzzes Falcon firmware images, replies and a whole device: results must match the bytes, and the device
+// must stay sane.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include <palpate/device/force_governor.h>
 #include "device/falcon/falcon_device.h"
-#include "device/interface/force_governor.h"
 
 namespace palpate::device {
 namespace {
@@ -17,7 +17,7 @@ void must(bool sound) {
   if (!sound) std::abort();
 }
 
-/// Answers until packets flow; from then on gives the input as packets whose sizes are bytes of it.
+/// Answers until packets flow; then gives the input as packets, whose sizes are bytes of it.
 class FuzzedLink final : public ControlLink {
  public:
   explicit FuzzedLink(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}

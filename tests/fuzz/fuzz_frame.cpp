@@ -1,6 +1,5 @@
-// Any bytes as a small model, a renderer of ours with options, and a way of the HIP: frames keep their
-// promises, and a restart gives them again. What was found stands in tests/corpus/frame; tests/house replays
-// it in every build.
+// Fuzzes frames: bytes give a small model, a renderer of ours with options, and HIP motion. Frames keep their
+// guarantees, and a restart repeats them. tests/house replays the findings in tests/corpus/frame.
 #include <array>
 #include <cstdint>
 #include <cstdlib>
@@ -9,19 +8,18 @@
 #include <span>
 #include <vector>
 
+#include <palpate/registry.h>
 #include "toolkit/core/hash.h"
-#include "toolkit/render/frame_shell.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/render/frame_loop.h"
 
 namespace {
 
 using namespace palpate;
 
 constexpr double kLimitN = 3.3, kPeriodS = 1e-3;
-/// Of a limited force: what scaling it to the limit rounds.
+/// Rounding when a force is scaled to its limit.
 constexpr double kLimitRounding = 1.0 + 1e-12;
-/// Coordinates are 16 bits of +-32 mm.
+/// Coordinates are 16 bits over +-32 mm.
 constexpr double kStepMm = 1.0 / 1024.0;
 constexpr std::size_t kMostPoints = 96, kMostFrames = 400;
 
@@ -29,7 +27,7 @@ void require_frame(bool holds) {
   if (!holds) std::abort();
 }
 
-/// Bytes one after the other; zeros at the end.
+/// Reads byte by byte; zeros at the end.
 class Bytes {
  public:
   Bytes(const std::uint8_t* data, std::size_t size) : data_(data, size) {}
@@ -59,12 +57,12 @@ constexpr std::array<Chosen, 14> kChosen = {{
     {"cloud-smooth", nullptr, nullptr},
     {"heightfield", nullptr, nullptr},
     {"cloud", "refine", "1"},
-    {"cloud", "surface", "vertices"},
-    {"cloud", "partition", "octree"},
-    {"cloud", "partition", "quadtree"},
-    {"cloud", "box", "per-vertex"},
-    {"cloud", "test", "swept-sphere"},
-    {"cloud", "neighbours", "exact-knn"},
+    {"cloud", "refine", "2"},
+    {"cloud", "sides", "both"},
+    {"cloud", "raster", "off"},
+    {"cloud", "walk_steps", "16"},
+    {"cloud", "combine", "sum"},
+    {"brute-force", nullptr, nullptr},
     {"cloud-smooth", "detail", "0.5"},
     {"cloud-smooth", "voxel", "4"},
     {"heightfield", "shading", "nearest"},
@@ -91,14 +89,13 @@ cloud::Cloud model_of(Bytes& bytes, bool heights) {
   return cloud;
 }
 
-enum class Move : std::uint8_t { kTo, kAtPoint, kBy, kBetween, kOdd, kLetGo, kRestart, kCount };
+enum class Move : std::uint8_t { kTo, kAtPoint, kBy, kBetween, kOdd, kReleaseContact, kRestart, kCount };
 
 struct Act {
   Move move = Move::kTo;
   Vec3 hip = Vec3::Zero();
 };
 
-/// Where the HIP goes.
 std::vector<Act> acts_of(Bytes& bytes, const cloud::Cloud& cloud) {
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
@@ -141,15 +138,16 @@ std::uint64_t played(render::HapticRenderer& renderer, const std::vector<Act>& a
   renderer.restart(start, t_s);
   for (const Act& act : acts) {
     t_s += kPeriodS;
-    if (act.move == Move::kLetGo) renderer.let_go(act.hip);
+    if (act.move == Move::kReleaseContact) renderer.release_contact(act.hip);
     if (act.move == Move::kRestart) renderer.restart(act.hip, t_s - kPeriodS);
     const render::Frame frame = renderer.step(act.hip, t_s);
     require_frame(is_finite(frame.force_n));
     require_frame(frame.force_n.norm() <= kLimitN * kLimitRounding);
-    require_frame((frame.status == render::FrameStatus::kNonFinite) == !render::is_place(act.hip));
+    require_frame((frame.status == render::FrameStatus::kNonFinite) ==
+                  !render::is_representable_hip(act.hip));
     require_frame(frame.contact || frame.force_n == Vec3::Zero());
     require_frame(frame.contact == (frame.model == 0));
-    if (render::is_place(act.hip)) require_frame(is_finite(frame.god_object_mm));
+    if (render::is_representable_hip(act.hip)) require_frame(is_finite(frame.god_object_mm));
     hash.byte(static_cast<std::uint8_t>(frame.contact));
     for (int axis = 0; axis < 3; ++axis) hash.real(frame.force_n[axis]);
     for (int axis = 0; axis < 3; ++axis) hash.real(frame.god_object_mm[axis]);

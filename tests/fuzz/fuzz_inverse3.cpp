@@ -1,5 +1,5 @@
-// Bytes as a text of the Inverse3's service, and as an answer over HTTP: nothing is taken for a position that
-// is not finite, and what is sent is always a text with a finite force.
+// Fuzzes texts of the Inverse3's service and HTTP answers: accepted positions are finite, and sent texts are
+// valid with finite forces.
 #include <cstdint>
 #include <cstdlib>
 #include <string>
@@ -24,7 +24,7 @@ extern "C" int palpate_fuzz_inverse3(const std::uint8_t* data, std::size_t size)
   holds(palpate::is_finite(read.position_mm) && (read.has_position || read.position_mm.isZero(0.0)));
   holds(!read.has_device || read.is_json);
   const palpate::VirtualClock clock;
-  Inverse3Talk talk(clock, "", 0.3);
+  Inverse3Session talk(clock, "", 0.3);
   talk.take(text);
   holds(talk.present() == (read.has_device && read.has_position));
   talk.force(palpate::Vec3{1.0, -2.0, 0.5});

@@ -1,7 +1,7 @@
-// Bytes as what open devices say, and as the file that describes one. The first byte says which: a report8,
-// b report14, c lines of text, s 3Dconnexion, p Haply's plane, d description. The others come in pieces whose
-// sizes are bytes of the input. Whatever comes: positions are finite, only zero or currents within the cap go
-// out, and a device that is not homed moves nothing.
+// Fuzzes open devices and their description file. The first byte selects: a report8, b report14, c lines of
+// text, s 3Dconnexion, p Haply's plane, d description. Device input comes in pieces whose sizes are bytes of
+// it. Positions are finite, only zero or currents within the cap go out, and a device that is not homed moves
+// nothing.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -13,9 +13,9 @@
 #include <string_view>
 #include <vector>
 
+#include <palpate/device/force_governor.h>
 #include "device/arms/arm_device.h"
 #include "device/haply/planar_device.h"
-#include "device/interface/force_governor.h"
 #include "device/spacemouse/spacemouse_device.h"
 
 namespace palpate::device {
@@ -25,7 +25,7 @@ void must_hold(bool sound) {
   if (!sound) std::abort();
 }
 
-/// Gives the input in pieces whose sizes are bytes of it; looks at what is sent.
+/// Gives the input in pieces whose sizes are bytes of it; checks what is sent.
 class FuzzedLink final : public Link {
  public:
   using Check = void (*)(std::span<const std::uint8_t>);
@@ -85,7 +85,7 @@ void check_lamp(std::span<const std::uint8_t> bytes) {
   must_hold(bytes.size() == 2 && bytes[0] == 4);
 }
 
-/// Runs until the link says that it is gone, with a governor that wants 3 N.
+/// Runs until the link is gone, with a governor that wants 3 N.
 void run_frames(Device& device, VirtualClock& clock, std::size_t most) {
   must_hold(device.open().ok());
   ForceGovernor governor = ForceGovernor::create(device.limits(), {}).value();
@@ -111,7 +111,7 @@ ArmDescription built_in_arm(std::string_view name) {
 
 void run_arm(const ArmDescription& described, std::span<const std::uint8_t> bytes) {
   ArmDescription arm = described;
-  // No hand waits half a second here.
+  // Skips lying still for half a second.
   if (arm.form == ArmForm::kReport8) arm.rest = ArmRest::kPowerOn;
   const FuzzedLink::Check check = arm.form == ArmForm::kText ? &check_text : &check_words;
   VirtualClock clock;

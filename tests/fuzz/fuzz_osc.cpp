@@ -1,4 +1,4 @@
-// Bytes as a message or a bundle of Open Sound Control, and as what it asks of a session.
+// Fuzzes Open Sound Control messages and bundles, and their requests to a session.
 #include <cstdint>
 #include <cstdlib>
 #include <span>
@@ -20,11 +20,11 @@ bool lies_in(std::string_view text, std::span<const std::uint8_t> bytes) {
 
 void check_osc_message(const OscMessage& message, std::span<const std::uint8_t> bytes) {
   osc_must(message.address.starts_with('/') && lies_in(message.address, bytes));
-  osc_must(message.count <= OscMessage::kMostArguments);
+  osc_must(message.count <= OscMessage::kMaxArguments);
   for (std::size_t i = 0; i < message.count; ++i) osc_must(lies_in(message.arguments[i].text, bytes));
   const auto command = command_of(message);
   if (!command) return;
-  osc_must(command->text.size() <= kMostRemoteText);
+  osc_must(command->text.size() <= kMaxRemoteText);
   if (command->kind == RemoteCommand::Kind::kSelect)
     osc_must((command->number > 0) != !command->text.empty());
 }
@@ -40,7 +40,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (message) osc_must(messages && messages->size() == 1);
   if (!messages) return 0;
   osc_must(size % 4 == 0);
-  // Each takes its length and a word at least.
+  // Each needs at least its length and one word.
   osc_must(messages->size() <= size / 4);
   for (const OscMessage& one : *messages) check_osc_message(one, bytes);
   return 0;

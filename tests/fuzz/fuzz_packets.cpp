@@ -1,5 +1,4 @@
-// Bytes as what comes over a link, in pieces of any size: the packets found must be those that stand there,
-// and the device above must stay sane.
+// Fuzzes a link in pieces of any size: packets found must match the bytes, and the device must stay sane.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -35,7 +34,7 @@ class PiecesLink final : public Link {
   std::size_t at_ = 0;
 };
 
-/// What stands in the stream, from left to right without overlap.
+/// The packets in the stream, left to right without overlap.
 std::vector<Packet> scanned(std::span<const std::uint8_t> bytes) {
   std::vector<Packet> all;
   for (std::size_t i = 0; i + kPacketBytes <= bytes.size();) {

@@ -1,5 +1,4 @@
-// The check that stands between a PCD file and PCL: what it lets through must fit into the file and into
-// memory.
+// Fuzzes the check of PCD files before PCL: accepted headers must fit the file and memory.
 #include <cstdint>
 #include <cstdlib>
 
@@ -17,7 +16,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::uint64_t bytes = header->points() * header->point_bytes;
   bool sound = header->points() > 0 && header->body_at <= size && bytes <= options.max_bytes;
   if (header->data == palpate::io::PcdData::kBinary) sound = sound && header->body_at + bytes <= size;
-  // Our own words must say the same again.
+  // The canonical header must parse to itself.
   std::string again = header->canonical;
   again.append(reinterpret_cast<const char*>(data) + header->body_at, size - header->body_at);
   const auto second = palpate::io::check_pcd(std::as_bytes(std::span(again)), options);

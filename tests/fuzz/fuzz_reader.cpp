@@ -1,8 +1,9 @@
-// Any bytes under the name PALPATE_FUZZ_NAME: an Error or a model that keeps its promises, in bounded memory.
+// Fuzzes file readers under the name PALPATE_FUZZ_NAME: an Error or a valid model, in bounded memory.
 #include <cstdint>
 #include <cstdlib>
 
-#include "toolkit/io/read_model.h"
+#include <palpate/read_model.h>
+#include "toolkit/io/byte_source.h"
 
 namespace {
 
@@ -36,7 +37,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return all;
   }();
   palpate::io::ReadOptions options;
-  // Small, because the fuzzers of the decompressors soon find bombs, and each costs its bound.
+  // Small, because fuzzers of the decompressors soon find bombs, each of which costs the bound.
   options.max_bytes = std::uint64_t{1} << 18;
   const auto bytes = std::as_bytes(std::span(data, size));
   const auto model =

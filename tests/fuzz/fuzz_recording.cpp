@@ -1,5 +1,4 @@
-// Any bytes as a recording: an Error that names the file, or ticks that keep their promises, in bounded
-// memory.
+// Fuzzes recordings: an Error that names the file, or valid ticks, in bounded memory.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -15,13 +14,13 @@ void require(bool holds) {
 
 void check(const palpate::device::Recording& recording, const palpate::device::RecordedTick& tick) {
   require(std::isfinite(tick.t_s));
-  require(tick.track_count <= palpate::device::RecordedTick::kMostTracks);
+  require(tick.track_count <= palpate::device::RecordedTick::kMaxTracks);
   require(tick.weight >= 0.0 && tick.weight <= 1.0);
   require(tick.decision < recording.header().decisions.size());
   require(tick.state.raw.size <= palpate::device::RawPacket::kMost);
   for (const palpate::device::RecordedTrack& track : tick.tracked()) {
     require(track.renderer < recording.renderers().size());
-    require(track.calls.size() <= palpate::device::kMostCalls);
+    require(track.calls.size() <= palpate::device::kMaxCalls);
     require(track.stepped || !track.frame.contact);
   }
 }

@@ -1,9 +1,9 @@
 #include "tests/house/all_renderers.h"
 
-#include "toolkit/renderers/toolkit_renderers.h"
+#include <palpate/registry.h>
 
 #ifdef PALPATE_WITH_BASELINES
-#include "baselines/register.h"
+#include <palpate/baselines.h>
 #endif
 
 namespace palpate::house {

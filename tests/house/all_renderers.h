@@ -1,7 +1,7 @@
-// Every renderer of this build: the toolkit's, and the baselines' where they are built.
+// All renderers of this build: the toolkit's, and the baselines' if built.
 #pragma once
 
-#include "toolkit/render/registry.h"
+#include <palpate/registry.h>
 
 namespace palpate::house {
 

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <cstdlib>
 
-// Sanitizers replace malloc themselves and offer a hook; elsewhere glibc's functions are wrapped: a
-// definition in the program comes before the library's for every caller, shared libraries included.
+// Sanitizers replace malloc and offer a hook. Otherwise this wraps glibc's functions: a definition in the
+// program precedes the library's for every caller, shared libraries included.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define PALPATE_SANITIZER_HOOKS 1
 #elif defined(__has_feature)
@@ -19,7 +19,7 @@ namespace {
 std::atomic<bool> armed{false};
 std::atomic<bool> one_thread{false};
 std::atomic<std::uint64_t> counted{0};
-thread_local bool this_thread = false;  // it is the one that counts
+thread_local bool this_thread = false;  // this thread counts
 
 void note() noexcept {
   if (!armed.load(std::memory_order_relaxed)) return;

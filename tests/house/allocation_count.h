@@ -1,12 +1,12 @@
-// Counts what is allocated while armed, by any thread or this one alone, and by whatever means: operator new,
-// malloc, Eigen, libraries.
+// Counts allocations of any kind (operator new, malloc, Eigen, libraries) by this thread or by all, while
+// armed.
 #pragma once
 
 #include <cstdint>
 
 namespace palpate::house {
 
-/// Starts counting at construction; count() is the number of blocks asked for since. One at a time.
+/// Counts from construction; count() is the number of blocks since. One instance at a time.
 class AllocationCount {
  public:
   enum class Threads { kAll, kThisOne };

@@ -8,14 +8,14 @@
 #include <string>
 #include <vector>
 
+#include <palpate/control.h>
+#include <palpate/generate.h>
+#include <palpate/options.h>
+#include <palpate/triple_buffer.h>
 #include "tests/house/all_renderers.h"
 #include "tests/house/allocation_count.h"
 #include "tests/house/example_renderer.h"
 #include "tests/stepped.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/control/controlled_renderer.h"
-#include "toolkit/core/handover.h"
-#include "toolkit/core/options.h"
 #include "toolkit/core/random.h"
 #include "toolkit/deformation/editable.h"
 #include "toolkit/geometry/broad_phase.h"
@@ -34,7 +34,7 @@ TEST(AllocationCount, SeesEveryKind) {
     work();
     return count.count();
   };
-  // volatile: or the compiler removes a pair of new and delete.
+  // volatile prevents the compiler from removing a pair of new and delete.
   EXPECT_EQ(blocks([] {}), 0u);
   EXPECT_GE(blocks([] {
               int* volatile p = new int(1);
@@ -63,8 +63,7 @@ TEST(AllocationCount, SeesEveryKind) {
             1u);
 }
 
-// The surface point wanders over the model; the HIP goes 1 mm deep and 1 mm out along the normal there, back
-// and forth.
+// The surface point wanders over the model; the HIP goes 1 mm in and out along its normal.
 std::vector<Vec3> weaving_path(const geometry::AnalyticSurface& surface) {
   constexpr double kPi = 3.14159265358979323846;
   constexpr double kPeriodFrames = 500.0;  // ten entries and ten exits in 5,000 frames
@@ -100,7 +99,7 @@ Stand sinusoid_stand() {
   return stand;
 }
 
-/// Blocks that the frames of the path asked for; also that the path was felt and, but for the ball, left.
+/// Blocks allocated by the path's frames; checks that it was felt and, except for the ball, left.
 std::uint64_t blocks_of_frames(test::Stepped renderer, const Stand& stand, bool leaves) {
   const auto prepared = renderer->prepare(stand.scene, {});
   EXPECT_TRUE(prepared.ok()) << prepared.error().message();
@@ -108,7 +107,7 @@ std::uint64_t blocks_of_frames(test::Stepped renderer, const Stand& stand, bool 
   renderer->restart(stand.path.front());
   const AllocationCount count;
   for (const Vec3& hip_mm : stand.path) in_contact += renderer->step(hip_mm, 1e-3).contact;
-  renderer->let_go(stand.path.front());
+  renderer->release_contact(stand.path.front());
   const std::uint64_t blocks = count.count();
   EXPECT_GT(in_contact, kFrames / 10) << "the path must be felt";
   EXPECT_TRUE(!leaves || in_contact < kFrames) << "and left";
@@ -127,8 +126,7 @@ TEST(Frames, NoRendererAllocates) {
 }
 
 TEST(Frames, NoSurfaceAllocates) {
-  // Everything that a scene can ask for: friction, texture and stiffness that varies, a dent, other models,
-  // motion.
+  // All that a scene can have: friction, texture, varying stiffness, a dent, other models, motion.
   Stand stand = sinusoid_stand();
   auto simulation = std::make_shared<render::ScriptedSimulation>();
   render::ModelInput& model = stand.scene.models[0];
@@ -150,7 +148,7 @@ TEST(Frames, NoSurfaceAllocates) {
   stand.scene.models[1].motion = simulation->add(motion);
   stand.scene.models[0].surface.dent = {0.5, 2.0, 5.0};
   stand.scene.simulation = simulation;
-  for (const char* name : {"cloud", "cloud:surface=vertices", "cloud-literal", "mesh-godobject:mesh=original",
+  for (const char* name : {"cloud", "cloud-vertices", "cloud-literal", "mesh-godobject:mesh=original",
                            "mesh-proxy:mesh=original"}) {
     SCOPED_TRACE(name);
     const NamedOptions named = parse_named_options(name).value();
@@ -161,40 +159,36 @@ TEST(Frames, NoSurfaceAllocates) {
   }
 }
 
-// Pressed, moved from outside, taken back: all between frames or in them.
+// Pressed, moved from outside, restored: between frames or in them.
 TEST(Frames, NoChangeOfShapeAllocates) {
   Stand stand = sinusoid_stand();
   render::ModelInput& model = stand.scene.models[0];
   model.surface.dent = {0.2, 2.0, 50.0};
-  for (const char* name : {"cloud", "cloud:surface=vertices"}) {
-    SCOPED_TRACE(name);
-    model.moves = std::make_shared<render::MoveQueue>();
-    const NamedOptions named = parse_named_options(name).value();
-    const test::Stepped renderer(stand.registry.make(named.name, named.options).value());
-    ASSERT_TRUE(renderer->prepare(stand.scene, {}));
-    auto& editable = dynamic_cast<render::Editable&>(*renderer);
-    renderer->restart(stand.path.front());
-    Random random(5);
-    int undone = 0;
-    const AllocationCount count;
-    for (std::size_t i = 0; i < stand.path.size(); ++i) {
-      if (render::MoveBatch* batch = i % 10 == 0 ? model.moves->begin() : nullptr; batch != nullptr) {
-        for (; batch->count < render::kMaxBatch; ++batch->count) {
-          const auto point = static_cast<std::uint32_t>(random.below(model.cloud->size()));
-          batch->point[batch->count] = point;
-          batch->to_mm[batch->count] =
-              (model.cloud->local_mm(point) + Vec3(0, 0, 0.1 * random.normal())).cast<float>();
-        }
-        model.moves->publish();
+  model.moves = std::make_shared<render::MoveQueue>();
+  const test::Stepped renderer(stand.registry.make("cloud", {}).value());
+  ASSERT_TRUE(renderer->prepare(stand.scene, {}));
+  auto& editable = dynamic_cast<render::Editable&>(*renderer);
+  renderer->restart(stand.path.front());
+  Random random(5);
+  int undone = 0;
+  const AllocationCount count;
+  for (std::size_t i = 0; i < stand.path.size(); ++i) {
+    if (render::MoveBatch* batch = i % 10 == 0 ? model.moves->begin() : nullptr; batch != nullptr) {
+      for (; batch->count < render::kMaxBatch; ++batch->count) {
+        const auto point = static_cast<std::uint32_t>(random.below(model.cloud->size()));
+        batch->point[batch->count] = point;
+        batch->to_mm[batch->count] =
+            (model.cloud->local_mm(point) + Vec3(0, 0, 0.1 * random.normal())).cast<float>();
       }
-      (void)renderer->step(stand.path[i], 1e-3);
-      if (i % 1000 == 999) undone += editable.undo(0);
-      if (i % 2500 == 2499) editable.restore(0);
+      model.moves->publish();
     }
-    EXPECT_EQ(count.count(), 0u);
-    EXPECT_GT(undone, 1);
-    EXPECT_GT(editable.deform_counters(0).inferred, 0u);
+    (void)renderer->step(stand.path[i], 1e-3);
+    if (i % 1000 == 999) undone += editable.undo(0);
+    if (i % 2500 == 2499) editable.restore(0);
   }
+  EXPECT_EQ(count.count(), 0u);
+  EXPECT_GT(undone, 1);
+  EXPECT_GT(editable.deform_counters(0).inferred, 0u);
 }
 
 TEST(Frames, NoControlAllocates) {
@@ -212,7 +206,7 @@ TEST(Frames, NoBroadPhaseAllocates) {
   for (std::size_t i = 0; i < boxes.size(); ++i)
     boxes[i].add(Vec3(static_cast<double>(i % 7), static_cast<double>(i % 11), static_cast<double>(i % 13)));
   geometry::BroadPhase phase(boxes);
-  Handover<geometry::FoundBoxes<16>> found;
+  TripleBuffer<geometry::FoundBoxes<16>> found;
   const AllocationCount count;
   for (std::size_t i = 0; i < kFrames / 100; ++i) {
     for (std::size_t b = 0; b < boxes.size(); ++b) {

@@ -1,5 +1,5 @@
-// What the registry says of a renderer is true: what it supports changes its answers, and a scene that asks
-// for anything else is refused with the names of those that have it.
+// The registry tells the truth: a supported feature changes the answers, and a scene with an unsupported one
+// is refused with the names of renderers that have it.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/replay.h>
 #include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
-#include "toolkit/trace/replay.h"
 
 namespace palpate::house {
 namespace {
@@ -18,7 +18,6 @@ namespace {
 using render::Feature;
 using render::SceneInput;
 
-/// A scene that asks for one thing more.
 struct Asking {
   Feature feature;
   std::function<void(SceneInput&)> ask;
@@ -70,7 +69,7 @@ const std::vector<Asking> kAskings = {
     {Feature::kMovedPoints, expect_moves},
 };
 
-/// A batch that raises the model's first points by a millimetre; it waits for the first frame.
+/// Raises the model's first points by a millimetre at the first frame.
 void lift_points(const render::ModelInput& model) {
   render::MoveBatch& batch = *model.moves->begin();
   const cloud::Cloud& cloud = *model.cloud;
@@ -106,7 +105,7 @@ TEST(Capabilities, WhatIsSupportedIsFelt) {
     for (const Asking& asking : kAskings) {
       SceneInput scene = corpus.scene.input;
       asking.ask(scene);
-      ASSERT_TRUE(asked_by(scene).has(asking.feature));
+      ASSERT_TRUE(features_required_by(scene).has(asking.feature));
       SCOPED_TRACE(info.name + ": " + names_of(asking.feature).front());
       const Status fits = registry.check_supports(info, scene);
       ASSERT_EQ(fits.ok(), info.supports.has(asking.feature));
@@ -124,7 +123,7 @@ TEST(Capabilities, WhatIsSupportedIsFelt) {
 
 TEST(Capabilities, APlainSceneAsksForNothing) {
   const CorpusScene corpus = load_corpus("ridge.toml", "ridge.csv");
-  EXPECT_TRUE(asked_by(corpus.scene.input).empty());
+  EXPECT_TRUE(features_required_by(corpus.scene.input).empty());
 }
 
 }  // namespace

@@ -1,13 +1,45 @@
 #include "tests/house/corpus_scene.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
+#include <zlib.h>
 
+#include <array>
+#include <filesystem>
+#include <fstream>
 #include <utility>
 
-#include "toolkit/io/read_model.h"
-#include "toolkit/trace/trace_io.h"
+#include <palpate/read_model.h>
+#include <palpate/trace.h>
 
 namespace palpate::house {
+namespace {
+
+/// The text of a compressed file, as a file of its own until the object ends.
+class Expanded {
+ public:
+  explicit Expanded(const std::string& name)
+      : file_(std::filesystem::path(testing::TempDir()) / ("corpus-" + std::to_string(::getpid()) + ".csv")) {
+    std::ofstream text(file_, std::ios::binary);
+    const gzFile packed = ::gzopen(name.c_str(), "rb");
+    EXPECT_NE(packed, nullptr) << name;
+    if (packed == nullptr) return;
+    std::array<char, 4096> block{};
+    int n = 0;
+    while ((n = ::gzread(packed, block.data(), block.size())) > 0) text.write(block.data(), n);
+    EXPECT_EQ(n, 0) << name << " is damaged";
+    ::gzclose(packed);
+  }
+  Expanded(const Expanded&) = delete;
+  Expanded& operator=(const Expanded&) = delete;
+  ~Expanded() { std::filesystem::remove(file_); }
+  [[nodiscard]] std::string file() const { return file_.string(); }
+
+ private:
+  std::filesystem::path file_;
+};
+
+}  // namespace
 
 std::string corpus_folder() {
   return std::string(PALPATE_SOURCE_ROOT) + "/tests/corpus/traces/";
@@ -20,7 +52,8 @@ CorpusScene load_corpus(const std::string& scene_file, const std::string& path_f
   io::add_standard_readers(readers);
   auto loaded = scene::load(*scene, readers, {}, no_progress());
   EXPECT_TRUE(loaded.ok()) << loaded.error().message();
-  auto path = trace::read_path_csv(corpus_folder() + path_file);
+  const Expanded text(corpus_folder() + path_file + ".gz");
+  auto path = trace::read_path_csv(text.file());
   EXPECT_TRUE(path.ok()) << path.error().message();
   return {*std::move(loaded), *std::move(path)};
 }

@@ -1,5 +1,4 @@
-// What a renderer says it will build is what it builds: decide() against what prepare() followed, and against
-// what can be asked of the thing built.
+// Renderers build what they announce: decide() against what prepare() followed and built.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -8,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include <palpate/options.h>
 #include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
-#include "toolkit/core/options.h"
 #ifdef PALPATE_WITH_BASELINES
 #include "baselines/mesh_holder.h"
 #endif
@@ -18,27 +17,27 @@
 namespace palpate::house {
 namespace {
 
-/// Bytes are told before cells, leaves and links are counted: on models of some thousand points they come to
-/// within this share, or to within a kilobyte.
+/// Bytes are estimated before cells, leaves and links are counted: within this share, or a kilobyte, for some
+/// thousand points.
 constexpr double kBytesShare = 0.2, kFewBytes = 1024.0;
-/// What `cloud-smooth` puts along edges is not counted beforehand: a brick that a surface goes through has
-/// some four and a half halves of its size, and those as many again; where everything is an edge all are
-/// there. The torus and the dent alone are smooth for their spacing.
+/// `cloud-smooth` does not estimate its smaller bricks along edges: a brick crossed by a surface has about
+/// four and a half of half its size, and those as many again; if everything is an edge all exist. Only the
+/// torus and the dent are smooth for their spacing.
 constexpr double kMostSmaller = 1.0 + 4.5 + 4.5 * 4.5;
 const std::vector<std::string> kSmoothScenes = {"torus.toml", "dent.toml"};
 
 const std::vector<std::string> kScenes = {"torus.toml",   "ridge.toml",   "plate.toml", "dent.toml",
                                           "surface.toml", "texture.toml", "many.toml",  "formula.toml"};
 
-/// Beside every renderer as it is: options that change what is built. Meshes are those of the files.
+/// Options that change what is built, besides the defaults. Meshes are the files' own.
 const std::vector<std::string> kFurther = {
-    "cloud:shading=none",
-    "cloud:neighbours=exact-knn",
-    "cloud:partition=octree",
-    "cloud:partition=quadtree",
-    "cloud:box=per-vertex",
-    "cloud:test=swept-sphere:box=per-vertex-cube",
-    "cloud:cell=5:resolution_mm=0.3",
+    "cloud-vertices:shading=none",
+    "cloud-vertices:neighbours=exact-knn",
+    "cloud-vertices:partition=octree",
+    "cloud-vertices:partition=quadtree",
+    "cloud-vertices:box=per-vertex",
+    "cloud-vertices:test=swept-sphere:box=per-vertex-cube",
+    "cloud-vertices:cell=5:resolution_mm=0.3",
     "cloud:combine=sum",
     "cloud-literal:shading=area-raw",
     "cloud-literal:cells=crossed",
@@ -97,14 +96,14 @@ std::string choice(const std::vector<render::Decision>& decisions, const std::st
 }
 
 void expect_bytes(const render::Decisions& decided, const render::PrepareReport& report, bool creased) {
-  if (decided.bytes == 0) return;  // not known beforehand
+  if (decided.bytes == 0) return;  // unknown beforehand
   const auto said = static_cast<double>(decided.bytes), held = static_cast<double>(report.bytes);
   EXPECT_LE(said - held, std::max(kBytesShare * held, kFewBytes)) << said << " said, " << held << " held";
   EXPECT_LE(held - (creased ? kMostSmaller : 1.0) * said, std::max(kBytesShare * held, kFewBytes))
       << said << " said, " << held << " held";
 }
 
-/// The mesh that is held is the file's own exactly where that was said.
+/// The mesh used is the file's own exactly if announced.
 void expect_mesh([[maybe_unused]] const render::HapticRenderer& renderer,
                  [[maybe_unused]] const render::SceneInput& scene,
                  [[maybe_unused]] const render::Decisions& decided) {
@@ -151,7 +150,7 @@ TEST(Decisions, WhatIsBuiltIsWhatWasDecided) {
   }
 }
 
-/// A mesh that is not there yet is decided, with estimates, and not made.
+/// A missing mesh is decided with estimates, not made.
 TEST(Decisions, AMeshIsDecidedWithoutBeingMade) {
   render::Registry registry;
   register_all_renderers(registry);

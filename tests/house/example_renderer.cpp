@@ -1,5 +1,5 @@
-// The renderer of docs/add-a-renderer.md: a ball around each model's points, felt as a spring. It is the
-// shortest whole renderer there is, and a bad one: it shows the interface, not an algorithm.
+// The renderer of docs/tutorials/your-renderer.md: a ball around each model's points, felt as a spring. It is
+// the shortest whole renderer there is, and a bad one: it shows the interface, not an algorithm.
 #include "tests/house/example_renderer.h"
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
 
 namespace palpate::example {
 namespace {
@@ -19,7 +19,7 @@ class BallRenderer final : public render::HapticRenderer {
  public:
   explicit BallRenderer(Options options) : options_(std::move(options)), size_(options_.number("size")) {}
 
-  // What is built and why, told without building it: `palpate plan` prints it.
+  // What is built and why, told without building it: `palpate info plan` prints it.
   [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
                                                  const render::PrepareContext& /*context*/) const override {
     render::Decisions decided;
@@ -57,7 +57,7 @@ class BallRenderer final : public render::HapticRenderer {
   void restart(const Vec3& /*hip_mm*/, double /*t_s*/) noexcept override { counters_ = {}; }
 
   // A ball keeps nothing of what it touches.
-  void let_go(const Vec3& /*hip_mm*/) noexcept override {}
+  void release_contact(const Vec3& /*hip_mm*/) noexcept override {}
 
   // No allocation, no lock, no log, no exception; work bounded by the number of models.
   [[nodiscard]] Frame step(const Vec3& hip_mm, double /*t_s*/) noexcept override {
@@ -88,7 +88,7 @@ class BallRenderer final : public render::HapticRenderer {
   [[nodiscard]] render::FrameCounters counters() const noexcept override { return counters_; }
 
   [[nodiscard]] render::Description describe() const override {
-    return {"ball", "a ball around the points, felt as a spring", "docs/add-a-renderer.md",
+    return {"ball", "a ball around the points, felt as a spring", "docs/tutorials/your-renderer.md",
             "one distance per model", options_};
   }
 
@@ -119,7 +119,7 @@ void register_ball(render::Registry& registry) {
   render::RendererInfo info;
   info.name = "ball";
   info.summary = "a ball around the points, felt as a spring";
-  info.source = "docs/add-a-renderer.md";
+  info.source = "docs/tutorials/your-renderer.md";
   info.role = render::Role::kOracle;
   info.supports = render::Feature::kManyModels;
   info.options = {{"size",

@@ -1,7 +1,7 @@
-// The renderer of docs/add-a-renderer.md.
+// The renderer of docs/tutorials/your-renderer.md.
 #pragma once
 
-#include "toolkit/render/registry.h"
+#include <palpate/registry.h>
 
 namespace palpate::example {
 

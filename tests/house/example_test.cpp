@@ -1,4 +1,4 @@
-// The renderer of docs/add-a-renderer.md works, and the page prints it as it is.
+// The renderer of docs/tutorials/your-renderer.md works, and the page prints it as it is.
 #include "tests/house/example_renderer.h"
 #include "tests/stepped.h"
 
@@ -7,8 +7,8 @@
 #include <limits>
 #include <memory>
 
+#include <palpate/cloud.h>
 #include "tests/house/source_tree.h"
-#include "toolkit/cloud/cloud.h"
 
 namespace palpate::example {
 namespace {
@@ -76,21 +76,21 @@ TEST(ExampleRenderer, OptionsAreChecked) {
 
 // The page's code block is this folder's file, character by character.
 TEST(ExampleRenderer, ThePagePrintsThisCode) {
-  const std::string page = house::text_of("docs/add-a-renderer.md");
+  const std::string page = house::text_of("docs/tutorials/your-renderer.md");
   const std::string code = house::text_of("tests/house/example_renderer.cpp");
   ASSERT_FALSE(code.empty());
   EXPECT_NE(page.find("```cpp\n" + code + "```\n"), std::string::npos)
-      << "docs/add-a-renderer.md must print tests/house/example_renderer.cpp as it is";
+      << "docs/tutorials/your-renderer.md must print tests/house/example_renderer.cpp as it is";
 }
 
-// The same of docs/add-a-device.md, whose example the tests of tests/device run.
+// The same of docs/tutorials/your-device.md, whose example the tests of tests/device run.
 TEST(ExampleDevice, ThePagePrintsThisCode) {
-  const std::string page = house::text_of("docs/add-a-device.md");
+  const std::string page = house::text_of("docs/tutorials/your-device.md");
   for (const char* file : {"device/simulated/packet_device.h", "device/simulated/packet_device.cpp"}) {
     const std::string code = house::text_of(file);
     ASSERT_FALSE(code.empty());
     EXPECT_NE(page.find("```cpp\n" + code + "```\n"), std::string::npos)
-        << "docs/add-a-device.md must print " << file << " as it is";
+        << "docs/tutorials/your-device.md must print " << file << " as it is";
   }
 }
 

@@ -1,5 +1,7 @@
-// The arrows between folders run one way. Forbidden edges are found in the include lines themselves.
+// Includes between folders go one way, found from the include lines.
 #include <gtest/gtest.h>
+
+#include <algorithm>
 
 #include "tests/house/include_rules.h"
 #include "tests/house/source_tree.h"
@@ -27,9 +29,22 @@ TEST(IncludeEdges, TheTreeHasNoForbiddenOne) {
 TEST(IncludeEdges, LinesAreRead) {
   EXPECT_EQ(included_path("#include \"toolkit/core/vec.h\""), "toolkit/core/vec.h");
   EXPECT_EQ(included_path("  #  include   <CGAL/Surface_mesh.h>  // why"), "CGAL/Surface_mesh.h");
-  EXPECT_EQ(included_path("#include <palpate/toolkit/core/vec.h>"), "toolkit/core/vec.h");
+  EXPECT_EQ(included_path("#include <palpate/vec.h>"), "palpate/vec.h");
   EXPECT_EQ(included_path("// #include \"toolkit/core/vec.h\""), std::nullopt);
   EXPECT_EQ(included_path("#define INCLUDE 1"), std::nullopt);
+}
+
+// The code below "// First:" at a file's head, indented as in a function.
+std::string first_example(const std::vector<std::string>& lines) {
+  static const std::string kMark = "//   ";
+  std::string code;
+  bool inside = false;
+  for (const std::string& line : lines) {
+    if (inside && line != "//" && !line.starts_with(kMark)) break;
+    if (inside) code += line == "//" ? "\n" : "  " + line.substr(kMark.size()) + "\n";
+    if (line == "// First:") inside = true;
+  }
+  return code;
 }
 
 struct Edge {
@@ -73,14 +88,19 @@ TEST(IncludeEdges, ForbiddenOnesAreFound) {
       {"experiments/a.h", "nlohmann/json.hpp"},
       {"toolkit/metrics/a.h", "nlohmann/json.hpp"},
       {"toolkit/trace/a.cpp", "nlohmann/json.hpp"},
-      {"toolkit/neighbourhood/a.cpp", "tbb/parallel_for.h"},
-      {"toolkit/neighbourhood/a.cpp", "oneapi/tbb.h"},
+      {"toolkit/search/a.cpp", "tbb/parallel_for.h"},
+      {"toolkit/search/a.cpp", "oneapi/tbb.h"},
       {"toolkit/cloud/a.cpp", "execution"},
       {"toolkit/cloud/a.cpp", "../core/vec.h"},
       {"device/interface/a.h", "device/servo/b.h"},
       {"device/record/a.cpp", "device/live/b.h"},
       {"device/new_folder/a.cpp", "device/interface/b.h"},
       {"elsewhere/a.cpp", "toolkit/core/vec.h"},
+      {"toolkit/core/a.cpp", "palpate/registry.h"},
+      {"toolkit/include/palpate/vec.h", "palpate/scene.h"},
+      {"baselines/a.cpp", "palpate/device/servo.h"},
+      {"device/interface/a.cpp", "palpate/device/servo.h"},
+      {"experiments/study/a.cpp", "palpate/no_such.h"},
   };
   for (const Edge& edge : edges)
     EXPECT_NE(forbidden(edge.file, edge.path), "") << edge.file << " -> " << edge.path;
@@ -108,9 +128,55 @@ TEST(IncludeEdges, AllowedOnesPass) {
       {"tests/toolkit/renderers/a.cpp", "experiments/report.h"},
       {"toolkit/core/a.h", "vector"},
       {"toolkit/core/a.h", "Eigen/Core"},
+      {"toolkit/core/a.cpp", "palpate/vec.h"},
+      {"experiments/study/a.cpp", "palpate/scene.h"},
+      {"device/include/palpate/device/servo.h", "palpate/renderer.h"},
   };
   for (const Edge& edge : edges)
     EXPECT_EQ(forbidden(edge.file, edge.path), "") << edge.file << " -> " << edge.path;
+}
+
+TEST(PublicHeaders, IncludePublicOnesTheStandardLibraryAndEigenOnly) {
+  const auto is_public = [](const std::string& file) { return !public_name(file).empty(); };
+  std::vector<std::string> seen;
+  const std::string found = findings_over(is_public, [&](const std::string& file, const auto& lines) {
+    seen.push_back(public_name(file));
+    std::string bad;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      const std::string why = leak(lines[i]);
+      if (!why.empty()) bad += file + ":" + std::to_string(i + 1) + ": " + why + "\n";
+    }
+    return bad;
+  });
+  EXPECT_EQ(found, "");
+  std::sort(seen.begin(), seen.end());
+  EXPECT_EQ(seen, public_headers()) << "the list of include_rules.cpp, each in its room";
+}
+
+TEST(PublicHeaders, LeaksAreFound) {
+  EXPECT_NE(leak("#include \"toolkit/core/message_text.h\""), "");
+  EXPECT_NE(leak("#include <toolkit/core/message_text.h>"), "");
+  EXPECT_NE(leak("#include <palpate/no_such.h>"), "");
+  EXPECT_NE(leak("#include <fmt/format.h>"), "");
+  EXPECT_NE(leak("#include \"palpate/vec.h\""), "") << "in angle brackets, as an application does";
+  EXPECT_EQ(leak("#include <palpate/vec.h>"), "");
+  EXPECT_EQ(leak("#include <Eigen/Core>"), "");
+  EXPECT_EQ(leak("#include <vector>"), "");
+  EXPECT_EQ(leak("// vectors"), "");
+}
+
+// A header's first example is compiled in public_examples.cpp, with no other header of ours.
+TEST(PublicHeaders, ShowAnExampleFirst) {
+  const std::string compiled = text_of("tests/house/public_examples.cpp");
+  const auto is_public = [](const std::string& file) { return !public_name(file).empty(); };
+  EXPECT_EQ(findings_over(is_public,
+                          [&](const std::string& file, const auto& lines) {
+                            const std::string code = first_example(lines);
+                            return !code.empty() && compiled.find(code) != std::string::npos
+                                       ? std::string()
+                                       : file + " shows no example of public_examples.cpp\n";
+                          }),
+            "");
 }
 
 }  // namespace

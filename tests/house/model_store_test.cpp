@@ -1,4 +1,4 @@
-// What renderers prepare and never change is held once, and no renderer can tell whether it shares.
+// Immutable preparation is shared, and no renderer behaves differently for it.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -6,10 +6,10 @@
 #include <string>
 #include <utility>
 
+#include <palpate/model_store.h>
+#include <palpate/replay.h>
 #include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
-#include "toolkit/render/model_store.h"
-#include "toolkit/trace/replay.h"
 
 namespace palpate::house {
 namespace {
@@ -19,7 +19,7 @@ struct Ready {
   render::PrepareReport report;
 };
 
-/// Prepared, or null where the renderer does not take the scene.
+/// Prepared, or null if the renderer refuses the scene.
 std::unique_ptr<Ready> ready(const render::Registry& registry, const render::RendererInfo& info,
                              const render::SceneInput& scene, render::ModelStore* store) {
   Options options;
@@ -64,7 +64,7 @@ TEST(ModelStore, TwoRenderersHoldOneGeometryAndFeelTheSame) {
       ASSERT_TRUE(first && second);
       EXPECT_EQ(first->report.shared_bytes, 0u);
       EXPECT_EQ(second->report.bytes, first->report.bytes);
-      // Embree's trees of one mesh differ by what its threads had set aside.
+      // Embree's trees of one mesh differ by what its threads reserved.
       const auto bytes = static_cast<double>(alone->report.bytes);
       EXPECT_NEAR(static_cast<double>(first->report.bytes), bytes,
                   info.name.starts_with("mesh") ? 0.1 * bytes : 0.0);
@@ -75,7 +75,7 @@ TEST(ModelStore, TwoRenderersHoldOneGeometryAndFeelTheSame) {
         ++shared;
         EXPECT_GT(second->report.shared_bytes, 0.8 * static_cast<double>(second->report.bytes));
       }
-      // Each feels as one that is alone, whatever the other touched meanwhile.
+      // Each feels as if alone, whatever the other touched meanwhile.
       const std::string expected = hash_of(*alone->renderer, corpus);
       EXPECT_EQ(hash_of(*first->renderer, corpus), expected);
       EXPECT_EQ(hash_of(*second->renderer, corpus), expected);
@@ -101,19 +101,19 @@ TEST(ModelStore, OtherOptionsAndOtherPointsAreOtherGeometry) {
     EXPECT_TRUE(renderer->prepare(corpus.scene.input, context).ok());
     return renderer;
   };
-  const auto plain = prepare("cloud:surface=vertices");
+  const auto plain = prepare("cloud-literal");
   EXPECT_EQ(store.size(), 1u);
-  const auto shaded = prepare("cloud:shading=none");  // no option of the geometry
+  const auto shaded = prepare("cloud-literal:shading=none");  // not an option of the geometry
   EXPECT_EQ(store.size(), 1u);
-  const auto octree = prepare("cloud:partition=octree");
+  const auto boxes = prepare("cloud-literal:box=per-vertex");
   EXPECT_EQ(store.size(), 2u);
-  // The same points, loaded a second time, are the same; one that moved by a bit is not.
+  // The same points loaded again are the same; points moved by a bit are not.
   render::ModelInput& input = corpus.scene.input.models[0];
   auto copy = std::make_shared<cloud::Cloud>(*input.cloud);
   input.cloud = copy;
-  const auto again = prepare("cloud:surface=vertices");
+  const auto again = prepare("cloud-literal");
   EXPECT_EQ(store.size(), 2u);
-  // A surface of stars is made of the same points, in another way: shared by all that have it.
+  // Local Delaunay surfaces of the same points are others, shared by all that use them.
   const auto stars = prepare("cloud");
   EXPECT_EQ(store.size(), 3u);
   const auto more_stars = prepare("cloud:combine=sum");
@@ -121,7 +121,7 @@ TEST(ModelStore, OtherOptionsAndOtherPointsAreOtherGeometry) {
   copy = std::make_shared<cloud::Cloud>(*copy);
   copy->z_mm[0] = std::nextafter(copy->z_mm[0], 1e9f);
   input.cloud = copy;
-  const auto other = prepare("cloud:surface=vertices");
+  const auto other = prepare("cloud-literal");
   EXPECT_EQ(store.size(), 4u);
   const auto other_stars = prepare("cloud");
   EXPECT_EQ(store.size(), 5u);

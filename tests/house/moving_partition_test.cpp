@@ -1,14 +1,14 @@
-// Points are moved and looked for within a frame: neither may allocate.
+// Moving and finding points within a frame does not allocate.
 #include <gtest/gtest.h>
 
 #include <vector>
 
 #include "tests/house/allocation_count.h"
 #include "toolkit/core/random.h"
-#include "toolkit/partition/dynamic_grid.h"
-#include "toolkit/partition/dynamic_tree.h"
+#include "toolkit/search/dynamic_grid.h"
+#include "toolkit/search/dynamic_orthtree.h"
 
-namespace palpate::partition {
+namespace palpate::search {
 namespace {
 
 template <class P>
@@ -32,10 +32,11 @@ std::uint64_t allocated() {
                      Vec3(far * random.normal(), far * random.normal(), far * random.normal()).cast<float>();
     if (partition.move(place, to, [&](std::uint32_t p) { return points[p]; }) != MoveStatus::kFull)
       points[place] = to;
-    visit_ranges(partition, widened(to), Vec3(Vec3::Zero()), Vec3::Constant(0.01), [&](PlaceRange range) {
-      visited += range.end - range.begin;
-      return true;
-    });
+    visit_segment_ranges(partition, widened(to), Vec3(Vec3::Zero()), Vec3::Constant(0.01),
+                         [&](IndexRange range) {
+                           visited += range.end - range.begin;
+                           return true;
+                         });
   }
   EXPECT_GT(visited, 20000u);
   return count.count();
@@ -48,4 +49,4 @@ TEST(MovingPartition, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace palpate::partition
+}  // namespace palpate::search

@@ -9,7 +9,7 @@
 namespace palpate::house {
 namespace {
 
-// The lines outside fenced code blocks.
+// Lines outside fenced code blocks.
 std::vector<std::string> prose_lines(std::string_view markdown) {
   std::vector<std::string> lines;
   std::istringstream in{std::string(markdown)};
@@ -85,7 +85,7 @@ bool opens_a_file(const std::string& line) {
 }
 
 bool names_a_machine(const std::string& line) {
-  // Written in pieces, so that this file does not name what it forbids.
+  // In pieces, so that this file does not contain what it forbids.
   static const std::string kFolders =
       std::string("wo") + "rk|far" + "m|ho" + "me|Use" + "rs|ro" + "ot|sha" + "red|tm" + "p/w";
   static const std::regex kPath("(^|[^A-Za-z0-9_.$})/-])/(" + kFolders + ")/[A-Za-z]");

@@ -1,4 +1,4 @@
-// Lengths, links and machine paths over the whole tree, and proof that each check can fail.
+// Checks lengths, links and machine paths in the whole tree; each check can fail.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -82,7 +82,7 @@ TEST(MachinePaths, NoneInTheTree) {
 }
 
 TEST(MachinePaths, AreFound) {
-  // In pieces, or the test above would find this file.
+  // In pieces, so that the test above does not find this file.
   EXPECT_TRUE(names_a_machine(std::string("open(\"/ho") + "me/someone/scan.ply\")"));
   EXPECT_TRUE(names_a_machine(std::string("/wo") + "rk/data"));
   EXPECT_TRUE(names_a_machine(std::string("https://regis") + "try.example.org/x"));

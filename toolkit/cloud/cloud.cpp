@@ -1,4 +1,4 @@
-#include "toolkit/cloud/cloud.h"
+#include <palpate/cloud.h>
 
 #include <fmt/format.h>
 
@@ -45,7 +45,7 @@ std::uint64_t content_hash(const Cloud& cloud) noexcept {
 }
 
 Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite, BuildReport* report) {
-  // Places are counted in 32 bits, of which the pieces of a surface take one for their sides.
+  // Places take 32 bits, of which surface pieces use one for their side.
   if (points_mm.size() > kMaxCloudPoints)
     return Error{fmt::format("{} points are more than the {} that one model may have", points_mm.size(),
                              kMaxCloudPoints),

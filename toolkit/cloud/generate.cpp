@@ -1,32 +1,32 @@
-#include "toolkit/cloud/generate.h"
+#include <palpate/generate.h>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/cloud/generators.h"
+#include <palpate/result.h>
+#include "toolkit/cloud/limits.h"
 #include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/cloud/shapes.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::cloud {
 namespace {
 
 using geometry::TriangleMesh;
 
-// Up to here a cell's triangles keep their orientation: the shifted legs of a cell are at least 1 - 2j long
-// and at most 2j askew, and (1 - 2j)^2 > (2j)^2 for j < 1/4.
+// Up to this jitter a cell's triangles keep their orientation: shifted legs are at least 1 - 2j long and at
+// most 2j askew, and (1 - 2j)^2 > (2j)^2 for j < 1/4.
 constexpr double kMeshJitter = 0.25;
-// Of the box: a thousand roundings of a coordinate, where a ray ends.
+// Rounding of a ray's end, as a share of the box: a thousand roundings of a coordinate.
 constexpr double kRayRounding = 1024.0 * kUnitRoundoff;
-// Points made by one task; the result does not depend on it.
+// Points per task; does not affect the result.
 constexpr std::size_t kGrain = 1 << 14;
-// Options that say how points are taken: a model's name tells those that are not as usual.
+// Sampling options; a model's name lists those that differ from the default.
 constexpr const char* kSamplingKeys[] = {"sampling", "ratio",       "density", "noise",
                                          "outliers", "outliers_at", "shuffle", "views",
                                          "bias",     "dropout",     "flying",  "registration"};
@@ -55,8 +55,8 @@ void fill(const Samples& samples, const geometry::Aabb& box, bool with_mesh, Gen
   if (with_mesh) model.original_mesh->triangles = samples.triangles();
 }
 
-/// What a scanner sees of the formula, inside its box; the range's noise is in it.
-Result<Scanned> scanned(const Shape& shape, const Options& options, const Common& common) {
+/// What a scanner sees of the formula inside its box, range noise included.
+Result<Scanned> scanned(const Shape& shape, const Options& options, const CommonOptions& common) {
   ScannerOptions scanner = read_scanner(options);
   scanner.points = count_patches(shape.patches, common);
   scanner.seed = common.seed;
@@ -71,9 +71,9 @@ Result<Scanned> scanned(const Shape& shape, const Options& options, const Common
   return scan(first, box, shape.is_height_field, scanner);
 }
 
-/// The points of `samples` or of the patches, noise and order included; the mesh where there is one.
-Status fill_sampled(const Shape& shape, SamplingOptions how, const Options& options, const Common& common,
-                    bool with_mesh, GeneratedModel& model) {
+/// Fills the points of `samples` or of the patches, with noise and order, and the mesh if there is one.
+Status fill_sampled(const Shape& shape, SamplingOptions how, const Options& options,
+                    const CommonOptions& common, bool with_mesh, GeneratedModel& model) {
   const geometry::Aabb box = shape.surface->box_mm();
   std::vector<Vec3> points;
   model.nominal_spacing_mm = shape.grid.spacing_mm;
@@ -92,7 +92,7 @@ Status fill_sampled(const Shape& shape, SamplingOptions how, const Options& opti
     points = std::move(sampled.points_mm);
     model.nominal_spacing_mm = sampled.spacing_mm;
   }
-  disturb(shape, model.nominal_spacing_mm, how, common.seed, points);
+  add_noise_and_outliers(shape, model.nominal_spacing_mm, how, common.seed, points);
   Samples samples = shape.grid;
   samples.count = points.size();
   if (how.way != Sampling::kGrid || how.shuffle) samples.raster.reset();
@@ -101,7 +101,7 @@ Status fill_sampled(const Shape& shape, SamplingOptions how, const Options& opti
     fill(samples, box, with_mesh, model);
     return Done{};
   }
-  const std::vector<std::uint32_t> from = shuffled(points.size(), common.seed);
+  const std::vector<std::uint32_t> from = random_permutation(points.size(), common.seed);
   samples.point = [&](std::size_t i) { return points[from[i]]; };
   samples.triangles = [&] {
     std::vector<std::uint32_t> to(from.size());
@@ -129,8 +129,8 @@ std::string spelled(const std::string& name, const Options& options) {
   return text;
 }
 
-Common read_common(const Options& options, bool by_spacing) {
-  Common common;
+CommonOptions read_common(const Options& options, bool by_spacing) {
+  CommonOptions common;
   common.scale = options.number("scale");
   common.points = options.number("points");
   common.spacing_mm = by_spacing ? options.number("spacing_mm") * common.scale : 0.0;
@@ -160,7 +160,7 @@ SamplingOptions read_sampling(const Options& options) {
   return how;
 }
 
-/// Where every point is moved that is said to be at rest, and the seed says how.
+/// True if points are placed randomly, so the seed matters.
 bool has_chance(const std::string& name, const Options& options) {
   return options.number("jitter") != 0.0 || options.text("sampling") != "grid" ||
          options.number("noise") != 0.0 || options.number("outliers") != 0.0 || options.flag("shuffle") ||
@@ -171,8 +171,8 @@ Error no_mesh_with(const std::string& name, const std::string& what, const std::
   return {fmt::format("{}: no mesh can be made with {}", name, what), advice, {}, 0};
 }
 
-/// What a mesh asked for by name cannot be made with.
-Status check_mesh(const NamedOptions& spec, const Common& common, const SamplingOptions& how) {
+/// Errors of meshes that the options rule out.
+Status check_mesh(const NamedOptions& spec, const CommonOptions& common, const SamplingOptions& how) {
   if (!spec.options.has("mesh") || !common.mesh) return Done{};
   if (common.jitter >= kMeshJitter)
     return no_mesh_with(spec.name, fmt::format("jitter={}, whose triangles could turn over", common.jitter),
@@ -182,12 +182,12 @@ Status check_mesh(const NamedOptions& spec, const Common& common, const Sampling
   return Done{};
 }
 
-/// What neither the options' own bounds nor the shape tell.
-Status check_sizes(const NamedOptions& spec, const Options& options, const Common& common) {
-  if (common.spacing_mm > 0.0 && common.extent_mm / common.spacing_mm > std::sqrt(kMostPoints))
+/// Errors beyond the options' own bounds and the shape's.
+Status check_sizes(const NamedOptions& spec, const Options& options, const CommonOptions& common) {
+  if (common.spacing_mm > 0.0 && common.extent_mm / common.spacing_mm > std::sqrt(kMaxGeneratedPoints))
     return Error{fmt::format("{}: a spacing of {} mm over {} mm makes too many points", spec.name,
                              common.spacing_mm, common.extent_mm),
-                 fmt::format("at most {} points a model", kMostPoints),
+                 fmt::format("at most {} points a model", kMaxGeneratedPoints),
                  {},
                  0};
   if (spec.name == "slab" && options.number("thickness_mm") > options.number("extent_mm"))
@@ -221,7 +221,7 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
   const bool by_spacing = options.number("spacing_mm") > 0.0;
   if (by_spacing && spec.options.has("points"))
     return Error{fmt::format("{}: points and spacing_mm both given", spec.name), "keep one of them", {}, 0};
-  const Common common = read_common(options, by_spacing);
+  const CommonOptions common = read_common(options, by_spacing);
   const SamplingOptions how = read_sampling(options);
   PALPATE_TRY(check_mesh(spec, common, how));
   PALPATE_TRY(check_sizes(spec, options, common));
@@ -237,20 +237,21 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
                  0};
   const double count = how.way == Sampling::kGrid ? static_cast<double>(shape.grid.count)
                                                   : count_patches(shape.patches, common);
-  if (count > kMostPoints)
+  if (count > kMaxGeneratedPoints)
     return Error{fmt::format("{} makes {:.0f} points", spec.name, count),
-                 fmt::format("at most {} points a model", kMostPoints),
+                 fmt::format("at most {} points a model", kMaxGeneratedPoints),
                  {},
                  0};
   const geometry::Aabb box = model.surface->box_mm();
-  // Beyond this a float relative to the middle would overflow, below it the spacing would vanish.
+  // Larger floats relative to the middle would overflow; smaller spacings would vanish.
   constexpr double kLargest = 1e30, kSmallest = 1e-30;
   if (!(box.extent_mm().maxCoeff() < kLargest) || !(shape.grid.spacing_mm > kSmallest))
     return Error{fmt::format("{} does not fit in single precision", spelled(spec.name, options)),
                  "choose a scale between 1e-30 and 1e30 mm",
                  {},
                  0};
-  if (!how.in_place()) complete.set("mesh", "false");
+  // The name says what there is, so that it can be given again.
+  if (!how.in_place() || !(common.jitter < kMeshJitter)) complete.set("mesh", "false");
   model.spec = spelled(spec.name, options);
   const bool with_mesh = common.mesh && common.jitter < kMeshJitter && how.in_place();
   if (how.in_place() && !how.shuffle) {

@@ -1,6 +1,6 @@
 // The list of generators and their options.
-#include "toolkit/cloud/generators.h"
-#include "toolkit/cloud/generate.h"
+#include <palpate/generate.h>
+#include "toolkit/cloud/limits.h"
 #include "toolkit/cloud/scanner.h"
 
 namespace palpate::cloud {
@@ -16,7 +16,7 @@ OptionSpec aspect(const std::string& axis, std::string value) {
           1e3};
 }
 
-/// In which way points are taken, and what is done to them then.
+/// How points are sampled, and then changed.
 std::vector<OptionSpec> sampling_options() {
   std::vector<OptionSpec> specs = {
       {"sampling",
@@ -72,7 +72,7 @@ std::vector<OptionSpec> with_common(std::string extent, std::string extent_help,
        "number of points, the nearest the grid can give",
        {},
        4,
-       kMostPoints},
+       kMaxGeneratedPoints},
       {"spacing_mm",
        OptionKind::kNumber,
        "0",

@@ -13,8 +13,8 @@
 namespace palpate::cloud {
 namespace {
 
-/// Coordinates nearer than this share of the mean plan spacing belong to one column: a lattice eight times
-/// longer than wide still has columns eight of these apart.
+/// Coordinates nearer than this share of the mean plan spacing share a column; a lattice eight times longer
+/// than wide still has columns eight of these apart.
 constexpr double kSameColumnShare = 1.0 / 64.0;
 
 /// Positions low, low + step, ... along one axis.
@@ -27,13 +27,13 @@ Error no_lattice(std::string why) {
   return Error{"no height field on a regular grid: " + std::move(why), "use the renderer cloud", {}, 0};
 }
 
-/// Finite numbers in ascending order, digit by digit: three passes, where comparing takes twenty.
+/// Finite numbers in ascending order by radix sort: three passes, where comparison takes twenty.
 std::vector<float> sorted(const std::vector<float>& values) {
   constexpr std::uint32_t kSign = 0x80000000u;
   constexpr unsigned kDigitBits = 11, kBits = 32;
   constexpr std::size_t kDigits = std::size_t{1} << kDigitBits;
   std::vector<std::uint32_t> keys(values.size()), moved(values.size());
-  // The bits of positive numbers are in their order, those of negative ones in the reverse.
+  // Bits of positive floats are in order, those of negative ones reversed.
   for (std::size_t i = 0; i < values.size(); ++i) {
     const auto bits = std::bit_cast<std::uint32_t>(values[i]);
     keys[i] = (bits & kSign) != 0 ? ~bits : bits | kSign;
@@ -52,8 +52,8 @@ std::vector<float> sorted(const std::vector<float>& values) {
   return ascending;
 }
 
-/// The lattice along one axis by the smallest distance of two columns. Fewer than two columns: count is 0 or
-/// 1.
+/// The lattice along one axis from the smallest distance of two columns. With fewer than two columns count is
+/// 0 or 1.
 Axis find_axis(const std::vector<float>& values, double same_mm) {
   const std::vector<float> ascending = sorted(values);
   double column = static_cast<double>(ascending.front());
@@ -75,7 +75,7 @@ Axis find_axis(const std::vector<float>& values, double same_mm) {
   return axis;
 }
 
-/// The lattice of a raster's axis: first and last of a row or column.
+/// The lattice axis of a raster from the first and last of a row or column.
 Axis ends(double first, double last, std::size_t count) {
   return {std::min(first, last), std::abs(last - first) / static_cast<double>(count - 1), count};
 }
@@ -102,7 +102,7 @@ Lattice find_lattice(const Cloud& cloud) {
           find_axis(cloud.y_mm, kSameColumnShare * spacing)};
 }
 
-/// The place of a coordinate on its axis; count where it stands between two.
+/// Index of a coordinate on its axis; count if between two.
 std::size_t place_on(const Axis& axis, float value) noexcept {
   const double exact = (static_cast<double>(value) - axis.low) / axis.step;
   const double nearest = std::round(exact);
@@ -114,9 +114,9 @@ std::size_t place_on(const Axis& axis, float value) noexcept {
 
 }  // namespace
 
-void finish(HeightField& field) {
+void update_block_maxima(HeightField& field) {
   const std::uint32_t across = field.block_columns(), down = (field.rows - 2) / HeightField::kBlock + 1;
-  field.top_mm.assign(std::size_t{across} * down, -std::numeric_limits<float>::infinity());
+  field.block_max_mm.assign(std::size_t{across} * down, -std::numeric_limits<float>::infinity());
   field.low_mm = std::numeric_limits<float>::infinity();
   field.high_mm = -field.low_mm;
   field.holes = 0;
@@ -129,14 +129,14 @@ void finish(HeightField& field) {
       }
       field.low_mm = std::min(field.low_mm, height);
       field.high_mm = std::max(field.high_mm, height);
-      // A post on the border of blocks belongs to the cells on both sides.
+      // A post on a block border belongs to the cells on both sides.
       const std::uint32_t first_x = (column == 0 ? 0 : column - 1) / HeightField::kBlock;
       const std::uint32_t first_y = (row == 0 ? 0 : row - 1) / HeightField::kBlock;
       const std::uint32_t last_x = std::min(column / HeightField::kBlock, across - 1);
       const std::uint32_t last_y = std::min(row / HeightField::kBlock, down - 1);
       for (std::uint32_t y = first_y; y <= last_y; ++y)
         for (std::uint32_t x = first_x; x <= last_x; ++x) {
-          float& top = field.top_mm[std::size_t{y} * across + x];
+          float& top = field.block_max_mm[std::size_t{y} * across + x];
           top = std::max(top, height);
         }
     }
@@ -148,7 +148,7 @@ Result<HeightField> height_field_of(const Cloud& cloud, std::vector<std::uint32_
   const auto [x, y] = find_lattice(cloud);
   if (x.count < 2 || y.count < 2 || !(x.step > 0.0) || !(y.step > 0.0))
     return no_lattice("its points do not span two rows and two columns");
-  if (x.count > kMostPostsPerPoint * cloud.size() / y.count)
+  if (x.count > kMaxPostsPerPoint * cloud.size() / y.count)
     return no_lattice(
         fmt::format("{} points on {} x {} posts, most of them holes", cloud.size(), x.count, y.count));
 
@@ -168,19 +168,19 @@ Result<HeightField> height_field_of(const Cloud& cloud, std::vector<std::uint32_
       return no_lattice(
           fmt::format("point {} stands between the posts of a {:.6g} x {:.6g} mm grid", i, x.step, y.step));
     std::uint32_t& first = point_at[row * x.count + column];
-    // The same point once more says nothing new; another one does, however high it stands: one far point
-    // makes the lattice so coarse that a whole plane stands at one post.
+    // An exact repeat of a point is ignored. Any other point at an occupied post is an Error, whatever its
+    // height: one far point can make the lattice so coarse that a plane falls on one post.
     if (first != kNoPoint && cloud.local_mm(first) != cloud.local_mm(i))
       return no_lattice(fmt::format("point {} is a second one at its place seen from above", i));
     first = static_cast<std::uint32_t>(i);
     field.height_mm[row * x.count + column] = cloud.z_mm[i];
   }
-  finish(field);
-  if (const double thin = thin_share(field); thin > kMostThin)
+  update_block_maxima(field);
+  if (const double thin = sparse_fraction(field); thin > kMaxSparseFraction)
     return no_lattice(fmt::format(
         "its {} points are strewn over a lattice of {} x {} posts: in {:.3g} % of the area fewer than one "
         "post in {} has one",
-        cloud.size(), x.count, y.count, 100.0 * thin, kMostPostsPerPoint));
+        cloud.size(), x.count, y.count, 100.0 * thin, kMaxPostsPerPoint));
   return field;
 }
 

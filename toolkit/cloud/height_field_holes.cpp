@@ -7,19 +7,19 @@
 namespace palpate::cloud {
 namespace {
 
-/// Around a point: as far as a gap is wide at most, nine posts each way.
-constexpr std::size_t kThinWindow = kMostGapPosts;
+/// Surroundings of a point: the largest gap's width, nine posts each way.
+constexpr std::size_t kThinWindow = kMaxGapPosts;
 
 struct Grid {
   std::size_t columns = 0, rows = 0;
   [[nodiscard]] std::size_t size() const noexcept { return columns * rows; }
-  /// Of the windows of so many posts a side that touch the grid, by their last post.
+  /// The windows of `side` posts that touch the grid, indexed by their last post.
   [[nodiscard]] Grid windows(std::size_t side) const noexcept {
     return {columns + side - 1, rows + side - 1};
   }
 };
 
-/// How many posts are marked in every window of side x side posts that touches the grid.
+/// Marked posts in every window of side x side posts that touches the grid.
 std::vector<std::uint16_t> window_sums(const std::vector<std::uint8_t>& marked, const Grid& grid,
                                        std::size_t side) {
   const Grid windows = grid.windows(side);
@@ -44,7 +44,7 @@ std::vector<std::uint16_t> window_sums(const std::vector<std::uint8_t>& marked, 
   return sums;
 }
 
-/// Posts from column and row up to, not with, the ends.
+/// Posts from column and row up to, excluding, the ends.
 struct PostBox {
   std::size_t column, row, end_column, end_row;
   void add(std::size_t at_column, std::size_t at_row) noexcept {
@@ -61,15 +61,15 @@ struct PostBox {
   }
 };
 
-/// The side of the smallest square without points that chance does not leave where this share of the posts
-/// has a point. By products, which are the same everywhere.
+/// Side of the smallest empty square that is not chance when this share of posts has points. Computed by
+/// products, which are the same on all machines.
 std::uint32_t chance_side(double share) noexcept {
   double all_missing = 1.0;
-  for (std::uint32_t side = 1; side < kMostGapPosts; ++side) {
+  for (std::uint32_t side = 1; side < kMaxGapPosts; ++side) {
     for (std::uint32_t post = 0; post < 2 * side - 1; ++post) all_missing *= 1.0 - share;
-    if (all_missing < kChance) return side;
+    if (all_missing < kFalseVoidProbability) return side;
   }
-  return kMostGapPosts;
+  return kMaxGapPosts;
 }
 
 std::vector<std::uint8_t> with_point(const HeightField& field) {
@@ -78,13 +78,13 @@ std::vector<std::uint8_t> with_point(const HeightField& field) {
   return has;
 }
 
-/// Points, gaps, and voids with what is outside.
+/// Classifies points, gaps, and voids including outside.
 std::vector<PostKind> gaps_and_voids(const HeightField& field, const Grid& grid) {
   const std::vector<std::uint8_t> has = with_point(field);
   std::vector<std::uint8_t> is_empty;
   for (const std::uint16_t points : window_sums(has, grid, kGapPosts)) is_empty.push_back(points == 0);
   const Grid squares = grid.windows(kGapPosts), pairs = squares.windows(kGapPosts);
-  // The squares over a post end at it or up to 7 posts after it: the window of squares that ends there.
+  // Squares that cover a post end at it or up to 7 posts later: the window of squares that ends there.
   const std::vector<std::uint16_t> covering = window_sums(is_empty, squares, kGapPosts);
   std::vector<PostKind> of_post(grid.size(), PostKind::kPoint);
   for (std::size_t row = 0; row < grid.rows; ++row)
@@ -96,7 +96,7 @@ std::vector<PostKind> gaps_and_voids(const HeightField& field, const Grid& grid)
   return of_post;
 }
 
-/// Calls visit(post) for the posts beside one, along rows and columns.
+/// Calls visit(post) for a post's neighbours along rows and columns.
 template <class Visit>
 void beside(const Grid& grid, std::size_t post, const Visit& visit) {
   const std::size_t column = post % grid.columns;
@@ -106,7 +106,7 @@ void beside(const Grid& grid, std::size_t post, const Visit& visit) {
   if (post + grid.columns < grid.size()) visit(post + grid.columns);
 }
 
-/// Voids from which a way over voids leads to the border, from post to post beside it, are outside.
+/// Marks voids connected to the border, post by post, as outside.
 void mark_outside(std::vector<PostKind>& of_post, const Grid& grid) {
   std::vector<std::size_t> open;
   const auto visit = [&](std::size_t post) {
@@ -129,8 +129,8 @@ void mark_outside(std::vector<PostKind>& of_post, const Grid& grid) {
   }
 }
 
-/// For every post the side of the largest square of gaps and voids that ends at it: one wider than the
-/// smallest of those that end left, below and across.
+/// Per post: the side of the largest square of gaps and voids that ends there, one more than the smallest of
+/// the left, lower and diagonal ones.
 std::vector<std::uint32_t> squares_of(const std::vector<PostKind>& of_post, const Grid& grid) {
   std::vector<std::uint32_t> side(grid.size(), 0);
   for (std::size_t post = 0; post < side.size(); ++post) {
@@ -142,7 +142,7 @@ std::vector<std::uint32_t> squares_of(const std::vector<PostKind>& of_post, cons
   return side;
 }
 
-/// How many posts of a kind there are in boxes, each answer in one look.
+/// Counts posts of a kind in boxes in O(1).
 class BoxCounts {
  public:
   BoxCounts(const std::vector<PostKind>& of_post, const Grid& grid, PostKind kind)
@@ -161,10 +161,10 @@ class BoxCounts {
 
  private:
   std::size_t columns_;
-  std::vector<std::uint32_t> below_;  ///< modulo 2^32, as their differences are
+  std::vector<std::uint32_t> below_;  ///< modulo 2^32, as are their differences
 };
 
-/// A void that chance may have left among so few points around it is a gap.
+/// Turns voids that chance may have left, given few points around, into gaps.
 void close_chance_voids(std::vector<PostKind>& of_post, const Grid& grid) {
   const std::vector<std::uint32_t> side = squares_of(of_post, grid);
   const BoxCounts points(of_post, grid, PostKind::kPoint), gaps(of_post, grid, PostKind::kGap);
@@ -233,7 +233,7 @@ std::string describe(const HeightField& field, const Holes& holes, bool filled) 
   return text;
 }
 
-double thin_share(const HeightField& field) {
+double sparse_fraction(const HeightField& field) {
   if (field.holes == 0) return 0.0;
   const Grid grid{field.columns, field.rows}, windows = grid.windows(kThinWindow);
   constexpr std::size_t kReach = kThinWindow / 2;
@@ -249,13 +249,13 @@ double thin_share(const HeightField& field) {
       const std::size_t found = points[(row + kReach) * windows.columns + column + kReach];
       const double area = static_cast<double>(posts) / static_cast<double>(found);
       all += area;
-      if (kMostPostsPerPoint * found < posts) thin += area;
+      if (kMaxPostsPerPoint * found < posts) thin += area;
     }
   return thin / all;
 }
 
-HeightFieldFacts height_field_facts(const Cloud& cloud, bool filled) {
-  HeightFieldFacts facts;
+HeightFieldSummary summarise_height_field(const Cloud& cloud, bool filled) {
+  HeightFieldSummary facts;
   const Result<HeightField> field = height_field_of(cloud);
   facts.is = field.ok();
   if (!facts.is) {

@@ -1,4 +1,4 @@
-// How large a cloud may be.
+// Limits on the size of a cloud.
 #pragma once
 
 #include <cstddef>
@@ -7,9 +7,12 @@
 
 namespace palpate::cloud {
 
-/// Points of one cloud, at most; build_cloud() refuses more. So twice an index and one more, in which the
-/// orientation of pieces keeps a point and a side, fits into 32 bits.
+/// Most points of a cloud (checked by build_cloud()): twice an index plus one, which piece orientation uses
+/// for point and side, fits 32 bits.
 inline constexpr std::size_t kMaxCloudPoints = (std::size_t{1} << 31) - 1;
 static_assert(2 * (kMaxCloudPoints - 1) + 1 <= std::numeric_limits<std::uint32_t>::max());
+
+/// Mesh indices are 32 bits, and a hundred million points with their mesh fill a desktop's memory.
+inline constexpr double kMaxGeneratedPoints = 1e8;
 
 }  // namespace palpate::cloud

@@ -5,37 +5,37 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/cloud/darts.h"
-#include "toolkit/cloud/generators.h"
+#include <palpate/result.h>
+#include "toolkit/cloud/limits.h"
+#include "toolkit/cloud/poisson_disk.h"
 #include "toolkit/cloud/scanner.h"
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
-#include "toolkit/geometry/facet_picker.h"
-#include "toolkit/geometry/mesh_rays.h"
-#include "toolkit/geometry/subdivide.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/core/percentiles.h"
+#include "toolkit/geometry/loop_subdivision.h"
+#include "toolkit/geometry/mesh_ray_caster.h"
+#include "toolkit/geometry/mesh_surface_sampler.h"
 
 namespace palpate::cloud {
 namespace {
 
-using geometry::FacetPicker;
+using geometry::MeshSurfaceSampler;
 using geometry::TriangleMesh;
 
-constexpr double kMostSubdivisions = 6.0;  ///< 4096 facets for one
+constexpr double kMaxSubdivisions = 6.0;  ///< 4096 facets from one
 
-/// Places on a mesh, for darts: everywhere as dense.
+/// Uniform places on a mesh, for dart throwing.
 class MeshPlaces {
  public:
   explicit MeshPlaces(const TriangleMesh& mesh) : picker_(mesh) {}
-  [[nodiscard]] DartPlace pick(Random& random) const {
-    const FacetPicker::Pick pick = picker_.pick(random);
+  [[nodiscard]] DiskSample pick(Random& random) const {
+    const MeshSurfaceSampler::Pick pick = picker_.pick(random);
     return {pick.point, 0, picker_.scaled_normal(pick.facet)};
   }
   [[nodiscard]] double weight() const { return picker_.area(); }
   [[nodiscard]] double density_at(const Vec3& /*p*/) const { return 1.0; }
 
  private:
-  FacetPicker picker_;
+  MeshSurfaceSampler picker_;
 };
 
 Random place_random(std::uint64_t seed, std::size_t index) {
@@ -44,7 +44,7 @@ Random place_random(std::uint64_t seed, std::size_t index) {
 
 std::vector<OptionSpec> with_shared_options(std::vector<OptionSpec> own) {
   std::vector<OptionSpec> specs = {
-      {"points", OptionKind::kInteger, "0", "number of points; 0: by spacing", {}, 0, kMostPoints},
+      {"points", OptionKind::kInteger, "0", "number of points; 0: by spacing", {}, 0, kMaxGeneratedPoints},
       {"spacing",
        OptionKind::kNumber,
        "1",
@@ -59,7 +59,7 @@ std::vector<OptionSpec> with_shared_options(std::vector<OptionSpec> own) {
        "times that Loop's subdivision smooths the mesh first",
        {},
        0,
-       kMostSubdivisions},
+       kMaxSubdivisions},
       {"noise",
        OptionKind::kNumber,
        "0",
@@ -88,13 +88,13 @@ std::vector<Vec3> scattered(const TriangleMesh& mesh, bool blue, std::size_t cou
   if (blue) {
     geometry::Aabb box;
     for (const Vec3& p : mesh.vertices_mm) box.add(p);
-    points = blue_places(
+    points = poisson_disk_samples(
         MeshPlaces(mesh), count, box.low_mm, [&](std::size_t i) { return place_random(seed, i); }, &facing);
   } else {
-    const FacetPicker picker(mesh);
+    const MeshSurfaceSampler picker(mesh);
     for (std::size_t i = 0; i < count; ++i) {
       Random random = place_random(seed, i);
-      const FacetPicker::Pick pick = picker.pick(random);
+      const MeshSurfaceSampler::Pick pick = picker.pick(random);
       points.push_back(pick.point);
       facing.push_back(picker.scaled_normal(pick.facet));
     }
@@ -136,25 +136,25 @@ Result<MeshSamples> sample_mesh(std::shared_ptr<const TriangleMesh> mesh, const 
   MeshSamples made;
   made.truth = std::move(mesh);
   for (long long i = 0; i < options.integer("subdivide"); ++i) {
-    if (4.0 * static_cast<double>(made.truth->triangles.size()) > kMostPoints)
+    if (4.0 * static_cast<double>(made.truth->triangles.size()) > kMaxGeneratedPoints)
       return Error{fmt::format("{}: a subdivided mesh of too many triangles", spec.name),
                    "give a smaller subdivide",
                    {},
                    0};
     made.truth = std::make_shared<const TriangleMesh>(
-        geometry::subdivided_once(i == 0 ? geometry::welded(*made.truth) : *made.truth));
+        geometry::loop_subdivided(i == 0 ? geometry::welded(*made.truth) : *made.truth));
   }
-  const double area = made.truth->empty() ? 0.0 : FacetPicker(*made.truth).area();
+  const double area = made.truth->empty() ? 0.0 : MeshSurfaceSampler(*made.truth).area();
   if (!(area > 0.0) || !std::isfinite(area))
     return Error{
         fmt::format("{}: the mesh has no area to take points from", spec.name), "give a mesh", {}, 0};
   made.edge_mm = median_edge(*made.truth);
   const double by_spacing = area / std::pow(options.number("spacing") * made.edge_mm, 2.0);
   const double wanted = options.integer("points") > 0 ? options.number("points") : std::round(by_spacing);
-  if (!(wanted >= 4.0) || !(wanted <= kMostPoints))
+  if (!(wanted >= 4.0) || !(wanted <= kMaxGeneratedPoints))
     return Error{
         fmt::format("{}: {:.3g} points are {}", spec.name, wanted, wanted < 4.0 ? "too few" : "too many"),
-        fmt::format("choose points or spacing for 4 to {} points", kMostPoints),
+        fmt::format("choose points or spacing for 4 to {} points", kMaxGeneratedPoints),
         {},
         0};
   const auto seed = static_cast<std::uint64_t>(options.integer("seed"));
@@ -167,7 +167,7 @@ Result<MeshSamples> sample_mesh(std::shared_ptr<const TriangleMesh> mesh, const 
     geometry::Aabb box;
     for (const auto& t : made.truth->triangles)
       for (const std::uint32_t v : t) box.add(made.truth->vertices_mm[v]);
-    const geometry::MeshRays rays(*made.truth);
+    const geometry::MeshRayCaster rays(*made.truth);
     PALPATE_ASSIGN(Scanned seen, scan([&](const Vec3& a, const Vec3& b) { return rays.first_hit(a, b); }, box,
                                       false, scanner));
     points = std::move(seen.points_mm);

@@ -1,5 +1,5 @@
-// Points of a mesh that are not its vertices: anywhere in its facets, or as a scanner would see it. The mesh
-// stays the truth, and shares no place with what is made of the points.
+// Samples points on a mesh, at random or as a scanner. The mesh stays the truth and shares no vertex with the
+// points.
 #pragma once
 
 #include <memory>
@@ -7,10 +7,10 @@
 #include <string_view>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/triangle_mesh.h"
+#include <palpate/cloud.h>
+#include <palpate/options.h>
+#include <palpate/result.h>
+#include <palpate/triangle_mesh.h>
 
 namespace palpate::cloud {
 
@@ -20,8 +20,8 @@ struct MeshSampling {
   std::vector<OptionSpec> options;
 };
 
-/// random: anywhere, even by area. blue: the same with a least distance of 0.7 spacings. scan: a simulated
-/// scanner's rays (scanner.h).
+/// random: uniform by area. blue: the same with a least distance of 0.7 spacings. scan: a simulated scanner's
+/// rays (scanner.h).
 [[nodiscard]] const std::vector<MeshSampling>& mesh_samplings();
 [[nodiscard]] const MeshSampling* find_mesh_sampling(std::string_view name);
 
@@ -30,16 +30,16 @@ struct MeshSampling {
 
 struct MeshSamples {
   Cloud cloud;                                          ///< without a raster
-  std::shared_ptr<const geometry::TriangleMesh> truth;  ///< what was sampled: the mesh, or its subdivision
+  std::shared_ptr<const geometry::TriangleMesh> truth;  ///< the sampled mesh or its subdivision
   std::string spec;                                     ///< the sampling with every option
-  double spacing_mm = 0.0;  ///< root of area over points; of a scan the distance of its rays
+  double spacing_mm = 0.0;  ///< sqrt(area / points); for a scan the distance of rays
   double edge_mm = 0.0;     ///< median edge of `truth`
 };
 
-/// Options of all: `points`, or `spacing` in median edges of the truth (1 where neither is given);
-/// `subdivide`: how often Loop's subdivision smooths the mesh first; `noise` in spacings (along the facet's
-/// normal; of a scan along the ray); `seed`. The same points with any number of threads. Errors: a mesh
-/// without area, unknown names and options, too many points.
+/// Options of all: `points`, or `spacing` in median edges of the truth (default 1); `subdivide`: rounds of
+/// Loop subdivision first; `noise` in spacings (along the facet's normal, or a scan's ray); `seed`.
+/// Independent of the number of threads. Errors: a mesh without area, unknown names and options, too many
+/// points.
 [[nodiscard]] Result<MeshSamples> sample_mesh(std::shared_ptr<const geometry::TriangleMesh> mesh,
                                               const NamedOptions& spec);
 

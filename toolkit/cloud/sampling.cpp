@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "toolkit/cloud/darts.h"
+#include "toolkit/cloud/poisson_disk.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
@@ -14,24 +14,23 @@
 namespace palpate::cloud {
 namespace {
 
-/// Cells a side of a patch, whose areas say how likely each is. Within a cell places are even in the
-/// parameters.
+/// Cells per side of a patch, whose areas give probabilities. Places are uniform in the parameters within a
+/// cell.
 constexpr std::size_t kCells = 256;
-/// Outliers near the surface stand off by so many spacings: beyond any noise, and not too far to be taken for
-/// the surface.
+/// Distance of outliers in spacings: beyond noise, near enough to be taken for the surface.
 constexpr double kNearestOutlier = 2.0, kFarthestOutlier = 10.0;
-/// Pieces in which the length of a scan line is measured.
+/// Pieces in which a scan line's length is measured.
 constexpr int kPieces = 64;
 
-/// What a random number is for: each use has a sequence of its own.
+/// Uses of random numbers, each with its own sequence.
 enum class Use : std::uint64_t { kPlace = 1, kLine, kNoise, kOutlier, kOrder };
 Random random_for(Use use, std::uint64_t seed, std::size_t index) {
-  // Odd multiples of the golden number's square keep the uses apart, and apart from the jitter.
+  // Odd multiples of the squared golden number separate the uses from each other and from the jitter.
   const std::uint64_t apart = kGolden64 * kGolden64 * (2 * static_cast<std::uint64_t>(use) + 1);
   return Random((seed ^ apart) + kGolden64 * (index + 1));
 }
 
-/// Of a surface's cells: how likely a point falls into those up to each.
+/// Cumulative probabilities of a surface's cells.
 class AreaTable {
  public:
   AreaTable(const std::vector<Patch>& patches, const geometry::Aabb& box, double density)
@@ -51,9 +50,9 @@ class AreaTable {
   [[nodiscard]] double area_mm2() const { return area_; }
   /// The sum of area x density.
   [[nodiscard]] double weight() const { return up_to_.back(); }
-  /// Points per area at p over those where it is densest.
+  /// Density at p relative to the largest.
   [[nodiscard]] double density_at(const Vec3& p) const { return p.x() > middle_x_ ? 1.0 : 1.0 / density_; }
-  [[nodiscard]] DartPlace pick(Random& random) const {
+  [[nodiscard]] DiskSample pick(Random& random) const {
     const double at = random.uniform() * up_to_.back();
     const auto found = std::upper_bound(up_to_.begin(), up_to_.end() - 1, at);
     const auto cell = static_cast<std::size_t>(found - up_to_.begin());
@@ -64,7 +63,7 @@ class AreaTable {
   }
 
  private:
-  /// Areas of a row of cells, and in up_to_ their densities.
+  /// Areas of a row of cells; their densities go to up_to_.
   void fill_row(std::size_t row, std::vector<double>& area) {
     const Patch& patch = patches_[row / kCells];
     const double v0 = static_cast<double>(row % kCells) / kCells,
@@ -97,7 +96,7 @@ std::vector<Vec3> random_places(const AreaTable& table, std::size_t count, std::
   return points;
 }
 
-/// Each candidate from a sequence of its own.
+/// Each candidate has its own sequence.
 Random candidate(std::uint64_t seed, std::size_t index) {
   return random_for(Use::kPlace, seed, index);
 }
@@ -114,7 +113,7 @@ double length_along(const Patch& patch, double fixed, bool along_u) {
   return length;
 }
 
-/// Lines along u, evenly spaced along v; each begins at a phase of its own.
+/// Lines along u, evenly spaced along v, each with its own phase.
 std::vector<Vec3> places_in_lines(const std::vector<Patch>& patches, double spacing_mm, double ratio,
                                   std::uint64_t seed) {
   const double along = spacing_mm / std::sqrt(ratio), across = spacing_mm * std::sqrt(ratio);
@@ -138,14 +137,14 @@ std::vector<Vec3> places_in_lines(const std::vector<Patch>& patches, double spac
 
 }  // namespace
 
-double count_patches(const std::vector<Patch>& patches, const Common& common) {
+double count_patches(const std::vector<Patch>& patches, const CommonOptions& common) {
   if (!(common.spacing_mm > 0.0)) return common.points;
   const AreaTable table(patches, {}, 1.0);
   return std::max(4.0, std::round(table.area_mm2() / (common.spacing_mm * common.spacing_mm)));
 }
 
 Sampled sample_patches(const std::vector<Patch>& patches, const geometry::Aabb& box,
-                       const SamplingOptions& options, const Common& common) {
+                       const SamplingOptions& options, const CommonOptions& common) {
   const AreaTable table(patches, box, options.density);
   const auto count = static_cast<std::size_t>(count_patches(patches, common));
   Sampled sampled;
@@ -155,8 +154,8 @@ Sampled sample_patches(const std::vector<Patch>& patches, const geometry::Aabb& 
       sampled.points_mm = places_in_lines(patches, sampled.spacing_mm, options.ratio, common.seed);
       break;
     case Sampling::kBlue:
-      sampled.points_mm =
-          blue_places(table, count, box.low_mm, [&](std::size_t i) { return candidate(common.seed, i); });
+      sampled.points_mm = poisson_disk_samples(table, count, box.low_mm,
+                                               [&](std::size_t i) { return candidate(common.seed, i); });
       break;
     default:
       sampled.points_mm = random_places(table, count, common.seed);
@@ -164,8 +163,8 @@ Sampled sample_patches(const std::vector<Patch>& patches, const geometry::Aabb& 
   return sampled;
 }
 
-void disturb(const Shape& shape, double spacing_mm, const SamplingOptions& options, std::uint64_t seed,
-             std::vector<Vec3>& points_mm) {
+void add_noise_and_outliers(const Shape& shape, double spacing_mm, const SamplingOptions& options,
+                            std::uint64_t seed, std::vector<Vec3>& points_mm) {
   if (options.noise == 0.0 && options.outliers == 0.0) return;
   const geometry::Aabb box = shape.surface->box_mm();
   parallel_chunks(points_mm.size(), kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
@@ -187,7 +186,7 @@ void disturb(const Shape& shape, double spacing_mm, const SamplingOptions& optio
   });
 }
 
-std::vector<std::uint32_t> shuffled(std::size_t count, std::uint64_t seed) {
+std::vector<std::uint32_t> random_permutation(std::size_t count, std::uint64_t seed) {
   std::vector<std::uint32_t> order(count);
   std::iota(order.begin(), order.end(), 0u);
   Random random = random_for(Use::kOrder, seed, 0);

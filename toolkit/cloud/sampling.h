@@ -1,13 +1,13 @@
-// The other ways of sampling a surface: at random, at random with a least distance, in scan lines; and what
-// scanners do to points: noise, outliers, an order of their own. Internal to cloud.
+// Samplings besides the grid (random, blue noise, scan lines), and scanner defects: noise, outliers, shuffled
+// order. Internal to cloud.
 #pragma once
 
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include <palpate/aabb.h>
 #include "toolkit/cloud/shapes.h"
-#include "toolkit/geometry/aabb.h"
 
 namespace palpate::cloud {
 
@@ -16,33 +16,33 @@ enum class Sampling { kGrid, kRandom, kBlue, kLines, kScan };
 /// What the options of sampling say.
 struct SamplingOptions {
   Sampling way = Sampling::kGrid;
-  double ratio = 8.0;     ///< of lines: their distance over that of the points along them
-  double density = 1.0;   ///< points per area for x above the middle, over those below it
+  double ratio = 8.0;     ///< lines: their distance over that of points along them
+  double density = 1.0;   ///< ratio of densities for x above and below the middle
   double noise = 0.0;     ///< standard deviation along the normal, in spacings
   double outliers = 0.0;  ///< share of the points
   bool outliers_near = true;
   bool shuffle = false;
-  /// Every point where the grid has it.
+  /// Grid points at their exact places.
   [[nodiscard]] bool in_place() const { return way == Sampling::kGrid && noise == 0.0 && outliers == 0.0; }
 };
 
 struct Sampled {
   std::vector<Vec3> points_mm;
-  double spacing_mm = 0.0;  ///< root of the area over the number of points
+  double spacing_mm = 0.0;  ///< sqrt(area / points)
 };
 
-/// Samples the patches in another way than the grid: as many points as `common` asks for, the nearest that
-/// lines can give. The same with any number of threads. O(n), for blue noise some ten candidates a point.
+/// Samples the patches other than by the grid: as many points as `common` asks for, the nearest that lines
+/// allow. Independent of the number of threads. O(n); blue noise takes about ten candidates a point.
 [[nodiscard]] Sampled sample_patches(const std::vector<Patch>& patches, const geometry::Aabb& box,
-                                     const SamplingOptions& options, const Common& common);
-/// How many points that would be, before any is made.
-[[nodiscard]] double count_patches(const std::vector<Patch>& patches, const Common& common);
+                                     const SamplingOptions& options, const CommonOptions& common);
+/// The number of points, before sampling.
+[[nodiscard]] double count_patches(const std::vector<Patch>& patches, const CommonOptions& common);
 
-/// Noise and outliers, in place. `spacing_mm` is what both are counted in.
-void disturb(const Shape& shape, double spacing_mm, const SamplingOptions& options, std::uint64_t seed,
-             std::vector<Vec3>& points_mm);
+/// Adds noise and outliers in place, both in units of `spacing_mm`.
+void add_noise_and_outliers(const Shape& shape, double spacing_mm, const SamplingOptions& options,
+                            std::uint64_t seed, std::vector<Vec3>& points_mm);
 
-/// order[i] is the place that goes to i; every order equally likely.
-[[nodiscard]] std::vector<std::uint32_t> shuffled(std::size_t count, std::uint64_t seed);
+/// A uniform permutation: order[i] is the place that goes to i.
+[[nodiscard]] std::vector<std::uint32_t> random_permutation(std::size_t count, std::uint64_t seed);
 
 }  // namespace palpate::cloud

@@ -8,41 +8,41 @@
 #include <cmath>
 #include <numbers>
 
-#include "toolkit/cloud/generators.h"
+#include <palpate/result.h>
+#include "toolkit/cloud/limits.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
-#include "toolkit/core/try.h"
 
 namespace palpate::cloud {
 namespace {
 
-/// The scanner's distance from the model's middle, in radii of the model.
+/// The scanner's distance from the model's middle, in model radii.
 constexpr double kStandOff = 3.0;
-/// Rays that meet the surface flatter return nothing: the cosine of 80 degrees.
+/// Cosine of 80 degrees; flatter rays return nothing.
 constexpr double kGrazing = 0.17364817766693041;
-/// The cosine at which the bias is told.
+/// Cosine at which the bias is specified.
 constexpr double kBiasAt = 0.5;
-/// Rays a side of the raster that first tells how much a view sees.
+/// Rays per side of the first raster, which estimates a view's coverage.
 constexpr std::size_t kTrialSide = 64;
-/// Ranges of neighbouring rays that differ by more spacings are of an edge, with the air behind it.
+/// Range difference of adjacent rays, in spacings, that marks an edge with air behind.
 constexpr double kEdge = 4.0;
-/// Flying points that no edge is left for hang so many spacings in front.
+/// Distance in front, in spacings, of flying points for which no edge is left.
 constexpr double kNearestFlying = 2.0, kFarthestFlying = 10.0;
-/// Views from above stand no lower than this share of a hemisphere's height: 30 degrees over the plane.
+/// Lowest views from above, as a share of a hemisphere's height: 30 degrees over the plane.
 constexpr double kLowestAbove = 0.5;
 
-/// What a random number is for: each use has a sequence of its own.
+/// Uses of random numbers, each with its own sequence.
 enum class ScanUse : std::uint64_t { kView = 11, kRay };
 Random scan_random(ScanUse use, std::uint64_t seed, std::size_t index) {
   const std::uint64_t apart = kGolden64 * kGolden64 * (2 * static_cast<std::uint64_t>(use) + 1);
   return Random((seed ^ apart) + kGolden64 * (index + 1));
 }
 
-/// One place of the scanner: rays go from `eye` through a raster on the plane through the model's middle.
+/// One scanner position: rays go from `eye` through a raster on the plane through the model's middle.
 struct ScanView {
   Vec3 eye, right, up, middle;
-  double half = 0.0;  ///< of the raster's side
+  double half = 0.0;  ///< half the raster's side
   [[nodiscard]] Vec3 end(double x, double y) const {
     const Vec3 on_plane = middle + x * half * right + y * half * up;
     return eye + 2.0 * (on_plane - eye);
@@ -53,7 +53,7 @@ std::vector<ScanView> views_of(const geometry::Aabb& box, bool from_above, int c
   const double radius = 0.5 * box.extent_mm().norm();
   std::vector<ScanView> views;
   for (int i = 0; i < count; ++i) {
-    // Evenly over sphere or cap: equal heights, turned by the golden angle (Vogel 1979).
+    // Even over sphere or cap: equal heights, turned by the golden angle (Vogel 1979).
     const double lowest = from_above ? kLowestAbove : -1.0;
     const double z = count == 1 ? 1.0 : 1.0 - (1.0 - lowest) * (i + 0.5) / count;
     const double turn = 2.0 * std::numbers::pi * i / std::numbers::phi, flat = std::sqrt(1.0 - z * z);
@@ -64,7 +64,7 @@ std::vector<ScanView> views_of(const geometry::Aabb& box, bool from_above, int c
     view.eye = view.middle + kStandOff * radius * towards;
     view.right = side.cross(towards).normalized();
     view.up = towards.cross(view.right);
-    // A ray that touches the ball round the model passes its middle plane so far out.
+    // Where a ray tangent to the model's ball meets the middle plane.
     view.half = radius * kStandOff / std::sqrt(kStandOff * kStandOff - 1.0);
     views.push_back(view);
   }
@@ -73,11 +73,11 @@ std::vector<ScanView> views_of(const geometry::Aabb& box, bool from_above, int c
 
 struct Return {
   Vec3 point = Vec3::Zero(), ray = Vec3::Zero();  ///< ray: unit, away from the scanner
-  double range = 0.0;                             ///< negative: nothing came back
+  double range = 0.0;                             ///< negative: no return
   double cosine = 0.0;
 };
 
-/// The raster of one view, row by row: what is there, before anything goes wrong.
+/// One view's exact returns, row by row.
 std::vector<Return> look(const FirstHit& first_hit, const ScanView& view, std::size_t side) {
   std::vector<Return> returns(side * side);
   parallel_chunks(side, 1, 0, [&](std::size_t begin, std::size_t end) {
@@ -104,7 +104,7 @@ std::size_t count_returns(const std::vector<Return>& returns) {
       std::count_if(returns.begin(), returns.end(), [](const Return& r) { return r.range >= 0.0; }));
 }
 
-/// The range at `index` of a neighbour that lies behind an edge; 0 where there is none.
+/// The range at `index` of a neighbour behind an edge; 0 if none.
 double behind_edge(const std::vector<Return>& returns, std::size_t side, std::size_t index, double spacing) {
   const std::size_t column = index % side;
   for (const std::size_t other : {column + 1 < side ? index + 1 : index, index + side})
@@ -113,17 +113,17 @@ double behind_edge(const std::vector<Return>& returns, std::size_t side, std::si
   return 0.0;
 }
 
-/// Errors of one view: each return's own, then the view's as a whole.
+/// Adds one view's errors: each return's own, then the view's.
 void measure(const std::vector<Return>& returns, std::size_t side, const ScanView& view, std::uint32_t number,
              double spacing, const ScannerOptions& o, Scanned& scanned) {
   Random whole = scan_random(ScanUse::kView, o.seed, number);
-  const double reach = 0.5 * view.half;  // a turn by registration / reach moves the rim by about as much
+  const double reach = 0.5 * view.half;  // turning by registration / reach moves the rim by about that much
   const auto normal3 = [&whole] { return Vec3(whole.normal(), whole.normal(), whole.normal()); };
   const Vec3 shift = o.registration * spacing * normal3() / std::sqrt(3.0);
   const Vec3 turn = o.registration * spacing / reach * normal3() / std::sqrt(3.0);
   const double angle = turn.norm();
   const Eigen::AngleAxisd turned(angle, angle > 0.0 ? Vec3(turn / angle) : Vec3(Vec3::UnitZ()));
-  // Edges have more flying points than the rest, and all of the model no more than the share asked for.
+  // Edges have more flying points; in total they are at most the requested share.
   std::size_t edges = 0;
   for (std::size_t i = 0; i < returns.size(); ++i)
     edges += returns[i].range >= 0.0 && behind_edge(returns, side, i, spacing) > 0.0 ? 1u : 0u;
@@ -212,9 +212,9 @@ Result<Scanned> scan(const FirstHit& first_hit, const geometry::Aabb& box, bool 
   for (std::uint32_t i = 0; i < views.size(); ++i) {
     if (!sees[i]) continue;
     const double wanted = std::ceil(2.0 * views[i].half / scanned.spacing_mm);
-    if (!(wanted * wanted * static_cast<double>(views.size()) <= kMostPoints))
+    if (!(wanted * wanted * static_cast<double>(views.size()) <= kMaxGeneratedPoints))
       return Error{fmt::format("a scan by {} views needs {:.3g} rays each", views.size(), wanted * wanted),
-                   fmt::format("at most {} rays a model", kMostPoints),
+                   fmt::format("at most {} rays a model", kMaxGeneratedPoints),
                    {},
                    0};
     const auto side = static_cast<std::size_t>(std::max(2.0, wanted));

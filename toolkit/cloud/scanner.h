@@ -1,5 +1,4 @@
-// A simulated scanner: rays from places around a surface, and what measuring does to the points that they
-// hit.
+// A simulated scanner: casts rays from around a surface and adds measurement errors.
 #pragma once
 
 #include <cstdint>
@@ -7,26 +6,27 @@
 #include <optional>
 #include <vector>
 
-#include "toolkit/core/options.h"
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/aabb.h"
-#include "toolkit/geometry/analytic_surface.h"
+#include <palpate/aabb.h>
+#include <palpate/analytic_surface.h>
+#include <palpate/options.h>
+#include <palpate/result.h>
 
 namespace palpate::cloud {
 
-/// Lengths in spacings: the distance of neighbouring rays in the middle of the model.
+/// Lengths in spacings: the distance of adjacent rays in the model's middle.
 struct ScannerOptions {
-  double points = 0.0;  ///< wanted before dropout, of all views together
-  int views = 1;        ///< places of the scanner
-  double noise = 0.0;   ///< standard deviation of the range, along the ray
-  double bias = 0.0;    ///< the range reads longer by this at 60 degrees of incidence, 0 at 0, as 1 / cos - 1
-  double dropout = 0.0;       ///< share of the rays that return nothing
-  double flying = 0.0;        ///< share of the points that hang in the air: at the edge of what is in front
-  double registration = 0.0;  ///< standard deviation of each view's place, and of its turn at the model's rim
+  double points = 0.0;        ///< wanted before dropout, over all views
+  int views = 1;              ///< scanner positions
+  double noise = 0.0;         ///< standard deviation of the range, along the ray
+  double bias = 0.0;          ///< range error at 60 degrees of incidence, growing as 1 / cos - 1 from 0
+  double dropout = 0.0;       ///< share of rays without return
+  double flying = 0.0;        ///< share of points in the air at edges
+  double registration = 0.0;  ///< standard deviation of each view's position, and of its rotation at the
+                              ///< model's rim
   std::uint64_t seed = 1;
 };
 
-/// Where the way from a to b first meets the surface; the normal looks back.
+/// The first surface hit from a to b; the normal points back.
 using FirstHit = std::function<std::optional<geometry::SurfacePoint>(const Vec3& a, const Vec3& b)>;
 
 struct Scanned {
@@ -35,16 +35,15 @@ struct Scanned {
   double spacing_mm = 0.0;
 };
 
-/// The options by name, for generators and samplings of meshes alike; `only_with` is put on each.
+/// The options by name, for generators and mesh samplings; `only_with` is added to each.
 [[nodiscard]] std::vector<OptionSpec> scanner_specs(const std::vector<OptionCondition>& only_with);
-/// Of validated options that hold them; `points` and `seed` are the caller's.
+/// Reads validated options; the caller sets `points` and `seed`.
 [[nodiscard]] ScannerOptions read_scanner(const Options& options);
 
-/// Scans what stands in `box`. One view looks down along z; several stand evenly around the model, those that
-/// see nothing leave their share to the others; `from_above`: none below it. Each stands kStandOff radii away
-/// and sends a square raster of rays that spreads from one place. Rays that graze (over 80 degrees) return
-/// nothing. Bit for bit the same with any number of threads. An Error where no view sees anything, or more
-/// than a hundred million rays are needed. O(rays log n).
+/// Scans what is in `box`. One view looks down along z; several are spread evenly around, and blind ones
+/// leave their share to the others; `from_above`: none below. Each stands kStandOff radii away and sends a
+/// square raster of diverging rays. Rays over 80 degrees of incidence return nothing. Bit-identical for any
+/// number of threads. An Error if nothing is seen or over a hundred million rays are needed. O(rays log n).
 [[nodiscard]] Result<Scanned> scan(const FirstHit& first_hit, const geometry::Aabb& box, bool from_above,
                                    const ScannerOptions& options);
 

@@ -4,8 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "toolkit/cloud/lattice.h"
-#include "toolkit/cloud/rings.h"
+#include "toolkit/cloud/box_lattice.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
@@ -15,19 +14,19 @@ namespace {
 
 using geometry::AnalyticSurface;
 
-/// Two numbers in [-1, 1) that depend on the seed and the point alone, so that threads do not matter.
+/// Two numbers in [-1, 1) from seed and point only, independent of threads.
 struct Shift {
   double u = 0.0, v = 0.0;
 };
-Shift shift_of(const Common& common, std::size_t index) {
+Shift shift_of(const CommonOptions& common, std::size_t index) {
   if (common.jitter == 0.0) return {};
   Random random(common.seed + kGolden64 * (index + 1));
   const double u = random.uniform(-1.0, 1.0);
   return {common.jitter * u, common.jitter * random.uniform(-1.0, 1.0)};
 }
 
-/// Uneven spacing: the share s in [0, 1] of a side, moved so that the spacing varies from 1 - a to 1 + a
-/// times the even one; the ends stay.
+/// Uneven spacing: moves the share s in [0, 1] of a side so that the spacing varies from 1 - a to 1 + a times
+/// the even one; the ends stay.
 double warped(double s, double a) {
   return a == 0.0 ? s : s + a / (2.0 * std::numbers::pi) * std::sin(2.0 * std::numbers::pi * s);
 }
@@ -36,9 +35,9 @@ std::uint32_t whole(double x, double least) {
   return static_cast<std::uint32_t>(std::max(least, std::round(x)));
 }
 
-/// Rows of a grid over a height field, `aspect` times as long in y as in x, scanner order.
-Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surface, const Common& common,
-                            double aspect = 1.0) {
+/// Grid rows over a height field in scanner order, `aspect` times as long in y as in x.
+Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surface,
+                            const CommonOptions& common, double aspect = 1.0) {
   const bool by_spacing = common.spacing_mm > 0.0;
   const std::uint32_t side = by_spacing ? whole(common.extent_mm / common.spacing_mm, 1.0) + 1
                                         : whole(std::sqrt(common.points / aspect), 2.0);
@@ -55,7 +54,7 @@ Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surfac
   samples.point = [=](std::size_t i) {
     const std::size_t column = raster.column(i), row = i / columns;
     Shift shift = shift_of(common, row * columns + column);
-    // Border points move along the border only, so that the extent stays.
+    // Border points move along the border only, so the extent stays.
     if (column == 0 || column + 1 == columns) shift.u = 0.0;
     if (row == 0 || row + 1 == rows) shift.v = 0.0;
     const double u = warped((static_cast<double>(column) + shift.u) / cells, common.nonuniform);
@@ -81,7 +80,7 @@ Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surfac
 }
 
 Samples sample_torus(const std::shared_ptr<const AnalyticSurface>& surface, double major, double minor,
-                     const Common& common) {
+                     const CommonOptions& common) {
   const double around_mm = 2.0 * std::numbers::pi * major, tube_mm = 2.0 * std::numbers::pi * minor;
   const double spacing =
       common.spacing_mm > 0.0 ? common.spacing_mm : std::sqrt(around_mm * tube_mm / common.points);
@@ -112,10 +111,9 @@ Samples sample_torus(const std::shared_ptr<const AnalyticSurface>& surface, doub
   return samples;
 }
 
-/// Lattice coordinate over cells as a share of the side in [-1, 1], shifted along the faces it lies inside
-/// of.
-Vec3 lattice_share(const BoxLattice& lattice, const std::array<std::uint32_t, 3>& cells, const Common& common,
-                   std::size_t i) {
+/// Lattice coordinates as shares in [-1, 1], shifted along their faces.
+Vec3 lattice_share(const BoxLattice& lattice, const std::array<std::uint32_t, 3>& cells,
+                   const CommonOptions& common, std::size_t i) {
   const auto at = lattice.coordinates(i);
   const Shift shift = shift_of(common, i);
   const double shifts[2] = {shift.u, shift.v};
@@ -124,7 +122,7 @@ Vec3 lattice_share(const BoxLattice& lattice, const std::array<std::uint32_t, 3>
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const bool border = at[axis] == 0 || at[axis] == cells[axis];
     double s = static_cast<double>(at[axis]);
-    // A surface point is on the border of at least one axis, so at most two shifts are used.
+    // A surface point is on the border of some axis, so at most two shifts are used.
     if (!border) s += shifts[used++];
     share[static_cast<int>(axis)] =
         2.0 * warped(s / static_cast<double>(cells[axis]), common.nonuniform) - 1.0;
@@ -132,15 +130,14 @@ Vec3 lattice_share(const BoxLattice& lattice, const std::array<std::uint32_t, 3>
   return share;
 }
 
-/// The direction of a place on the cube [-1, 1]^3, with equal angles between the lines of a face.
+/// The direction of a place on the cube [-1, 1]^3, with equal angles between a face's lines.
 Vec3 on_unit_sphere(const Vec3& share) {
   const auto angle = [](double s) { return std::tan(0.25 * std::numbers::pi * s); };
   return Vec3(angle(share.x()), angle(share.y()), angle(share.z())).normalized();
 }
 
-/// Six faces of a cube, blown up to the sphere with equal angles between the lines of a face: spacing varies
-/// by 1.4.
-Samples sample_sphere(double radius, const Common& common) {
+/// Six cube faces projected to the sphere with equal angles between lines: spacing varies by 1.4.
+Samples sample_sphere(double radius, const CommonOptions& common) {
   // 6 n^2 + 2 points; a face spans a quarter turn.
   const std::uint32_t n = common.spacing_mm > 0.0
                               ? whole(0.5 * std::numbers::pi * radius / common.spacing_mm, 1.0)
@@ -156,7 +153,7 @@ Samples sample_sphere(double radius, const Common& common) {
   return samples;
 }
 
-Samples sample_slab(double thickness, const Common& common) {
+Samples sample_slab(double thickness, const CommonOptions& common) {
   const double extent = common.extent_mm;
   const double area = 2.0 * extent * extent + 4.0 * extent * thickness;
   const double spacing = common.spacing_mm > 0.0 ? common.spacing_mm : std::sqrt(area / common.points);
@@ -173,9 +170,9 @@ Samples sample_slab(double thickness, const Common& common) {
   return samples;
 }
 
-/// A box-shaped lattice over `half_ways`, half of the way along the surface from face to opposite face.
+/// A box lattice with `half_ways`, half the arc length from face to opposite face.
 Samples sample_rounded_box(const std::shared_ptr<const AnalyticSurface>& surface, const Vec3& half_ways,
-                           const Common& common) {
+                           const CommonOptions& common) {
   const Vec3 ways = 2.0 * half_ways;
   const double area = 2.0 * (ways.x() * ways.y() + ways.y() * ways.z() + ways.z() * ways.x());
   const double spacing = common.spacing_mm > 0.0 ? common.spacing_mm : std::sqrt(area / common.points);
@@ -186,15 +183,15 @@ Samples sample_rounded_box(const std::shared_ptr<const AnalyticSurface>& surface
   samples.count = lattice.size();
   samples.spacing_mm = ways.x() / cells[0];
   samples.point = [=](std::size_t i) {
-    return geometry::on_rounded_box(*surface, lattice_share(lattice, cells, common, i));
+    return geometry::rounded_box_point(*surface, lattice_share(lattice, cells, common, i));
   };
   samples.triangles = [lattice] { return lattice.triangles(); };
   return samples;
 }
 
-/// The outer sphere, then the inner one on the same lattice, which faces the other way.
-Samples sample_shells(double radius, double gap, const Common& common) {
-  Common half = common;
+/// The outer sphere, then the inner one on the same lattice, facing the other way.
+Samples sample_shells(double radius, double gap, const CommonOptions& common) {
+  CommonOptions half = common;
   half.points = 0.5 * common.points;
   const Samples one = sample_sphere(radius, half);
   Samples samples;
@@ -216,18 +213,18 @@ Samples sample_shells(double radius, double gap, const Common& common) {
 }
 
 /// Rings about the axis, evenly spaced from the lowest point to the rim.
-Samples sample_bowl(double radius, double rim, geometry::Felt felt, const Common& common) {
+Samples sample_bowl(double radius, double rim, geometry::Felt felt, const CommonOptions& common) {
   // The area 2 pi r^2 (1 - cos rim), over the points.
   const double spacing =
       common.spacing_mm > 0.0
           ? common.spacing_mm
           : radius * std::sqrt(2.0 * std::numbers::pi * (1.0 - std::cos(rim)) / common.points);
-  const Rings rings(radius, rim, spacing);
+  const SphereRings rings(radius, rim, spacing);
   Samples samples;
   samples.count = rings.size();
   samples.spacing_mm = spacing;
   samples.point = [rings, common, radius, rim](std::size_t i) {
-    const Rings::Place at = rings.place(i);
+    const SphereRings::Place at = rings.place(i);
     Shift shift = shift_of(common, i);
     const bool border = at.ring == 0 || at.ring == rings.rings();
     if (border) shift.v = 0.0;
@@ -247,7 +244,7 @@ Samples sample_bowl(double radius, double rim, geometry::Felt felt, const Common
   return samples;
 }
 
-/// The six faces of the cube [-1, 1]^3 as `place` lays them on a surface.
+/// The six faces of the cube [-1, 1]^3, mapped to a surface by `place`.
 void add_cube_faces(std::vector<Patch>& patches, const std::function<Vec3(const Vec3&)>& place,
                     int sheet = 0) {
   for (int axis = 0; axis < 3; ++axis)
@@ -276,7 +273,7 @@ Shape round_shape(std::shared_ptr<const AnalyticSurface> surface, const Samples&
   return shape;
 }
 
-Shape height_field_shape(std::shared_ptr<const AnalyticSurface> surface, const Common& common,
+Shape height_field_shape(std::shared_ptr<const AnalyticSurface> surface, const CommonOptions& common,
                          double aspect = 1.0) {
   Shape shape;
   shape.surface = std::move(surface);
@@ -287,15 +284,15 @@ Shape height_field_shape(std::shared_ptr<const AnalyticSurface> surface, const C
   return shape;
 }
 
-Shape pebble_shape(const Options& options, const Common& common) {
+Shape pebble_shape(const Options& options, const CommonOptions& common) {
   const double radius = 0.5 * common.extent_mm;
   const auto surface =
       geometry::make_pebble(radius, options.number("finest") * radius, options.number("slope"), common.seed);
   return round_shape(surface, sample_sphere(radius, common),
-                     [surface](const Vec3& p) { return geometry::on_pebble(*surface, p); });
+                     [surface](const Vec3& p) { return geometry::pebble_point(*surface, p); });
 }
 
-Shape sphere_shape(const Common& common) {
+Shape sphere_shape(const CommonOptions& common) {
   const double radius = 0.5 * common.extent_mm;
   Shape shape;
   shape.surface = geometry::make_sphere(radius);
@@ -305,14 +302,14 @@ Shape sphere_shape(const Common& common) {
   return shape;
 }
 
-/// Of shapes with a length along each axis: that along x is the extent.
-Vec3 lengths_of(const Options& options, const Common& common) {
+/// Lengths per axis; x is the extent.
+Vec3 lengths_of(const Options& options, const CommonOptions& common) {
   return common.extent_mm * Vec3(1.0, options.number("aspect_y"), options.number("aspect_z"));
 }
 
-Shape ellipsoid_shape(const Options& options, const Common& common) {
+Shape ellipsoid_shape(const Options& options, const CommonOptions& common) {
   const Vec3 axes = 0.5 * lengths_of(options, common);
-  // The sphere of about the ellipsoid's area has the lattice (Thomsen's formula, to 1.1 %).
+  // Uses the lattice of a sphere of similar area (Thomsen's formula, to 1.1 %).
   constexpr double kPower = 1.6075;
   const auto term = [&](int i, int j) {
     return std::pow(axes[i] / axes[0] * axes[j] / axes[0], kPower) / 3.0;
@@ -322,19 +319,19 @@ Shape ellipsoid_shape(const Options& options, const Common& common) {
                      [axes](const Vec3& p) { return Vec3(p.normalized().cwiseProduct(axes)); });
 }
 
-Shape rounded_box_shape(const Options& options, const Common& common) {
+Shape rounded_box_shape(const Options& options, const CommonOptions& common) {
   const Vec3 lengths = lengths_of(options, common);
   const double radius = options.number("radius_mm") * common.scale;
   Shape shape;
   shape.surface = geometry::make_rounded_box(lengths, radius);
   if (!shape.surface) return shape;
-  shape.grid = sample_rounded_box(shape.surface, geometry::half_ways_of_rounded_box(lengths, radius), common);
+  shape.grid = sample_rounded_box(shape.surface, geometry::rounded_box_half_arcs(lengths, radius), common);
   add_cube_faces(shape.patches,
-                 [s = shape.surface](const Vec3& share) { return geometry::on_rounded_box(*s, share); });
+                 [s = shape.surface](const Vec3& share) { return geometry::rounded_box_point(*s, share); });
   return shape;
 }
 
-Shape bowl_shape(const Options& options, const Common& common) {
+Shape bowl_shape(const Options& options, const CommonOptions& common) {
   const double radius = 0.5 * common.extent_mm, rim_deg = options.number("rim_deg");
   const double rim = rim_deg * std::numbers::pi / 180.0;
   const geometry::Felt felt =
@@ -350,7 +347,7 @@ Shape bowl_shape(const Options& options, const Common& common) {
   return shape;
 }
 
-Shape shells_shape(const Options& options, const Common& common) {
+Shape shells_shape(const Options& options, const CommonOptions& common) {
   const double radius = 0.5 * common.extent_mm, gap = options.number("gap_mm") * common.scale;
   Shape shape;
   shape.surface = geometry::make_shells(radius, gap);
@@ -363,7 +360,7 @@ Shape shells_shape(const Options& options, const Common& common) {
   return shape;
 }
 
-Shape torus_shape(const Options& options, const Common& common) {
+Shape torus_shape(const Options& options, const CommonOptions& common) {
   const double major = 0.5 * common.extent_mm / (1.0 + options.number("tube"));
   const double minor = major * options.number("tube");
   Shape shape;
@@ -374,7 +371,7 @@ Shape torus_shape(const Options& options, const Common& common) {
   return shape;
 }
 
-Shape slab_shape(const Options& options, const Common& common) {
+Shape slab_shape(const Options& options, const CommonOptions& common) {
   const double thickness = options.number("thickness_mm") * common.scale;
   const Vec3 half = 0.5 * Vec3(common.extent_mm, common.extent_mm, thickness);
   Shape shape;
@@ -387,7 +384,7 @@ Shape slab_shape(const Options& options, const Common& common) {
 
 }  // namespace
 
-Shape shape_of(const std::string& name, const Options& options, const Common& common) {
+Shape shape_of(const std::string& name, const Options& options, const CommonOptions& common) {
   if (name == "pebble") return pebble_shape(options, common);
   if (name == "sphere") return sphere_shape(common);
   if (name == "torus") return torus_shape(options, common);

@@ -1,5 +1,4 @@
-// What the generators sample: a surface with the grid of its points, and with patches for the other ways of
-// sampling. Internal to cloud.
+// The generators' surfaces, each with a grid of points and patches for other samplings. Internal to cloud.
 #pragma once
 
 #include <array>
@@ -10,16 +9,16 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/core/options.h"
-#include "toolkit/geometry/analytic_surface.h"
+#include <palpate/analytic_surface.h>
+#include <palpate/cloud.h>
+#include <palpate/options.h>
 
 namespace palpate::cloud {
 
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
 
-/// What every generator takes, lengths already scaled.
-struct Common {
+/// Options of every generator; lengths already scaled.
+struct CommonOptions {
   double points = 0.0;
   double spacing_mm = 0.0;  ///< 0 = from points
   double extent_mm = 0.0;
@@ -28,10 +27,10 @@ struct Common {
   std::uint64_t seed = 0;
   double scale = 1.0;
   bool mesh = true;
-  std::string order;  ///< of points, where there is a choice
+  std::string order;  ///< of points, if selectable
 };
 
-/// Points by index, in mm; triangles as an afterthought.
+/// Points by index, in mm; triangles on demand.
 struct Samples {
   std::size_t count = 0;
   std::function<Vec3(std::size_t)> point;
@@ -40,17 +39,17 @@ struct Samples {
   double spacing_mm = 0.0;
 };
 
-/// A part of a surface over the square [0, 1]^2. Patches of one sheet meet; different sheets may come close.
+/// A part of a surface over [0, 1]^2. Patches of a sheet meet; different sheets may come close.
 struct Patch {
   std::function<Vec3(double u, double v)> point;
   int sheet = 0;
 };
 
 struct Shape {
-  std::shared_ptr<const geometry::AnalyticSurface> surface;  ///< null where there is none of this kind
+  std::shared_ptr<const geometry::AnalyticSurface> surface;  ///< null for an unknown kind
   Samples grid;
-  std::vector<Patch> patches;    ///< which together are the surface
-  bool is_height_field = false;  ///< its closest place is costly, its own place is not
+  std::vector<Patch> patches;    ///< together the surface
+  bool is_height_field = false;  ///< z at a place is cheap, the closest place is not
 
   /// Unit normal at a place of the surface.
   [[nodiscard]] Vec3 normal_at(const Vec3& on_surface) const {
@@ -59,7 +58,7 @@ struct Shape {
   }
 };
 
-/// Of a generator's name and its validated options.
-[[nodiscard]] Shape shape_of(const std::string& name, const Options& options, const Common& common);
+/// From a generator's name and validated options.
+[[nodiscard]] Shape shape_of(const std::string& name, const Options& options, const CommonOptions& common);
 
 }  // namespace palpate::cloud

@@ -11,11 +11,11 @@
 namespace palpate::cloud {
 namespace {
 
-// "At most 1 %" in is_single_valued(): a few outliers do not decide.
+// The "at most 1 %" of is_single_valued(): a few outliers do not decide.
 constexpr double kToleratedShare = 0.01;
-// The cell of is_single_valued() in mean plan spacings: twice gives four points a cell on average.
+// Cell size of is_single_valued() in mean plan spacings; two give four points a cell on average.
 constexpr double kCellPerSpacing = 2.0;
-// The largest gap between heights in one cell, in cell sides: a slope of four, 76 degrees.
+// Largest height gap in a cell, in cell sides: a slope of four, 76 degrees.
 constexpr double kGapPerCell = 4.0;
 
 using Coordinates = std::array<const std::vector<float>*, 3>;
@@ -42,7 +42,7 @@ std::size_t duplicates_of(const Cloud& cloud, const std::vector<std::uint32_t>& 
   return found;
 }
 
-/// Points that share x and y with their predecessor in `order`, but not z.
+/// Points that share x and y, but not z, with their predecessor in `order`.
 std::size_t stacked_points(const Cloud& cloud, const std::vector<std::uint32_t>& order) {
   std::size_t found = 0;
   for (std::size_t i = 1; i < order.size(); ++i) {
@@ -53,8 +53,7 @@ std::size_t stacked_points(const Cloud& cloud, const std::vector<std::uint32_t>&
   return found;
 }
 
-/// Points above a gap of more than kGapPerCell sides within their plan cell, and those below if they are
-/// fewer.
+/// Points above a gap of more than kGapPerCell sides in their plan cell, or those below if fewer.
 std::size_t points_in_gaps(const Cloud& cloud, double side_mm, const geometry::Aabb& box) {
   struct Item {
     std::uint64_t cell;
@@ -87,8 +86,8 @@ std::size_t points_in_gaps(const Cloud& cloud, double side_mm, const geometry::A
   return found;
 }
 
-/// Whether every row of `columns` points is strictly monotone (sign) in `along`, turns back at its end, and
-/// every column is strictly monotone, all in one sense, in `across`.
+/// True if every row of `columns` points is strictly monotone in `along` and turns back at its end, and every
+/// column strictly monotone in `across`, all in one sense.
 bool is_raster(const std::vector<float>& along, const std::vector<float>& across, std::size_t columns,
                bool rising) {
   const bool across_rising = across[columns] > across[0];
@@ -102,8 +101,7 @@ bool is_raster(const std::vector<float>& along, const std::vector<float>& across
   return true;
 }
 
-/// Whether the points stand in rows that run to and fro in `along`, and whose columns are strictly monotone,
-/// all in one sense, in `across`.
+/// True if rows run to and fro in `along` and columns are strictly monotone in `across`, all in one sense.
 bool runs_to_and_fro(const std::vector<float>& along, const std::vector<float>& across,
                      const ScanRaster& raster, bool rising) {
   const bool across_rising = across[raster.index(1, 0)] > across[raster.index(0, 0)];
@@ -121,7 +119,7 @@ bool runs_to_and_fro(const std::vector<float>& along, const std::vector<float>& 
   return true;
 }
 
-/// Points at the start that are strictly monotone.
+/// Length of the strictly monotone start.
 std::size_t first_run(const std::vector<float>& x) {
   const bool rising = x[1] > x[0];
   std::size_t run = 1;
@@ -136,8 +134,7 @@ bool single_valued(const Cloud& cloud, const std::vector<std::uint32_t>& order, 
   if (stacked_points(cloud, order) > tolerated) return false;
   const double side =
       kCellPerSpacing * std::sqrt(extent.x() * extent.y() / static_cast<double>(cloud.size()));
-  // A cell index beyond 32 bits needs a box as thin as one point's share: then there is no plan view to speak
-  // of.
+  // Cell indices beyond 32 bits need a box as thin as one point's share, which has no plan view.
   if (!(extent.x() / side < std::numeric_limits<std::uint32_t>::max()) ||
       !(extent.y() / side < std::numeric_limits<std::uint32_t>::max()))
     return false;
@@ -159,7 +156,7 @@ std::optional<ScanRaster> find_raster(const Cloud& cloud) {
     if (x[1] == x[0]) continue;
     const bool rising = x[1] > x[0];
     const std::size_t run = first_run(x);
-    // To and fro, the second row may begin a little beyond the end of the first.
+    // Running to and fro, the second row may begin slightly beyond the end of the first.
     for (const std::size_t columns : {run, run - 1}) {
       if (columns < 2 || columns == n || n % columns != 0) continue;
       if (n / columns > std::numeric_limits<std::uint32_t>::max()) continue;
@@ -199,8 +196,8 @@ double stored_rounding_mm(const Cloud& cloud) {
   return cloud.size() == 0 ? 0.0 : kUnitRoundoffFloat * 0.5 * cloud.box_mm().extent_mm().norm();
 }
 
-double stand_in_spacing_mm(const Cloud& cloud) noexcept {
-  constexpr double kShare = 1e-6;  // far above the coordinates' rounding, far below what is looked at
+double fallback_spacing_mm(const Cloud& cloud) noexcept {
+  constexpr double kShare = 1e-6;  // far above coordinate rounding, far below the sought sizes
   const double size = cloud.origin_mm.cwiseAbs().maxCoeff();
   return size > 0.0 ? kShare * size : 1.0;
 }

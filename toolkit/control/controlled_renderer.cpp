@@ -1,4 +1,4 @@
-#include "toolkit/control/controlled_renderer.h"
+#include <palpate/control.h>
 
 #include <fmt/format.h>
 
@@ -6,16 +6,21 @@
 #include <cmath>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/renderer.h>
+#include <palpate/result.h>
+#include "toolkit/control/force_filter.h"
+#include "toolkit/control/passivity.h"
+#include "toolkit/control/virtual_coupling.h"
+#include "toolkit/render/frame_time.h"
 
 namespace palpate::control {
 namespace {
 
 using render::Frame;
 
-constexpr double kServoPeriodS = 1e-3;  // what a condition is stated for where no servo is known
+constexpr double kServoPeriodS = 1e-3;  // nominal servo period of stated conditions
 
-/// "10 degrees arrive to 63 % in 6 ms and to 95 % in 9 ms", as measured at 1 kHz.
+/// "10 degrees arrive to 63 % in 6 ms and to 95 % in 9 ms", measured at 1 kHz.
 std::string delay_of(const ForceFilterOptions& options, StepDelay FilterDelay::*which, const char* step) {
   const Result<FilterDelay> delay = filter_delay(options, {});
   if (!delay) return fmt::format("a step of {} does not arrive in {} frames", step, kMeasuredFrames);
@@ -60,9 +65,9 @@ class ControlledRenderer final : public render::HapticRenderer {
     time_.restart(t_s);
     forget();
   }
-  void let_go(const Vec3& hip_mm) noexcept override {
-    inner_->let_go(hip_mm);
-    time_.let_go();
+  void release_contact(const Vec3& hip_mm) noexcept override {
+    inner_->release_contact(hip_mm);
+    time_.release_contact();
     forget();
   }
 
@@ -94,7 +99,7 @@ class ControlledRenderer final : public render::HapticRenderer {
     scene.force_limit_n = 0.0;
     return scene;
   }
-  /// The limit is this one's, not the inner renderer's.
+  /// This renderer applies the limit, not the inner one.
   void say(double force_limit_n, render::Decisions& decided) const {
     const render::Decision limit = render::force_limit_decision(force_limit_n);
     for (render::Decision& d : decided.decisions)
@@ -103,7 +108,7 @@ class ControlledRenderer final : public render::HapticRenderer {
       decided.decisions.push_back({"control", "on", std::move(line), true});
     decided.bytes += sizeof(*this);
   }
-  /// What the stages know of earlier frames.
+  /// Clears the stages' memory of earlier frames.
   void forget() noexcept {
     coupling_.reset();
     filter_.reset();
@@ -125,7 +130,7 @@ std::unique_ptr<render::HapticRenderer> make(std::unique_ptr<render::HapticRende
   return std::make_unique<ControlledRenderer<kStages...>>(std::move(inner), options);
 }
 
-/// One flag after the other becomes a template argument.
+/// Turns flags into template arguments one by one.
 template <bool... kStages, class... Rest>
 std::unique_ptr<render::HapticRenderer> choose(std::unique_ptr<render::HapticRenderer> inner,
                                                const ControlOptions& options, bool next, Rest... rest) {
@@ -154,14 +159,15 @@ Status check(const ControlOptions& options) {
 std::vector<std::string> describe(const ControlOptions& options) {
   std::vector<std::string> lines;
   if (options.coupling) {
-    const double needed = coupling_stability(*options.coupling, 0.0, kServoPeriodS).needed_n_s_per_mm;
+    const double needed =
+        coupling_stability(*options.coupling, 0.0, kServoPeriodS).min_device_damping_n_s_per_mm;
     lines.push_back(
         fmt::format("virtual coupling of {} N/mm and {} N s/mm, passive at 1 kHz on a device with "
                     "more than {:.3g} N s/mm of damping",
                     options.coupling->stiffness_n_per_mm, options.coupling->damping_n_s_per_mm, needed));
   }
   const char* const form = options.filter.form == FilterForm::kLiteral ? ", from frame to frame" : "";
-  // Each limit's own delay: the other one is left out.
+  // Each limit's own delay, without the other.
   if (options.filter.rate_limit_n_per_s > 0.0)
     lines.push_back(fmt::format(
         "force changes by at most {} N/s{}: {}", options.filter.rate_limit_n_per_s, form,

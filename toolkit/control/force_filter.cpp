@@ -7,14 +7,14 @@
 #include <cmath>
 #include <numbers>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::control {
 namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
-/// Some unit vector across a unit one, always the same: along the axis it has least of.
+/// A fixed unit vector perpendicular to a unit vector: along its smallest axis.
 Vec3 across(const Vec3& direction) noexcept {
   Eigen::Index axis = 0;
   direction.cwiseAbs().minCoeff(&axis);
@@ -30,17 +30,16 @@ double angle_of(const Vec3& force_n) noexcept {
 }
 
 struct Measured {
-  double step;  ///< where the output shall come to
+  double step;  ///< target of the output
   double slope;
   double dt_s;
-  double ramp_end;  ///< at most
+  double ramp_end;  ///< limit
 };
 
-/// Runs `frame(wanted)`, which answers what is shown, over a step and a ramp. -1 where the step is not
-/// reached.
+/// Runs `frame(wanted)`, which returns the output, over a step and a ramp. -1 if the step is not reached.
 template <class Restart, class Show>
 StepDelay measure(const Measured& m, const Restart& restart, const Show& show) {
-  // The last part of a step may carry rounding: a part in a billion of it is nothing a hand could tell.
+  // Tolerance for rounding at the end of a step, far below perception.
   constexpr double kReached = 1.0 - 1e-9;
   constexpr double k63 = 0.63, k95 = 0.95;
   StepDelay delay{-1.0, -1.0, {}};
@@ -51,7 +50,7 @@ StepDelay measure(const Measured& m, const Restart& restart, const Show& show) {
       delay.to_63_percent_s = frame * m.dt_s;
     if (shown >= k95 * m.step * kReached) delay.to_95_percent_s = frame * m.dt_s;
   }
-  // Settled where the lag no longer grows over the second half, but for rounding.
+  // Settled when the lag no longer grows over the second half, up to rounding.
   constexpr double kRampFrames = 1000.0, kSettled = 1e-6;
   const int frames = static_cast<int>(std::min(kRampFrames, m.ramp_end / (m.slope * m.dt_s)));
   double lag = 0.0, lag_half_way = 0.0;
@@ -78,22 +77,22 @@ Status check(const ForceFilterOptions& options) {
   return check_number("turn_limit_deg_per_s", options.turn_limit_deg_per_s, true);
 }
 
-Vec3 ForceFilter::turned(const Vec3& wanted_n, double most_rad) const noexcept {
-  const double last_size_n = safe_length(last_n_), size_n = safe_length(wanted_n);
+Vec3 ForceFilter::turned(const Vec3& wanted_n, double max_rad) const noexcept {
+  const double last_size_n = stable_norm(last_n_), size_n = stable_norm(wanted_n);
   if (!(last_size_n > 0.0) || !(size_n > 0.0)) return wanted_n;
   const Vec3 from = last_n_ / last_size_n, to = wanted_n / size_n;
   const double cosine = from.dot(to);
   const double angle_rad = std::atan2(from.cross(to).norm(), cosine);
-  if (!(angle_rad > most_rad)) return wanted_n;
+  if (!(angle_rad > max_rad)) return wanted_n;
   const bool literal = options_.form == FilterForm::kLiteral;
-  const double rest_rad = angle_rad - most_rad;
-  // More than a right angle still to go: of the wanted force no part lies along the direction it may have.
+  const double rest_rad = angle_rad - max_rad;
+  // More than a right angle remains: the wanted force has no component in the allowed direction.
   if (!literal && rest_rad >= 0.5 * std::numbers::pi) return Vec3::Zero();
   const Vec3 side = to - cosine * from;
   const double side_size = side.norm();
   const Vec3 aside = side_size > 0.0 ? Vec3(side / side_size) : across(from);
   return (literal ? size_n : size_n * std::cos(rest_rad)) *
-         (std::cos(most_rad) * from + std::sin(most_rad) * aside);
+         (std::cos(max_rad) * from + std::sin(max_rad) * aside);
 }
 
 Vec3 ForceFilter::filter(const Vec3& wanted_n, double dt_s) noexcept {
@@ -109,10 +108,10 @@ Vec3 ForceFilter::filter(const Vec3& wanted_n, double dt_s) noexcept {
   if (options_.rate_limit_n_per_s > 0.0) {
     const double most_n = options_.rate_limit_n_per_s * time_s;
     const Vec3 change_n = force_n - last_n_;
-    const double size_n = safe_length(change_n);
+    const double size_n = stable_norm(change_n);
     if (size_n > most_n) force_n = last_n_ + change_n * (most_n / size_n);
   }
-  // The change from one end of the range of doubles to the other is not finite: nothing is safer than that.
+  // The change between extreme doubles is infinite: zero is safe.
   if (!is_finite(force_n)) force_n.setZero();
   last_n_ = force_n;
   return last_n_;
@@ -135,7 +134,7 @@ Result<FilterDelay> filter_delay(const ForceFilterOptions& options, const Filter
   delay.size = measure(
       {probe.step_n, probe.ramp_n_per_s, probe.dt_s, HUGE_VAL}, [&] { filter.reset(); },
       [&](double n) { return filter.filter(Vec3(n, 0, 0), probe.dt_s).x(); });
-  // The force is there before it turns, so that onset and turn are measured apart.
+  // Builds up the full force before turning, to measure onset and turn separately.
   const auto full = [&] {
     filter.reset();
     for (int i = 0; i < kMeasuredFrames; ++i)

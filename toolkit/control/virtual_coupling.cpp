@@ -20,9 +20,10 @@ Status check(const Coupling& coupling) {
 CouplingStability coupling_stability(const Coupling& coupling, double device_damping_n_s_per_mm,
                                      double period_s) noexcept {
   CouplingStability s;
-  s.needed_n_s_per_mm = 0.5 * coupling.stiffness_n_per_mm * period_s + coupling.damping_n_s_per_mm;
-  s.passive = device_damping_n_s_per_mm > s.needed_n_s_per_mm;
-  s.most_stiffness_n_per_mm =
+  s.min_device_damping_n_s_per_mm =
+      0.5 * coupling.stiffness_n_per_mm * period_s + coupling.damping_n_s_per_mm;
+  s.passive = device_damping_n_s_per_mm > s.min_device_damping_n_s_per_mm;
+  s.max_stiffness_n_per_mm =
       std::max(0.0, 2.0 * (device_damping_n_s_per_mm - coupling.damping_n_s_per_mm) / period_s);
   return s;
 }
@@ -34,16 +35,16 @@ Vec3 VirtualCoupling::couple(const Vec3& hip_mm, const Vec3& god_object_mm, cons
     last_length_mm_ = 0.0;
     return Vec3::Zero();
   }
-  const double length_mm = safe_length(stretch_mm);
+  const double length_mm = stable_norm(stretch_mm);
   const double longer_mm = length_mm - std::exchange(last_length_mm_, length_mm);
   const double coupled_n = coupling_.stiffness_n_per_mm * length_mm;
-  const double model_n = safe_length(renderer_force_n);
-  // At depth 0, or where the model answers nothing, there is no direction that a force could have.
+  const double model_n = stable_norm(renderer_force_n);
+  // At depth 0, or without a model force, the direction is undefined.
   if (!(coupled_n > 0.0) || !(model_n > 0.0)) return Vec3::Zero();
-  // Written so that neither a rigid model nor a resting one divides by nothing.
+  // Written so that neither a rigid nor a resting model divides by zero.
   Vec3 force_n = renderer_force_n / (1.0 + model_n / coupled_n);
   if (coupling_.damping_n_s_per_mm > 0.0 && dt_s > 0.0) {
-    const double spring_n = safe_length(force_n);
+    const double spring_n = stable_norm(force_n);
     const double damped_n = spring_n + coupling_.damping_n_s_per_mm / dt_s * longer_mm;
     force_n *= damped_n > 0.0 && spring_n > 0.0 ? damped_n / spring_n : 0.0;
   }

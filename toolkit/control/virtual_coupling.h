@@ -1,56 +1,49 @@
-// Virtual coupling (section 2.2.4 of the thesis, reference [76]; Colgate, Stanley and Brown 1995; Adams and
-// Hannaford 1999): a spring and a damper between the device and the god object, so that what the device has
-// to show does not depend on how stiff the virtual environment is.
+// Virtual coupling (section 2.2.4, reference [76]; Colgate, Stanley and Brown 1995; Adams and Hannaford
+// 1999): a spring and damper between device and god object, so that the device's load does not depend on the
+// environment's stiffness.
 #pragma once
 
-#include "toolkit/core/result.h"
-#include "toolkit/core/vec.h"
+#include <palpate/control.h>
+#include <palpate/result.h>
+#include <palpate/vec.h>
 
 namespace palpate::control {
 
-struct Coupling {
-  double stiffness_n_per_mm = 0.0;  ///< k_c, above 0
-  double damping_n_s_per_mm = 0.0;  ///< b_c, 0 or above
-};
-
-/// Finite, k_c above 0 and b_c not negative, or an Error that names the wrong one.
+/// k_c finite and above 0, b_c finite and not negative; else an Error names the wrong one.
 [[nodiscard]] Status check(const Coupling& coupling);
 
-/// What Colgate's condition b > k_c T / 2 + b_c says of a coupling on a device.
+/// Colgate's condition b > k_c T / 2 + b_c for a coupling on a device.
 struct CouplingStability {
-  bool passive = false;            ///< the condition holds: stable whatever the environment and the hand
-  double needed_n_s_per_mm = 0.0;  ///< k_c T / 2 + b_c, which the device's own damping must exceed
-  double most_stiffness_n_per_mm = 0.0;  ///< 2 (b - b_c) / T, which k_c must stay below; 0 where none is
+  bool passive = false;  ///< the condition holds: stable for any environment and hand
+  double min_device_damping_n_s_per_mm =
+      0.0;                              ///< k_c T / 2 + b_c, which the device's own damping must exceed
+  double max_stiffness_n_per_mm = 0.0;  ///< 2 (b - b_c) / T, an upper bound on k_c; 0 if none is possible
 };
-/// `device_damping_n_s_per_mm` is b, the friction-like damping of the device itself; `period_s` is T of the
-/// servo.
+/// `device_damping_n_s_per_mm` is b, the device's own friction-like damping; `period_s` is the servo's T.
 [[nodiscard]] CouplingStability coupling_stability(const Coupling& coupling, double device_damping_n_s_per_mm,
                                                    double period_s) noexcept;
 
-/// A spring k_c and a damper b_c side by side, in series with the model's spring: F = f + b_c d|g - h|/dt,
-/// along the renderer's force.
-///
-/// h is the device, g the god object that the renderer found for it, F_r the force it answered. The stretched
-/// length is |g - h|, so the model's own stiffness there is |F_r| / |g - h|, and two springs in a row carry
-/// f = |F_r| k_c |g - h| / (k_c |g - h| + |F_r|): a rigid model is felt with k_c, a soft one stays soft, none
-/// is stiffer than k_c. The damper is that of a strut: it resists that the strut gets longer or shorter.
-/// Along anything but the renderer's force it has no part, since only the renderer knows where its surface is
-/// (with friction g - h is not its normal, at depth 0 there is no g - h): so spring and damper together push
-/// as the renderer does, or not at all, and never pull the device to the surface.
+/// Spring k_c and damper b_c in parallel, in series with the model's spring: F = f + b_c d|g - h|/dt, along
+/// the renderer's force.
+/// h is the device, g the god object, F_r the renderer's force. The model's stiffness is |F_r| / |g - h|, and
+/// two springs in series carry f = |F_r| k_c |g - h| / (k_c |g - h| + |F_r|): a rigid model feels like k_c, a
+/// soft one stays soft, none is stiffer than k_c. The damper resists changes of the length |g - h|. Only the
+/// renderer knows its surface's direction (with friction g - h is not the normal; at depth 0 it is zero), so
+/// spring and damper act along its force only, never pulling the device to the surface.
 class VirtualCoupling {
  public:
   explicit VirtualCoupling(const Coupling& coupling = {}) noexcept : coupling_(coupling) {}
 
   void reset() noexcept { last_length_mm_ = 0.0; }
-  /// The force on the device. `contact` false gives exactly zero. Bounded work, no allocation; never NaN
-  /// where the arguments are finite, zero where they are not.
+  /// The force on the device; exactly zero without `contact`. Bounded work, no allocation; never NaN for
+  /// finite arguments, zero for others.
   [[nodiscard]] Vec3 couple(const Vec3& hip_mm, const Vec3& god_object_mm, const Vec3& renderer_force_n,
                             bool contact, double dt_s) noexcept;
   [[nodiscard]] const Coupling& coupling() const noexcept { return coupling_; }
 
  private:
   Coupling coupling_;
-  double last_length_mm_ = 0.0;  ///< of the last frame in contact; 0 where it was free
+  double last_length_mm_ = 0.0;  ///< in the last contact frame; 0 when free
 };
 
 }  // namespace palpate::control

@@ -6,8 +6,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include <palpate/result.h>
 #include "toolkit/core/locked_file.h"
-#include "toolkit/core/try.h"
 
 namespace palpate {
 namespace {
@@ -28,20 +28,20 @@ Error cannot(const std::string& path, const char* doing) {
 }  // namespace
 
 Result<AtomicFile> AtomicFile::create(std::string path) {
-  const auto hold = hold_stop();
+  const auto hold = block_stop();
   Result<LockedFile> locked = LockedFile::open(part_of(path));
   if (!locked) return Error{"cannot create the file: " + locked.error().what, locked.error().remedy, path, 0};
   if (!locked->held())
     return Error{"another program is writing this file", "wait for it to end, or give another name", path, 0};
-  // What a writer that was killed has left goes.
+  // Clears what a killed writer left.
   std::FILE* file = ::ftruncate(locked->fd(), 0) == 0 ? ::fdopen(locked->fd(), "wb") : nullptr;
   if (file == nullptr) return cannot(path, "create");
   (void)locked->release();  // the stream closes it
-  AtStop at_stop([part = part_of(path)] {
+  StopCallback stop_callback([part = part_of(path)] {
     std::remove(part.c_str());
     return std::string();
   });
-  return AtomicFile(std::move(path), file, std::move(at_stop));
+  return AtomicFile(std::move(path), file, std::move(stop_callback));
 }
 
 AtomicFile& AtomicFile::operator=(AtomicFile&& other) noexcept {
@@ -49,7 +49,7 @@ AtomicFile& AtomicFile::operator=(AtomicFile&& other) noexcept {
     discard();
     path_ = std::move(other.path_);
     file_ = std::move(other.file_);
-    at_stop_ = std::move(other.at_stop_);
+    stop_callback_ = std::move(other.stop_callback_);
     error_ = std::move(other.error_);
   }
   return *this;
@@ -61,10 +61,10 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::discard() noexcept {
   if (!file_) return;
-  // The path cannot be too long for a copy here: create() made the same one. Removed before it is unlocked.
+  // create() made the same path, so it fits. Removed before unlocking.
   std::remove(part_of(path_).c_str());
   file_.reset();
-  at_stop_.drop();
+  stop_callback_.drop();
 }
 
 Error AtomicFile::fail(const char* doing) {
@@ -87,11 +87,11 @@ Status AtomicFile::write(std::span<const std::byte> data) {
 Status AtomicFile::commit() {
   if (!file_) return error_.what.empty() ? Error{"the file is complete already", {}, path_, 0} : error_;
   if (std::fflush(file_.get()) != 0) return fail("write");
-  // Without this a power cut after the rename could leave an empty file under the final name. Pipes and the
-  // like cannot be synchronised (EINVAL), which is no failure.
+  // Without it a power cut after the rename could leave an empty file. Pipes and the like cannot be
+  // synchronised (EINVAL), which is no failure.
   if (fsync(fileno(file_.get())) != 0 && errno != EINVAL && errno != EROFS) return fail("write");
   if (std::rename(part_of(path_).c_str(), path_.c_str()) != 0) return fail("rename");
-  at_stop_.drop();
+  stop_callback_.drop();
   if (std::fclose(file_.release()) != 0) {
     error_ = cannot(path_, "close");
     return error_;

@@ -1,4 +1,4 @@
-// Output that is either whole or not there: written beside its final name and renamed when complete.
+// Files that are written completely or not at all: written beside the final name, then renamed.
 #pragma once
 
 #include <cstddef>
@@ -8,14 +8,14 @@
 #include <string>
 #include <string_view>
 
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/result.h"
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
 
 namespace palpate {
 
-/// Writes to PATH.part; commit() makes it PATH (replacing what was there), destruction without commit() and a
-/// stop of the program remove it. After an Error nothing more is written and commit() fails with that same
-/// Error. Movable, not thread-safe. One writer per path at a time: a second one, of any process, is refused.
+/// Writes PATH.part. commit() renames it to PATH, replacing any file; destruction without commit(), or a stop
+/// of the program, removes it. After an Error nothing more is written and commit() returns that Error.
+/// Movable, not thread-safe. A second writer of the path, in any process, is refused.
 class AtomicFile {
  public:
   /// The folder must exist.
@@ -34,18 +34,18 @@ class AtomicFile {
   struct Close {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
   };
-  AtomicFile(std::string path, std::FILE* file, AtStop at_stop)
-      : path_(std::move(path)), file_(file), at_stop_(std::move(at_stop)) {}
+  AtomicFile(std::string path, std::FILE* file, StopCallback stop_callback)
+      : path_(std::move(path)), file_(file), stop_callback_(std::move(stop_callback)) {}
   void discard() noexcept;
   Error fail(const char* doing);
 
   std::string path_;
   std::unique_ptr<std::FILE, Close> file_;  ///< null once committed, discarded or moved from
-  AtStop at_stop_;
+  StopCallback stop_callback_;
   Error error_{};
 };
 
-/// The whole of a small file at once.
+/// Writes a small file at once.
 Status write_file(const std::string& path, std::string_view text);
 
 }  // namespace palpate

@@ -1,11 +1,11 @@
-// Where Palpate keeps what it can make or fetch again.
+// The folder for data that can be made or fetched again.
 #pragma once
 
 #include <filesystem>
 
 namespace palpate {
 
-/// $XDG_CACHE_HOME/palpate, or ~/.cache/palpate, or empty where neither variable is set. Not made here.
+/// $XDG_CACHE_HOME/palpate, or ~/.cache/palpate; empty if neither variable is set. Does not create it.
 [[nodiscard]] std::filesystem::path cache_folder();
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-#include "toolkit/core/result.h"
+#include <palpate/result.h>
 
 namespace palpate {
 

@@ -1,4 +1,5 @@
-// Hash64 is FNV-1a (Fowler, Noll, Vo): the hash of traces and inputs. Not for security.
+// Hashes: FNV-1a (Fowler, Noll, Vo) for traces and inputs, not for security; SHA-256 for downloads and
+// firmware.
 #pragma once
 
 #include <bit>
@@ -11,10 +12,12 @@
 #include <type_traits>
 #include <vector>
 
+#include <palpate/result.h>
+
 namespace palpate {
 
-/// 2^64 over the golden section, odd: multiplying by it spreads consecutive numbers over all 64 bits
-/// (Fibonacci hashing).
+/// 2^64 over the golden section, odd: multiplication spreads consecutive numbers over 64 bits (Fibonacci
+/// hashing).
 inline constexpr std::uint64_t kGolden64 = 0x9E3779B97F4A7C15u;
 
 class Hash64 {
@@ -28,29 +31,24 @@ class Hash64 {
     state_ ^= b;
     state_ *= 0x100000001B3u;
   }
-  /// Eight bytes, least significant first on every machine.
+  /// Eight bytes, little-endian on every machine.
   void u64(std::uint64_t value) noexcept {
     for (int i = 0; i < 8; ++i) byte(static_cast<std::uint8_t>(value >> (8 * i)));
   }
-  /// The bits of a double; -0 counts as 0 and every NaN as one NaN, which differ in no way a hand could feel.
+  /// The bits of a double, with -0 as 0 and one NaN, whose variants feel the same.
   void real(double value) noexcept {
     u64(value != value ? 0x7FF8000000000000u : std::bit_cast<std::uint64_t>(value == 0.0 ? 0.0 : value));
   }
   [[nodiscard]] std::uint64_t value() const noexcept { return state_; }
   /// Sixteen hexadecimal digits.
-  [[nodiscard]] std::string hex() const {
-    static constexpr char kDigits[] = "0123456789abcdef";
-    std::string text(16, '0');
-    for (int i = 0; i < 16; ++i) text[static_cast<std::size_t>(15 - i)] = kDigits[(state_ >> (4 * i)) & 15u];
-    return text;
-  }
+  [[nodiscard]] std::string hex() const;
 
  private:
   std::uint64_t state_ = 0xCBF29CE484222325u;
 };
 
-/// What tells large arrays apart in memory, eight bytes at a time; ten times as fast as Hash64. Never written
-/// to a file.
+/// Hashes large arrays in memory, eight bytes at a time; ten times as fast as Hash64. Never written to a
+/// file.
 class ContentHash {
  public:
   void u64(std::uint64_t value) noexcept {
@@ -63,7 +61,7 @@ class ContentHash {
     static_assert(std::is_trivially_copyable_v<T>);
     bytes(std::as_bytes(std::span(values)));
   }
-  /// The length belongs to it, so that two arrays never run into one.
+  /// Includes the length, so adjacent arrays stay distinct.
   void bytes(std::span<const std::byte> data) noexcept {
     u64(data.size());
     for (; data.size() >= sizeof(std::uint64_t); data = data.subspan(sizeof(std::uint64_t))) {
@@ -80,5 +78,10 @@ class ContentHash {
  private:
   std::uint64_t state_ = kGolden64;
 };
+
+/// SHA-256 (FIPS 180-4, by Nettle) of bytes in memory; sixty-four hexadecimal digits.
+[[nodiscard]] std::string sha256_of(std::span<const std::byte> data) noexcept;
+/// Of a file, read in pieces.
+[[nodiscard]] Result<std::string> sha256_of_file(const std::string& path);
 
 }  // namespace palpate

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <utility>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate {
 namespace {
@@ -23,7 +23,7 @@ Error cannot_open(const std::string& path) {
                path, 0};
 }
 
-/// Nothing where the mode is a regular file's.
+/// Empty for a regular file's mode.
 Status check_regular(const std::string& path, mode_t mode) {
   if (S_ISREG(mode)) return Done{};
   if (S_ISDIR(mode)) return Error{"this is a folder, not a file", "name a file inside it", path, 0};
@@ -48,10 +48,10 @@ Error over_memory_limit(std::string_view what, std::uint64_t limit_bytes) {
 
 Result<InputFile> InputFile::open(const std::string& path) {
   struct stat status {};
-  // Asked before it is opened: opening alone rewinds a tape, and waits for the other end of a pipe.
+  // Checked before opening: opening alone rewinds a tape or blocks on a pipe.
   if (::stat(path.c_str(), &status) != 0) return cannot_open(path);
   PALPATE_TRY(check_regular(path, status.st_mode));
-  // O_NONBLOCK in case the name leads elsewhere by now; on regular files it does nothing.
+  // O_NONBLOCK in case the name changed meanwhile; no effect on regular files.
   const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
   if (fd < 0) return cannot_open(path);
   InputFile file(path, fd, 0);
@@ -92,7 +92,7 @@ Result<std::size_t> InputFile::read(std::span<std::byte> out) {
 Result<std::string> read_file(const std::string& path, std::uint64_t most_bytes) {
   Result<InputFile> file = InputFile::open(path);
   if (!file) return std::move(file).error();
-  // A file of the system says 0 and holds more: what arrives counts as well.
+  // System files report size 0 and hold more; all that arrives counts.
   std::string text(static_cast<std::size_t>(std::min(most_bytes, file->size()) + 1), '\0');
   std::size_t have = 0;
   while (file->size() <= most_bytes) {
@@ -114,7 +114,7 @@ Result<std::size_t> byte_order_mark(std::string_view text) {
   using namespace std::string_view_literals;
   constexpr std::string_view kUtf8 = "\xEF\xBB\xBF";
   if (text.starts_with(kUtf8)) return kUtf8.size();
-  // UTF-32 in the order of most machines begins as UTF-16 does.
+  // Little-endian UTF-32 begins like UTF-16.
   for (const auto& [mark, name] :
        {std::pair("\xFF\xFE\0\0"sv, "UTF-32"), std::pair("\0\0\xFE\xFF"sv, "UTF-32"),
         std::pair("\xFF\xFE"sv, "UTF-16"), std::pair("\xFE\xFF"sv, "UTF-16")})

@@ -8,7 +8,7 @@ namespace palpate {
 
 void advise_large_pages(void* p, std::size_t bytes) noexcept {
 #if defined(__linux__) && defined(MADV_HUGEPAGE)
-  // Fails where the system has none; then the pages stay small.
+  // Fails without system support; pages then stay small.
   (void)::madvise(p, bytes, MADV_HUGEPAGE);
 #else
   (void)p;

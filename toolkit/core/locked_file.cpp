@@ -20,7 +20,7 @@ LockedFile::~LockedFile() {
 }
 
 Result<LockedFile> LockedFile::open(const std::string& path) {
-  constexpr int kTries = 16;  // each means that another owner was done in between: one is rare
+  constexpr int kTries = 16;  // each retry means another owner finished in between, which is rare
   for (int i = 0; i < kTries; ++i) {
     LockedFile file(::open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666));
     if (!file.held()) {

@@ -4,13 +4,12 @@
 #include <string>
 #include <utility>
 
-#include "toolkit/core/result.h"
+#include <palpate/result.h>
 
 namespace palpate {
 
-/// A file open for reading and writing that nobody else has locked as long as this lives: no other process
-/// (its end unlocks, whatever it is; children do not inherit it) and nobody in this one. Movable, not
-/// thread-safe.
+/// An open file locked exclusively for its lifetime, against other processes (released when they end; not
+/// inherited by children) and within this one. Movable, not thread-safe.
 class LockedFile {
  public:
   LockedFile() noexcept = default;
@@ -18,14 +17,14 @@ class LockedFile {
   LockedFile& operator=(LockedFile&& other) noexcept;
   ~LockedFile();
 
-  /// Made where it is missing. held() is false where another has it. It is the file that has this name while
-  /// the lock is had: one that its last owner has renamed or removed is not taken for it. A file system that
-  /// knows no locks gives none: there nobody is kept out. An Error where it cannot be opened.
+  /// Opens or creates the file. held() is false if another holds it. The lock is on the file currently of
+  /// this name, not one that its last owner renamed or removed. File systems without locks exclude nobody. An
+  /// Error if it cannot be opened.
   [[nodiscard]] static Result<LockedFile> open(const std::string& path);
 
   [[nodiscard]] bool held() const noexcept { return fd_ >= 0; }
   [[nodiscard]] int fd() const noexcept { return fd_; }
-  /// The descriptor, to be closed by the caller, which unlocks it.
+  /// Gives up the descriptor; closing it unlocks.
   [[nodiscard]] int release() noexcept { return std::exchange(fd_, -1); }
 
  private:

@@ -1,4 +1,4 @@
-// Words for a person on standard error: dropped where they cannot be written, never an exception.
+// Messages on standard error: dropped if they cannot be written, never an exception.
 #pragma once
 
 #include <fmt/format.h>
@@ -9,9 +9,8 @@
 
 namespace palpate {
 
-/// Writes to standard error what fmt::format makes of it. A stream that is closed, full or gone loses the
-/// message and nothing else: work goes on, and a device is stopped as it would be. Results are no messages:
-/// what they are written by reports its failure. Any thread.
+/// Formats and writes to standard error. A closed, full or lost stream loses the message only, so a device is
+/// still stopped. For messages, not results, whose writers report failures. Thread-safe.
 template <class... Args>
 void tell(fmt::format_string<Args...> format, Args&&... args) noexcept {
   try {

@@ -1,4 +1,4 @@
-#include "toolkit/core/options.h"
+#include <palpate/options.h>
 
 #include <fmt/format.h>
 
@@ -6,14 +6,13 @@
 #include <charconv>
 #include <cmath>
 
-#include "toolkit/core/option_text.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kNoBound = 1e300;  // what NumberRange and OptionSpec hold where they have none
+constexpr double kNoBound = 1e300;  // NumberRange's and OptionSpec's value for "no bound"
 
 Status check(const OptionSpec& spec, const std::string& value, std::string_view owner) {
   const auto bad = [&](std::string_view why) {
@@ -40,7 +39,7 @@ Status check(const OptionSpec& spec, const std::string& value, std::string_view 
   return Done{};
 }
 
-/// Two values of one option: numbers may be written in many ways.
+/// True for equal values of an option; numbers may be written in several ways.
 bool same(OptionKind kind, const std::string& a, const std::string& b) {
   if (kind != OptionKind::kNumber && kind != OptionKind::kInteger) return a == b;
   const Result<double> x = parse_number(a), y = parse_number(b);
@@ -63,9 +62,9 @@ std::string way_out(const OptionCondition& condition) {
   return fmt::format("leave it out, or {} {}", condition.values.empty() ? "set" : "take", text_of(condition));
 }
 
-/// The first of the option's conditions that does not hold among `complete`, or null.
-const OptionCondition* unmet(const OptionSpec& spec, const Options& complete,
-                             std::span<const OptionSpec> specs) {
+/// The option's first condition that fails in `complete`, or null.
+const OptionCondition* unmet_condition(const OptionSpec& spec, const Options& complete,
+                                       std::span<const OptionSpec> specs) {
   for (const OptionCondition& condition : spec.only_with) {
     const OptionSpec* other = find(specs, condition.key);
     assert(other != nullptr);
@@ -74,13 +73,12 @@ const OptionCondition* unmet(const OptionSpec& spec, const Options& complete,
   return nullptr;
 }
 
-/// What is given and would do nothing beside the other options. The default says no more than what holds
-/// anyway.
-Status check_acts(const OptionSpec& spec, const Options& complete, std::span<const OptionSpec> specs,
-                  std::string_view owner) {
+/// An Error for a given option without effect beside the others. Its default value is allowed.
+Status check_applies(const OptionSpec& spec, const Options& complete, std::span<const OptionSpec> specs,
+                     std::string_view owner) {
   const std::string& value = complete.text(spec.key);
   if (same(spec.kind, value, spec.default_value)) return Done{};
-  const OptionCondition* condition = unmet(spec, complete, specs);
+  const OptionCondition* condition = unmet_condition(spec, complete, specs);
   if (condition == nullptr) return Done{};
   return Error{fmt::format("{}: option {}={} does nothing with {}={}", owner, spec.key, value, condition->key,
                            complete.text(condition->key)),
@@ -140,7 +138,7 @@ Result<long long> read_integer(std::string_view text, const NumberRange& range) 
   const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (code == std::errc::invalid_argument || end != digits.data() + digits.size())
     return bad("a whole number");
-  // What does not fit is beyond every bound.
+  // Overflow is beyond every bound.
   const auto x = static_cast<double>(value);
   if (code != std::errc{} || x < range.low || x > range.high || (range.above_low && x == range.low))
     return bad(where.empty() ? std::string("a number that fits") : "a whole number " + where);
@@ -225,17 +223,17 @@ Result<Options> validate(const Options& given, std::span<const OptionSpec> specs
     complete.set(key, value);
   }
   for (const auto& [key, value] : given.all())
-    PALPATE_TRY(check_acts(*find(specs, key), complete, specs, owner));
+    PALPATE_TRY(check_applies(*find(specs, key), complete, specs, owner));
   return complete;
 }
 
-bool option_acts(std::string_view key, const Options& given, std::span<const OptionSpec> specs) {
+bool option_applies(std::string_view key, const Options& given, std::span<const OptionSpec> specs) {
   const OptionSpec* spec = find(specs, key);
   if (spec == nullptr) return false;
   Options complete;
   for (const OptionSpec& s : specs) complete.set(s.key, s.default_value);
   for (const auto& [name, value] : given.all()) complete.set(name, value);
-  return unmet(*spec, complete, specs) == nullptr;
+  return unmet_condition(*spec, complete, specs) == nullptr;
 }
 
 }  // namespace palpate

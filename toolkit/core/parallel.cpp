@@ -1,5 +1,5 @@
 #ifndef TBB_PREVIEW_WAITING_FOR_WORKERS
-#define TBB_PREVIEW_WAITING_FOR_WORKERS 1  // oneTBB before 2021.6 has tbb::finalize only so
+#define TBB_PREVIEW_WAITING_FOR_WORKERS 1  // oneTBB before 2021.6 needs it for tbb::finalize
 #endif
 #include "toolkit/core/parallel.h"
 
@@ -8,8 +8,6 @@
 #include <thread>
 #include <vector>
 
-#include "toolkit/core/fork_ready.h"
-#include "toolkit/core/parallel_library.h"
 #ifndef PALPATE_STD_THREADS
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
@@ -31,7 +29,7 @@ std::pair<std::string, std::string> parallel_library() {
 #endif
 }
 
-bool end_waiting_threads() {
+bool stop_idle_workers() {
 #ifdef PALPATE_STD_THREADS
   return false;
 #else
@@ -46,7 +44,7 @@ void parallel_chunks(std::size_t count, std::size_t grain, int threads,
   if (grain == 0) grain = 1;
   if (threads <= 0) threads = available_threads();
 #ifndef PALPATE_STD_THREADS
-  threads = std::min(threads, available_threads());  // more would only make oneTBB complain
+  threads = std::min(threads, available_threads());  // more would make oneTBB warn
 #endif
   const std::size_t chunks = (count + grain - 1) / grain;
   const auto run = [&](std::size_t chunk) { body(chunk * grain, std::min(count, (chunk + 1) * grain)); };

@@ -8,20 +8,30 @@
 
 #include <cstddef>
 #include <functional>
+#include <string>
+#include <utility>
 
 namespace palpate {
 
-/// Points a chunk where a pass over all of them gives each little work: long enough to hide the hand-over of
-/// a chunk, short enough that a million make some sixty of them. It decides nothing about a result.
+/// Points per chunk in passes with little work each: large enough to hide the hand-over, small enough for
+/// about sixty chunks per million. Does not affect results.
 inline constexpr std::size_t kPointsPerChunk = 16384;
 
 /// Calls body(begin, end) for consecutive chunks of at most `grain` covering [0, count), on up to `threads`
-/// threads (0 = all; never more than the machine has). Chunk borders depend on `grain` alone. Returns when
-/// all are done. body must not throw.
+/// threads (0 = all; at most the machine's). Chunk borders depend on `grain` only. Returns when all are done.
+/// body must not throw.
 void parallel_chunks(std::size_t count, std::size_t grain, int threads,
                      const std::function<void(std::size_t begin, std::size_t end)>& body);
 
-/// The number of threads that 0 stands for.
+/// The number of threads for 0.
 [[nodiscard]] int available_threads() noexcept;
+
+/// Ends idle worker threads before a fork: the child has only the forking thread and would wait for them for
+/// ever. They return with the next work. False if some are busy, or if this build cannot be forked
+/// (ThreadSanitizer).
+[[nodiscard]] bool stop_idle_workers();
+
+/// Name and version of the loaded parallel runtime.
+[[nodiscard]] std::pair<std::string, std::string> parallel_library();
 
 }  // namespace palpate

@@ -14,10 +14,10 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "toolkit/core/at_stop.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
+#include <palpate/clock.h>
+#include <palpate/options.h>
+#include <palpate/result.h>
+#include <palpate/stop_callback.h>
 
 extern char** environ;
 
@@ -27,7 +27,7 @@ namespace {
 constexpr std::size_t kKeptOutput = std::size_t{1} << 20;
 constexpr std::size_t kPiece = std::size_t{1} << 18;
 constexpr std::size_t kLongestLine = 4096;
-constexpr int kPollMs = 50;  // how soon a limit is noticed; smooth for a bar, nothing for a processor
+constexpr int kPollMs = 50;  // polling interval: smooth for a bar, negligible load
 constexpr double kMsPerS = 1e3;
 
 class Descriptor {
@@ -47,7 +47,7 @@ class Descriptor {
   int fd_ = -1;
 };
 
-/// Two ends: ours, and the one that the program gets.
+/// Two ends: ours, and the program's.
 struct Ends {
   Descriptor ours, its;
   bool open_pipe() {
@@ -75,15 +75,15 @@ Error cannot_start(const std::string& program, int code) {
                0};
 }
 
-/// The command that runs `arguments` with a limit on the files that it writes, from its first instruction on
-/// (util-linux, which every Debian has). No core: the signal would leave one.
+/// Prefixes a file size limit, effective from the first instruction (util-linux, always on Debian). No core
+/// file, which the signal would leave.
 std::vector<std::string> with_file_limit(const std::vector<std::string>& arguments, std::uint64_t bytes) {
   std::vector<std::string> limited = {"prlimit", fmt::format("--fsize={}", bytes), "--core=0"};
   limited.insert(limited.end(), arguments.begin(), arguments.end());
   return limited;
 }
 
-/// A program that runs. Whatever happens, it is gone with this.
+/// A running program, ended with this object.
 class Child {
  public:
   explicit Child(const ProcessOptions& options) : options_(options) {}
@@ -94,7 +94,7 @@ class Child {
   }
 
   Status start(const std::vector<std::string>& arguments);
-  /// Talks, keeps what it prints and calls tick() until its end or a limit.
+  /// Exchanges data, keeps output and calls tick() until its end or a limit.
   ProcessOutcome follow();
 
  private:
@@ -110,12 +110,12 @@ class Child {
   pid_t pid_ = 0;
   int status_ = 0;
   bool ended_ = true;
-  AtStop at_stop_;
+  StopCallback stop_callback_;
   Ends talk_, out_, err_;
   std::size_t sent_ = 0;
   std::string received_, line_;
   ProcessOutcome outcome_;
-  bool quiet_ = false;  ///< nothing came while last looked
+  bool quiet_ = false;  ///< the last poll brought nothing
   Stopwatch watch_;
 };
 
@@ -135,18 +135,18 @@ Status Child::start(const std::vector<std::string>& arguments) {
     posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&actions, out_.its.get(), STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&actions, err_.its.get(), STDERR_FILENO);
-  // A group of its own: it is ended with all that it started, and Ctrl-C on the terminal asks us, not it.
+  // Its own process group: it is ended with its children, and Ctrl-C reaches only us.
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
-  const auto hold = hold_stop();
+  const auto hold = block_stop();
   const int code = ::posix_spawnp(&pid_, argv[0], &actions, &attributes, argv.data(), environ);
   posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
   for (Ends* ends : {&talk_, &out_, &err_}) ends->its.set(-1);
   if (code != 0) return cannot_start(arguments[0], code);
   ended_ = false;
-  at_stop_ = AtStop([group = -pid_] {
+  stop_callback_ = StopCallback([group = -pid_] {
     ::kill(group, SIGKILL);
     return std::string();
   });
@@ -154,7 +154,7 @@ Status Child::start(const std::vector<std::string>& arguments) {
 }
 
 ProcessOutcome Child::follow() {
-  // A grandchild may hold the pipes open after the program ended: then one look without news is enough.
+  // A grandchild may keep the pipes open; one poll without data then suffices.
   while (!ended_ || (!quiet_ && (talk_.ours.is_open() || out_.ours.is_open() || err_.ours.is_open()))) {
     wait_for_news();
     note_end();
@@ -222,14 +222,14 @@ void Child::keep(Descriptor& from, std::string& into) {
 
 void Child::note_end() {
   if (ended_) return;
-  // It stays to be waited for until what it left behind is ended too, so that its number means nothing else.
+  // Not reaped until its group is ended, so its id stays valid.
   siginfo_t info{};
   if (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) != 0 ||
       info.si_pid != pid_)
     return;
   if (outcome_.timed_out) return end();
   ended_ = true;
-  at_stop_.drop();
+  stop_callback_.drop();
   ::waitpid(pid_, &status_, 0);
 }
 
@@ -249,8 +249,8 @@ void Child::keep_limits() {
 }
 
 void Child::end() noexcept {
-  at_stop_.drop();
-  ::kill(-pid_, SIGKILL);  // to one that has ended by itself this does nothing
+  stop_callback_.drop();
+  ::kill(-pid_, SIGKILL);  // no effect if it has ended
   while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
   }
   ended_ = true;

@@ -1,4 +1,4 @@
-#include "toolkit/core/progress.h"
+#include <palpate/progress.h>
 
 namespace palpate {
 namespace {

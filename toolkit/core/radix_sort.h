@@ -1,4 +1,4 @@
-// Sorting by whole numbers in counting passes, in parallel.
+// Parallel radix sort.
 #pragma once
 
 #include <array>
@@ -10,14 +10,14 @@
 
 namespace palpate {
 
-/// Sorts a vector stably by the lowest `bits` bits of key(item), a whole number. O(n) for each 11 bits; needs
-/// room for the items once more. The same for any number of threads: borders of chunks do not depend on them.
+/// Stable sort by the lowest `bits` bits of key(item). O(n) per 11 bits; needs a second copy of the items.
+/// Independent of the number of threads.
 template <class Items, class Key>
 void radix_sort(Items& items, int bits, int threads, Key&& key) {
   using Item = typename Items::value_type;
   constexpr int kDigitBits = 11;  // 2048 counters stay in the first-level cache
   constexpr std::uint32_t kDigits = 1u << kDigitBits;
-  // Small enough for two threads to balance, large enough to pay for its counters.
+  // Small enough to balance two threads, large enough to pay for its counters.
   constexpr std::size_t kChunk = std::size_t{1} << 16;
   const std::size_t n = items.size();
   Items other(n);

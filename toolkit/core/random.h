@@ -1,11 +1,12 @@
-// Seeded random numbers with distributions of our own: the standard library's differ between implementations.
+// Seeded random numbers with own distributions, because the standard library's differ between
+// implementations.
 #pragma once
 
 #include <cstdint>
 
 namespace palpate {
 
-/// xoshiro256** (Blackman and Vigna 2018), seeded by splitmix64. One per test or generator; not thread-safe.
+/// xoshiro256** (Blackman and Vigna 2018), seeded by splitmix64. Not thread-safe.
 class Random {
  public:
   explicit Random(std::uint64_t seed) noexcept;

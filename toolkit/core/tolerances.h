@@ -1,6 +1,5 @@
-// Every number that decides a branch on rounding or on contact, with where it comes from. Two kinds, never
-// mixed: rounding bounds follow from the arithmetic and the size of the coordinates; contact tolerances
-// follow from the model (point spacing) or the device. Nothing here is an absolute length.
+// Tolerances with their sources, of two kinds that are never mixed: rounding bounds from arithmetic and
+// coordinate size; contact tolerances from the model (spacing) or device. No absolute lengths.
 #pragma once
 
 #include <limits>
@@ -12,18 +11,16 @@ inline constexpr double kUnitRoundoff = 0.5 * std::numeric_limits<double>::epsil
 /// The same of float.
 inline constexpr double kUnitRoundoffFloat = 0.5 * static_cast<double>(std::numeric_limits<float>::epsilon());
 
-/// Bound on the relative error of n rounded operations in a row (Higham 2002, lemma 3.1): n u / (1 - n u).
+/// Bound on the relative error of n rounded operations (Higham 2002, lemma 3.1): n u / (1 - n u).
 [[nodiscard]] constexpr double gamma(int n) noexcept {
   return n * kUnitRoundoff / (1.0 - n * kUnitRoundoff);
 }
 
-/// The smallest force step a common desktop device can show: stiffness x resolution of the Phantom Omni, 0.5
-/// N/mm x 0.055 mm. Above it a jump from point to point is felt, so `cloud` shades (stiffness x local spacing
-/// > this).
-inline constexpr double kFeltForceStepN = 0.0275;
+/// Smallest force step of a common desktop device: stiffness x resolution of the Phantom Omni, 0.5 N/mm x
+/// 0.055 mm. Larger jumps between points are felt, so `cloud` shades above it (stiffness x local spacing).
+inline constexpr double kPerceptibleForceStepN = 0.0275;
 
-/// Section 3.4 of the thesis: no force shading below this cloud resolution. The rule of `cloud-literal`
-/// alone.
+/// Section 3.4 of the thesis: no force shading below this resolution. Used by `cloud-literal` only.
 inline constexpr double kLiteralShadingResolutionMm = 0.2;
 
 /// Section 1.6: a cloud at or below this resolution is "highly detailed"; `palpate info` warns above it.

@@ -8,7 +8,7 @@ namespace {
 
 /// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
 constexpr double kSpareShare = 0.125;
-constexpr std::size_t kLeastSpare = 256;
+constexpr std::size_t kMinSpare = 256;
 /// Changes remembered for undo: some four thousand frames of a full dent.
 constexpr std::size_t kJournalPoints = std::size_t{1} << 19;
 
@@ -25,9 +25,9 @@ double apart_sq(const Vec3& a, const Vec3& b) noexcept {
 
 }  // namespace
 
-DeformerRoom deformer_room(std::size_t points) noexcept {
-  DeformerRoom room;
-  room.spare_points = static_cast<std::size_t>(kSpareShare * static_cast<double>(points)) + kLeastSpare;
+DeformerCapacity deformer_capacity(std::size_t points) noexcept {
+  DeformerCapacity room;
+  room.spare_points = static_cast<std::size_t>(kSpareShare * static_cast<double>(points)) + kMinSpare;
   room.journal_points = std::min(points + room.spare_points, kJournalPoints);
   return room;
 }
@@ -41,14 +41,14 @@ std::size_t Deformer::bytes() const noexcept {
   return points_->bytes() + journal_.bytes() + seen_.capacity() * sizeof(std::uint64_t);
 }
 
-std::size_t Deformer::bytes_for(std::size_t points, const DeformerRoom& room) noexcept {
+std::size_t Deformer::bytes_for(std::size_t points, const DeformerCapacity& room) noexcept {
   const std::size_t most = points + room.spare_points;
-  return Journal::bytes_for(most, room.journal_points) + most * sizeof(std::uint64_t);
+  return UndoJournal::bytes_for(most, room.journal_points) + most * sizeof(std::uint64_t);
 }
 
 void Deformer::move(std::uint32_t place, const Vec3& to_mm, MoveWatcher& watcher) noexcept {
   const Vec3f to = to_mm.cast<float>();
-  if (!to.allFinite() || !points_->make_room(place, to)) {
+  if (!to.allFinite()) {
     ++counters_.refused;
     return;
   }
@@ -83,7 +83,7 @@ Vec3 Deformer::normal_around(std::uint32_t place, const Vec3& middle, double rad
 }
 
 std::size_t Deformer::press(std::uint32_t place, const Vec3& middle, const Vec3& outward, double by_mm,
-                            double radius_mm, double deepest_per_radius) noexcept {
+                            double radius_mm, double max_depth_per_radius) noexcept {
   moved_count_ = 0;
   if (place >= points_->used() || !(by_mm > 0.0) || !std::isfinite(by_mm) || !is_finite(outward)) return 0;
   const std::size_t count = collect(place, middle, radius_mm);
@@ -93,15 +93,15 @@ std::size_t Deformer::press(std::uint32_t place, const Vec3& middle, const Vec3&
   for (std::size_t i = 0; i < count; ++i)
     farthest_sq = std::max(farthest_sq, apart_sq(points_->at(found_[i]), middle));
   const double reach_sq = count == found_.size() ? std::min(farthest_sq, radius_sq) : radius_sq;
-  by_mm = std::min(by_mm, deepest_per_radius * std::sqrt(reach_sq) - sunk_mm(place));
+  by_mm = std::min(by_mm, max_depth_per_radius * std::sqrt(reach_sq) - displacement_mm(place));
   if (!(by_mm > 0.0)) return 0;
-  WatchedBy nobody(kNobody);
+  CallbackWatcher nobody(kNoWatcher);
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3 p = points_->at(found_[i]);
     const double share = reach_sq > 0.0 ? profile((p - middle).squaredNorm() / reach_sq) : 1.0;
     if (share > 0.0) move(found_[i], p - outward * (by_mm * share), nobody);
   }
-  settle(nobody);
+  update_dependents(nobody);
   return moved_count_;
 }
 
@@ -111,13 +111,13 @@ std::size_t Deformer::apply_watched(const MoveBatch& batch, MoveWatcher& watcher
   for (std::size_t i = 0; i < count; ++i)
     if (batch.point[i] < points_->built())
       move(points_->place_of(batch.point[i]), batch.to_mm[i].cast<double>(), watcher);
-  settle(watcher);
+  update_dependents(watcher);
   return moved_count_;
 }
 
-void Deformer::settle(MoveWatcher& watcher) noexcept {
+void Deformer::update_dependents(MoveWatcher& watcher) noexcept {
   const std::uint32_t before = points_->used();
-  points_->settle(last_moved(), journal_, counters_, watcher);
+  points_->update_dependents(last_moved(), journal_, counters_, watcher);
   box_mm_ = {};
   for (const MovedPoint& moved : last_moved()) box_mm_.add(moved.to_mm);
   for (std::uint32_t place = before; place < points_->used(); ++place) box_mm_.add(points_->at(place));
@@ -125,18 +125,17 @@ void Deformer::settle(MoveWatcher& watcher) noexcept {
 
 bool Deformer::undo_watched(MoveWatcher& watcher) noexcept {
   moved_count_ = 0;
-  const bool any = journal_.take_back([&](const Journal::Entry& entry, std::size_t record) noexcept {
-    if (!entry.existed) {  // inferred points go in the order opposite to that in which they came
-      points_->remove_last(watcher);
-      return;
-    }
-    const Vec3 from = points_->at(entry.place);
-    if (points_->put_back(record, entry.place))
-      watcher.point_moved(entry.place, from, points_->at(entry.place));
-    else
-      ++counters_.refused;
-  });
-  points_->finish_putting_back();
+  const bool any =
+      journal_.undo_last_stroke([&](const UndoJournal::Entry& entry, std::size_t record) noexcept {
+        if (!entry.existed) {  // inferred points go in the order opposite to that in which they came
+          points_->remove_last(watcher);
+          return;
+        }
+        const Vec3 from = points_->at(entry.place);
+        points_->put_back(record, entry.place);
+        watcher.point_moved(entry.place, from, points_->at(entry.place));
+      });
+  points_->finish_restoring();
   return any;
 }
 
@@ -145,18 +144,16 @@ void Deformer::reset_watched(MoveWatcher& watcher) noexcept {
   while (points_->used() > points_->built()) points_->remove_last(watcher);
   for (std::uint32_t place = 0; place < points_->built(); ++place) {
     const Vec3 from = points_->at(place);
-    if (!points_->put_back_first(place))
-      ++counters_.refused;
-    else if (const Vec3 to = points_->at(place); from != to)
-      watcher.point_moved(place, from, to);
+    points_->restore_initial(place);
+    if (const Vec3 to = points_->at(place); from != to) watcher.point_moved(place, from, to);
   }
-  points_->finish_putting_back();
+  points_->finish_restoring();
   journal_.forget_all();
 }
 
-double Deformer::sunk_mm(std::uint32_t place) const noexcept {
+double Deformer::displacement_mm(std::uint32_t place) const noexcept {
   const std::uint32_t built = points_->standing(place, points_->built());
-  return std::sqrt(apart_sq(points_->first_at(built), points_->at(built)));
+  return std::sqrt(apart_sq(points_->initial_position(built), points_->at(built)));
 }
 
 Result<cloud::Cloud> Deformer::edited() const {

@@ -12,12 +12,12 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/core/result.h"
-#include "toolkit/deformation/journal.h"
+#include <palpate/aabb.h>
+#include <palpate/cloud.h>
+#include <palpate/motion.h>
+#include <palpate/result.h>
 #include "toolkit/deformation/movable_points.h"
-#include "toolkit/geometry/aabb.h"
-#include "toolkit/render/move_queue.h"
+#include "toolkit/deformation/undo_journal.h"
 
 namespace palpate::render {
 
@@ -26,16 +26,16 @@ inline constexpr std::size_t kMaxMovedPoints = 128;
 
 /// A dent bears where it is so many times as deep as its radius: its walls, 1.54 times as steep at their
 /// steepest by the profile (1 - r^2)^2, then stand at 57 degrees. Steeper ones fold.
-inline constexpr double kDeepestPerRadius = 1.0;
+inline constexpr double kMaxDepthPerRadius = 1.0;
 /// And it is at least so many local resolutions wide: of fewer points it would be a spike, not a surface.
-inline constexpr double kNarrowestResolutions = 1.0;
+inline constexpr double kMinRadiusResolutions = 1.0;
 
 /// What a deformer of so many points is given.
-struct DeformerRoom {
+struct DeformerCapacity {
   std::size_t spare_points = 0;    ///< for inferred ones
   std::size_t journal_points = 0;  ///< changes that can be undone; older strokes are forgotten
 };
-[[nodiscard]] DeformerRoom deformer_room(std::size_t points) noexcept;
+[[nodiscard]] DeformerCapacity deformer_capacity(std::size_t points) noexcept;
 
 /// Changes one prepared model. Belongs to the thread that runs the frames, and is called between them: what a
 /// frame has collided with stays where it is until its force is answered. All calls but the constructor,
@@ -48,49 +48,49 @@ class Deformer {
   /// What is changed from now on is undone together.
   void begin_stroke() noexcept { journal_.begin_stroke(); }
   /// Presses the surface around `middle` by `by_mm` against `outward`, less and less out to `radius_mm` along
-  /// the links from `place`, which is near it. No deeper in all than `deepest_per_radius` times the radius.
+  /// the links from `place`, which is near it. No deeper in all than `max_depth_per_radius` times the radius.
   /// Returns the number of points moved.
   std::size_t press(std::uint32_t place, const Vec3& middle, const Vec3& outward, double by_mm,
                     double radius_mm,
-                    double deepest_per_radius = std::numeric_limits<double>::infinity()) noexcept;
+                    double max_depth_per_radius = std::numeric_limits<double>::infinity()) noexcept;
   /// Around the place itself.
   std::size_t press(std::uint32_t place, const Vec3& outward, double by_mm, double radius_mm,
-                    double deepest_per_radius = std::numeric_limits<double>::infinity()) noexcept {
+                    double max_depth_per_radius = std::numeric_limits<double>::infinity()) noexcept {
     if (place >= points_->used()) return 0;
-    return press(place, points_->at(place), outward, by_mm, radius_mm, deepest_per_radius);
+    return press(place, points_->at(place), outward, by_mm, radius_mm, max_depth_per_radius);
   }
   /// The mean normal of the surface that press() would move, by areas; outward or inward as the points' are.
   /// Unit, or zero where there is none.
   [[nodiscard]] Vec3 normal_around(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept;
   /// How far the surface at a place has been moved since it was built, in all.
-  [[nodiscard]] double sunk_mm(std::uint32_t place) const noexcept;
+  [[nodiscard]] double displacement_mm(std::uint32_t place) const noexcept;
   /// The local resolution there when it was built.
-  [[nodiscard]] double first_resolution_mm(std::uint32_t place) const noexcept {
-    return points_->first_resolution_mm(place);
+  [[nodiscard]] double initial_resolution_mm(std::uint32_t place) const noexcept {
+    return points_->initial_resolution_mm(place);
   }
   /// Moves the batch's points; then what follows them does. Points that do not exist are left out.
-  /// told(place, from, to), mm, for each as soon as it has moved.
-  template <class Told>
-  std::size_t apply(const MoveBatch& batch, Told told) noexcept {
-    WatchedBy<Told> watcher(told);
+  /// on_moved(place, from, to), mm, for each as soon as it has moved.
+  template <class OnMoved>
+  std::size_t apply(const MoveBatch& batch, OnMoved on_moved) noexcept {
+    CallbackWatcher<OnMoved> watcher(on_moved);
     return apply_watched(batch, watcher);
   }
-  std::size_t apply(const MoveBatch& batch) noexcept { return apply(batch, kNobody); }
+  std::size_t apply(const MoveBatch& batch) noexcept { return apply(batch, kNoWatcher); }
   /// Takes back the last stroke that is remembered. False where there is none. Work: the stroke's points.
-  /// told() as above.
-  template <class Told>
-  bool undo(Told told) noexcept {
-    WatchedBy<Told> watcher(told);
+  /// on_moved() as above.
+  template <class OnMoved>
+  bool undo(OnMoved on_moved) noexcept {
+    CallbackWatcher<OnMoved> watcher(on_moved);
     return undo_watched(watcher);
   }
-  bool undo() noexcept { return undo(kNobody); }
-  /// Everything as it was built; told() as above. O(n).
-  template <class Told>
-  void reset(Told told) noexcept {
-    WatchedBy<Told> watcher(told);
+  bool undo() noexcept { return undo(kNoWatcher); }
+  /// Everything as it was built; on_moved() as above. O(n).
+  template <class OnMoved>
+  void reset(OnMoved on_moved) noexcept {
+    CallbackWatcher<OnMoved> watcher(on_moved);
     reset_watched(watcher);
   }
-  void reset() noexcept { reset(kNobody); }
+  void reset() noexcept { reset(kNoWatcher); }
   /// Of a place whose inferred point may be gone: the place itself, or one of the surface that it was
   /// inferred in.
   [[nodiscard]] std::uint32_t standing(std::uint32_t place) const noexcept {
@@ -107,7 +107,7 @@ class Deformer {
     return {moved_.data(), moved_count_};
   }
   /// Around those and what was inferred between them.
-  [[nodiscard]] const geometry::Aabb& last_box_mm() const noexcept { return box_mm_; }
+  [[nodiscard]] const geometry::Aabb& last_moved_box_mm() const noexcept { return box_mm_; }
   [[nodiscard]] DeformCounters counters() const noexcept {
     DeformCounters all = counters_;
     all.forgotten = journal_.forgotten();
@@ -116,23 +116,23 @@ class Deformer {
   [[nodiscard]] std::size_t points() const noexcept { return points_->used(); }
   [[nodiscard]] std::size_t bytes() const noexcept;
   /// What bytes() will be for a model of so many points; what the points' own bytes() says comes on top.
-  [[nodiscard]] static std::size_t bytes_for(std::size_t points, const DeformerRoom& room) noexcept;
+  [[nodiscard]] static std::size_t bytes_for(std::size_t points, const DeformerCapacity& room) noexcept;
 
   /// The cloud as it is now, inferred points behind the others. Model frame.
   [[nodiscard]] Result<cloud::Cloud> edited() const;
 
  private:
-  static constexpr auto kNobody = [](std::uint32_t, const Vec3&, const Vec3&) noexcept {};
+  static constexpr auto kNoWatcher = [](std::uint32_t, const Vec3&, const Vec3&) noexcept {};
 
   std::size_t apply_watched(const MoveBatch& batch, MoveWatcher& watcher) noexcept;
   bool undo_watched(MoveWatcher& watcher) noexcept;
   void reset_watched(MoveWatcher& watcher) noexcept;
   void move(std::uint32_t place, const Vec3& to_mm, MoveWatcher& watcher) noexcept;
-  void settle(MoveWatcher& watcher) noexcept;
+  void update_dependents(MoveWatcher& watcher) noexcept;
   [[nodiscard]] std::size_t collect(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept;
 
   MovablePoints* points_;
-  Journal journal_;
+  UndoJournal journal_;
   std::vector<std::uint64_t> seen_;  ///< by place: the search that saw it last
   std::uint64_t searches_ = 0;
   std::array<std::uint32_t, kMaxMovedPoints> found_{};

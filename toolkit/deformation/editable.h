@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/core/result.h"
+#include <palpate/cloud.h>
+#include <palpate/result.h>
 #include "toolkit/deformation/deformer.h"
 
 namespace palpate::render {
@@ -23,8 +23,8 @@ class Editable {
   [[nodiscard]] virtual Result<cloud::Cloud> edited(std::size_t model) const = 0;
   /// Where a point of the cloud is now, relative to the cloud's origin; nothing where the model does not give
   /// way. O(1).
-  [[nodiscard]] virtual std::optional<Vec3> place_mm(std::size_t model,
-                                                     std::uint32_t point) const noexcept = 0;
+  [[nodiscard]] virtual std::optional<Vec3> point_position_mm(std::size_t model,
+                                                              std::uint32_t point) const noexcept = 0;
   [[nodiscard]] virtual DeformCounters deform_counters(std::size_t model) const noexcept = 0;
 };
 

@@ -1,16 +1,16 @@
 // What a deformer changes: points in places that are linked to each other, with room for more, and whatever
-// follows them. Implemented by the vertices' points and by the stars'.
+// follows them.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
-#include "toolkit/core/vec.h"
+#include <palpate/vec.h>
 
 namespace palpate::render {
 
-class Journal;
+class UndoJournal;
 
 /// Points one call may infer; stretched links beyond it are mended when they are moved again.
 inline constexpr std::size_t kMaxInferredPoints = 8;
@@ -18,7 +18,7 @@ inline constexpr std::size_t kMaxInferredPoints = 8;
 struct DeformCounters {
   std::uint64_t moved = 0;         ///< points moved
   std::uint64_t inferred = 0;      ///< points added where the surface was stretched
-  std::uint64_t refused = 0;       ///< moves for which the partition had no room: the point stayed
+  std::uint64_t refused = 0;       ///< moves to no finite place: the point stayed
   std::uint64_t not_inferred = 0;  ///< stretched links left for want of spare points
   std::uint64_t forgotten = 0;     ///< strokes that can no more be undone
 };
@@ -39,9 +39,9 @@ class MoveWatcher {
 
 /// told(place, from, to) as a watcher.
 template <class Told>
-class WatchedBy final : public MoveWatcher {
+class CallbackWatcher final : public MoveWatcher {
  public:
-  explicit WatchedBy(Told told) : told_(told) {}
+  explicit CallbackWatcher(Told told) : told_(told) {}
   void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to) noexcept override {
     told_(place, from, to);
   }
@@ -51,7 +51,8 @@ class WatchedBy final : public MoveWatcher {
 };
 
 /// Local coordinates, mm. Places below built() are the cloud's points, those from there to used() were
-/// inferred since, and go again in the opposite order. Nothing allocates but allow_records(); no call throws.
+/// inferred since, and go again in the opposite order. Nothing allocates but reserve_records(); no call
+/// throws.
 class MovablePoints {
  public:
   MovablePoints() = default;
@@ -67,36 +68,32 @@ class MovablePoints {
   [[nodiscard]] virtual std::uint32_t place_of(std::uint32_t point) const noexcept = 0;
   [[nodiscard]] virtual Vec3 at(std::uint32_t place) const noexcept = 0;
   /// Where the surface there was when it was built.
-  [[nodiscard]] virtual Vec3 first_at(std::uint32_t place) const noexcept = 0;
+  [[nodiscard]] virtual Vec3 initial_position(std::uint32_t place) const noexcept = 0;
   /// How far apart points were there then: to the farthest of those around.
-  [[nodiscard]] virtual double first_resolution_mm(std::uint32_t place) const noexcept = 0;
+  [[nodiscard]] virtual double initial_resolution_mm(std::uint32_t place) const noexcept = 0;
   /// The surface's normal there, as long as the area that is the point's.
   [[nodiscard]] virtual Vec3 area_normal(std::uint32_t place) const noexcept = 0;
   [[nodiscard]] virtual std::span<const std::uint32_t> links(std::uint32_t place) const noexcept = 0;
   /// A place itself where it is below `below`, or one that it was inferred from.
   [[nodiscard]] virtual std::uint32_t standing(std::uint32_t place, std::uint32_t below) const noexcept = 0;
 
-  /// Whether there is room for the point there; what finds points by their position knows it from now on.
-  [[nodiscard]] virtual bool make_room(std::uint32_t place, const Vec3f& to) noexcept = 0;
-  /// After make_room().
   virtual void set(std::uint32_t place, const Vec3f& to) noexcept = 0;
-  /// What follows the points that were moved: links, planes, boxes, and new points where the surface is
-  /// stretched.
-  virtual void settle(std::span<const MovedPoint> moved, Journal& journal, DeformCounters& counters,
-                      MoveWatcher& watcher) noexcept = 0;
+  /// What follows the points that were moved: boxes, and new points where the surface is stretched.
+  virtual void update_dependents(std::span<const MovedPoint> moved, UndoJournal& journal,
+                                 DeformCounters& counters, MoveWatcher& watcher) noexcept = 0;
 
   /// Room for so many records.
-  virtual void allow_records(std::size_t count) = 0;
+  virtual void reserve_records(std::size_t count) = 0;
   /// Keeps in a record what a place is like.
   virtual void keep(std::size_t record, std::uint32_t place) noexcept = 0;
-  /// The place is as the record says; false where there is no room.
-  [[nodiscard]] virtual bool put_back(std::size_t record, std::uint32_t place) noexcept = 0;
+  /// The place is as the record says.
+  virtual void put_back(std::size_t record, std::uint32_t place) noexcept = 0;
   /// The same, as it was built; no point is inferred any more.
-  [[nodiscard]] virtual bool put_back_first(std::uint32_t place) noexcept = 0;
+  virtual void restore_initial(std::uint32_t place) noexcept = 0;
   /// The last inferred point goes.
   virtual void remove_last(MoveWatcher& watcher) noexcept = 0;
   /// Everything is back that was to go back.
-  virtual void finish_putting_back() noexcept = 0;
+  virtual void finish_restoring() noexcept = 0;
   [[nodiscard]] virtual std::size_t bytes() const noexcept = 0;
 
  protected:

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 #include "toolkit/io/height_grid.h"
 #include "toolkit/io/text.h"
 
@@ -14,7 +14,7 @@ namespace {
 
 // Deflate and LZMA pack at most about so much into a byte (zlib's own bound is 1032); of the other codings of
 // TIFF none packs more into a block that is there.
-constexpr std::uint64_t kMostPerByte = 1032;
+constexpr std::uint64_t kMaxPerByte = 1032;
 // A TIFF may leave out blocks that hold nothing: no size follows from its length, and the memory bound alone
 // holds. A tile index of 16 bytes stands for a block of at most so many posts.
 constexpr std::uint64_t kSparseBlock = std::uint64_t{1} << 16;
@@ -99,7 +99,7 @@ Result<DemFormat> format_of(std::string_view extension, std::span<const std::byt
   return DemFormat::kEsriAscii;
 }
 
-std::uint64_t most_posts(DemFormat format, std::uint64_t bytes) noexcept {
+std::uint64_t max_posts(DemFormat format, std::uint64_t bytes) noexcept {
   switch (format) {
     case DemFormat::kHgt:
       return bytes / kHgtBytes;
@@ -109,7 +109,7 @@ std::uint64_t most_posts(DemFormat format, std::uint64_t bytes) noexcept {
       return bytes / 2 + 1;  // a digit and a blank
     case DemFormat::kPng:
     case DemFormat::kZip:
-      return bytes * kMostPerByte;
+      return bytes * kMaxPerByte;
     case DemFormat::kTiff:
       break;
   }
@@ -122,7 +122,7 @@ Status check_size(DemFormat format, std::uint64_t columns, std::uint64_t rows, s
   grid.columns = columns;
   grid.rows = rows;
   PALPATE_TRY(io::check_grid(grid, options));
-  if (columns * rows <= most_posts(format, bytes)) return Done{};
+  if (columns * rows <= max_posts(format, bytes)) return Done{};
   return Error{
       fmt::format("the header promises {} x {} posts, more than its {} bytes can hold", columns, rows, bytes),
       "the file is cut off or damaged: fetch it again",

@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "toolkit/core/result.h"
-#include "toolkit/io/read_model.h"
+#include <palpate/read_model.h>
+#include <palpate/result.h>
 
 namespace palpate::dem {
 
@@ -23,7 +23,7 @@ enum class DemFormat : std::uint8_t { kTiff, kPng, kHgt, kUsgs, kEsriAscii, kZip
 
 /// Posts that a file of `bytes` may hold in this format, at the most its coding allows: beyond it the header
 /// lies.
-[[nodiscard]] std::uint64_t most_posts(DemFormat format, std::uint64_t bytes) noexcept;
+[[nodiscard]] std::uint64_t max_posts(DemFormat format, std::uint64_t bytes) noexcept;
 
 /// Checks the sizes that stand where they can be read without a library: of PNG, SRTM and ESRI ASCII files.
 /// Of the others GDAL opens the header, and check_size() judges it before any post is read.

@@ -1,4 +1,4 @@
-#include "toolkit/dem/dem_reader.h"
+#include <palpate/read_model.h>
 
 #include <cpl_conv.h>
 #include <cpl_error.h>
@@ -17,8 +17,9 @@
 #include <numbers>
 #include <vector>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 #include "toolkit/dem/dem_check.h"
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
 #include "toolkit/io/text.h"
@@ -29,7 +30,7 @@ namespace {
 constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 constexpr double kDegreesMost = 360.0;
 /// GDAL reads and keeps whole blocks of a file; larger ones than this no writer makes.
-constexpr std::uint64_t kMostBlockPosts = std::uint64_t{1} << 26;
+constexpr std::uint64_t kMaxBlockPosts = std::uint64_t{1} << 26;
 
 /// GDAL's messages: kept, never printed. On this thread, while it lives.
 class Messages {
@@ -175,7 +176,7 @@ class DemReader {
     int block_x = 0, block_y = 0;
     GDALGetBlockSize(band_, &block_x, &block_y);
     if (block_x <= 0 || block_y <= 0 ||
-        static_cast<std::uint64_t>(block_x) * static_cast<std::uint64_t>(block_y) > kMostBlockPosts)
+        static_cast<std::uint64_t>(block_x) * static_cast<std::uint64_t>(block_y) > kMaxBlockPosts)
       return Error{fmt::format("blocks of {} x {} posts are too large", block_x, block_y),
                    "write the file in tiles or strips",
                    {},
@@ -293,7 +294,7 @@ Result<io::DecodedFile> through_gdal(const io::ReaderInput& input, DemFormat for
 
 /// The only file of an archive, unpacked; at most as large as an SRTM tile can be.
 Result<std::vector<std::byte>> unpack(std::vector<std::byte>& archive, std::string& name) {
-  constexpr std::uint64_t kMostBytes = std::uint64_t{3601} * 3601 * 2;
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{3601} * 3601 * 2;
   const Messages messages;
   const MemoryFile file(archive, "archive.zip");
   const std::string folder = "/vsizip/" + file.path();
@@ -306,7 +307,7 @@ Result<std::vector<std::byte>> unpack(std::vector<std::byte>& archive, std::stri
     return Error{"the archive holds no SRTM tile (.hgt)", "unpack it, and give the file inside", {}, 0};
   VSILFILE* const inside = VSIFOpenL((folder + "/" + name).c_str(), "rb");
   if (inside == nullptr) return messages.error("the archive cannot be read");
-  std::vector<std::byte> tile(kMostBytes + 1);
+  std::vector<std::byte> tile(kMaxBytes + 1);
   tile.resize(VSIFReadL(tile.data(), 1, tile.size(), inside));
   (void)VSIFCloseL(inside);
   return tile;

@@ -1,4 +1,4 @@
-// An open part of a sphere, which ends at its rim.
+// An open part of a sphere with a rim.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -6,13 +6,13 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/geometry/segment_sphere.h"
+#include "toolkit/geometry/segment_box.h"
 
 namespace palpate::geometry {
 namespace {
 
-/// Below this many degrees a bowl is a dot, and as near to the whole sphere its mouth is one.
-constexpr double kLeastRimDeg = 1.0;
+/// A bowl smaller than this, or closer than this to a whole sphere, is refused.
+constexpr double kMinRimDeg = 1.0;
 
 class Bowl final : public AnalyticSurface {
  public:
@@ -47,8 +47,8 @@ class Bowl final : public AnalyticSurface {
   }
   [[nodiscard]] std::optional<SurfacePoint> first_entry(const Vec3& a, const Vec3& b) const noexcept override;
   [[nodiscard]] SurfacePoint at(double u, double v) const noexcept override {
-    // The square is rounded to a disc (its border becomes the rim), and the disc laid on the sphere with the
-    // angle from the lowest point in proportion.
+    // Maps the square to a disc (border to rim) and the disc to the sphere, the angle from the lowest point
+    // in proportion.
     const double x = 2.0 * u - 1.0, y = 2.0 * v - 1.0;
     const double across = x * std::sqrt(std::max(0.0, 1.0 - 0.5 * y * y)),
                  along = y * std::sqrt(std::max(0.0, 1.0 - 0.5 * x * x));
@@ -58,7 +58,7 @@ class Bowl final : public AnalyticSurface {
   }
 
  private:
-  /// Whether p lies in the cone of the bowl. The centre does: it is as near to all of it.
+  /// True if p is in the bowl's cone. The centre is: all of the bowl is equally near.
   [[nodiscard]] bool faces(const Vec3& p) const noexcept { return -p.z() >= p.norm() * cos_rim_; }
   [[nodiscard]] SurfacePoint radial(const Vec3& p) const noexcept {
     const double size = p.norm();
@@ -76,7 +76,7 @@ class Bowl final : public AnalyticSurface {
 
   double radius_, rim_deg_, rim_, cos_rim_;
   double ring_, height_;  ///< of the rim
-  double out_;            ///< the normal's sign along the way from the centre
+  double out_;            ///< sign of the normal along the direction from the centre
 };
 
 std::optional<SurfacePoint> Bowl::first_entry(const Vec3& a, const Vec3& b) const noexcept {
@@ -84,10 +84,10 @@ std::optional<SurfacePoint> Bowl::first_entry(const Vec3& a, const Vec3& b) cons
   const double rounding = gamma(8) * (a.norm() + radius_), above = out_ * (a.norm() - radius_);
   if (std::abs(above) <= rounding && out_ * a.dot(d) < 0.0)
     return faces(a) ? std::optional(radial(a)) : std::nullopt;
-  const auto inside = within_sphere(a, d, radius_);
+  const auto inside = segment_sphere_interval(a, d, radius_);
   if (!inside) return std::nullopt;
-  // Felt from outside, the sphere is entered at its first crossing, and only by who is not in it already;
-  // felt from inside, left at the last one. The other crossing comes from behind.
+  // Felt from outside, the sphere is entered at the segment's first crossing by a HIP that starts outside;
+  // felt from inside, at the last crossing. The other crossing comes from behind.
   if (out_ > 0.0 && above <= rounding) return std::nullopt;
   const double t = out_ > 0.0 ? inside->first : inside->second;
   if (!(t >= 0.0 && t <= 1.0)) return std::nullopt;
@@ -98,7 +98,7 @@ std::optional<SurfacePoint> Bowl::first_entry(const Vec3& a, const Vec3& b) cons
 }  // namespace
 
 std::shared_ptr<const AnalyticSurface> make_bowl(double radius_mm, double rim_deg, Felt felt) {
-  if (!is_length(radius_mm) || !(rim_deg >= kLeastRimDeg && rim_deg <= 180.0 - kLeastRimDeg)) return nullptr;
+  if (!is_length(radius_mm) || !(rim_deg >= kMinRimDeg && rim_deg <= 180.0 - kMinRimDeg)) return nullptr;
   return std::make_shared<Bowl>(radius_mm, rim_deg, felt);
 }
 

@@ -12,7 +12,7 @@ bool before(const BoxHit& a, const BoxHit& b) noexcept {
   return a.distance_sq_mm2 != b.distance_sq_mm2 ? a.distance_sq_mm2 < b.distance_sq_mm2 : a.item < b.item;
 }
 
-/// Keeps the list sorted. A full one loses its last, or refuses the new.
+/// Keeps the list sorted. A full list drops its last hit or refuses the new one.
 void insert(const BoxHit& hit, std::span<BoxHit> list, BoxQuery& query) noexcept {
   std::uint32_t at = query.hits;
   if (at == list.size()) {
@@ -37,14 +37,14 @@ void BroadPhase::update(std::span<const Aabb> boxes) noexcept {
   std::copy(boxes.begin(), boxes.end(), boxes_.begin());
   const auto box_of = [this](std::uint32_t i) { return boxes_[i]; };
   tree_.refit(box_of);
-  if (tree_.growth() <= kRebuildGrowth) return;
+  if (tree_.growth() <= kRebuildAreaRatio) return;
   tree_.rebuild(box_of);
   ++rebuilds_;
 }
 
 BoxQuery BroadPhase::query(const Aabb& region, std::span<BoxHit> list) const noexcept {
   BoxQuery query;
-  // An infinite region has no middle.
+  // An infinite region has no centre.
   const Vec3 middle_mm = region.centre_mm(), centre_mm = is_finite(middle_mm) ? middle_mm : Vec3::Zero();
   tree_.visit(
       [&](const Aabb& box) {
@@ -64,8 +64,8 @@ void BroadPhase::within(const Aabb& region, std::vector<std::uint32_t>& out) con
   std::sort(out.begin(), out.end());
 }
 
-void BroadPhase::on_way(const Vec3& from_mm, const Vec3& to_mm, double reach_mm,
-                        std::vector<std::uint32_t>& out) const noexcept {
+void BroadPhase::along_segment(const Vec3& from_mm, const Vec3& to_mm, double reach_mm,
+                               std::vector<std::uint32_t>& out) const noexcept {
   out.clear();
   const SegmentProbe way(from_mm, to_mm);
   const Vec3 reach = Vec3::Constant(reach_mm);
@@ -73,7 +73,7 @@ void BroadPhase::on_way(const Vec3& from_mm, const Vec3& to_mm, double reach_mm,
       [&](const Aabb& box) {
         const Vec3 centre = box.centre_mm();
         if (box.empty()) return false;
-        if (!is_finite(centre)) return true;  // an infinite box has no centre, and is met by everything
+        if (!is_finite(centre)) return true;  // an infinite box has no centre and is always met
         return segment_touches_box(way, centre, 0.5 * box.extent_mm() + reach);
       },
       [&](std::uint32_t i) { out.push_back(i); });

@@ -6,17 +6,17 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/geometry/segment_sphere.h"
+#include "toolkit/geometry/segment_box.h"
 
 namespace palpate::geometry {
 namespace {
 
-/// A god object on its way to the nearest place: each step leaves at most curvature x distance of the error.
+/// Steps of the god object to the nearest place; each leaves at most curvature x distance of the error.
 constexpr int kEllipsoidSteps = 60;
-/// Newton's method on 1/s^2 multiplies s by 1.5 a step at the least: 128 steps reach over 22 orders of
-/// magnitude, beyond what a double distinguishes.
+/// Newton's method on 1/s^2 multiplies s by at least 1.5 a step: 128 steps span over 22 orders of magnitude,
+/// more than a double resolves.
 constexpr int kEllipsoidRootSteps = 128;
-/// A step is halved so often at most before the place counts as found: below it the gain is rounding.
+/// A step shortened below this share ends the search: its gain is rounding.
 constexpr double kEllipsoidShortest = 0.01;
 
 class Ellipsoid final : public AnalyticSurface {
@@ -35,12 +35,12 @@ class Ellipsoid final : public AnalyticSurface {
   [[nodiscard]] SurfacePoint track(const SurfacePoint& from, const Vec3& p) const noexcept override;
   [[nodiscard]] std::optional<SurfacePoint> first_entry(const Vec3& a,
                                                         const Vec3& b) const noexcept override {
-    // In units of the axes it is the unit sphere.
+    // In units of the axes the surface is the unit sphere.
     const Vec3 from = a.cwiseQuotient(axes_), d = (b - a).cwiseQuotient(axes_);
     const double rounding = gamma(8) * (from.norm() + 1.0), height = from.norm() - 1.0;
-    if (height < -rounding) return std::nullopt;  // inside, and it is left only once
+    if (height < -rounding) return std::nullopt;  // inside; a convex body is left only once
     if (height <= rounding) return from.dot(d) < 0.0 ? std::optional(seen_at(a)) : std::nullopt;
-    const auto inside = within_sphere(from, d, 1.0);
+    const auto inside = segment_sphere_interval(from, d, 1.0);
     if (!inside || inside->first < 0.0) return std::nullopt;
     return seen_at(a + inside->first * (b - a));
   }
@@ -51,7 +51,7 @@ class Ellipsoid final : public AnalyticSurface {
   }
 
  private:
-  /// The place above or below p as seen from the middle.
+  /// The surface point in the direction of p from the centre.
   [[nodiscard]] SurfacePoint seen_at(const Vec3& p) const noexcept {
     const Vec3 unit = p.cwiseQuotient(axes_);
     const double size = unit.norm();
@@ -60,18 +60,18 @@ class Ellipsoid final : public AnalyticSurface {
   }
 
   Vec3 axes_;
-  int least_ = 0;  ///< the shortest axis
+  int least_ = 0;  ///< index of the shortest axis
 };
 
-// The closest point x has p - x = t grad: x_i = a_i^2 p_i / (t + a_i^2), on the surface for the largest root
-// t of sum (a_i p_i / (t + a_i^2))^2 = 1, which falls and is convex from its pole at minus the least a_i^2
-// on: Newton's method from the left never steps over it (Eberly 2013). In units of the least axis; s = t + 1.
+// The closest point x has p - x = t grad: x_i = a_i^2 p_i / (t + a_i^2), where t is the largest root of sum
+// (a_i p_i / (t + a_i^2))^2 = 1. The sum falls and is convex right of its pole at minus the least a_i^2, so
+// Newton's method from the left never overshoots (Eberly 2013). Units of the least axis; s = t + 1.
 SurfacePoint Ellipsoid::closest(const Vec3& p) const noexcept {
   const double unit = axes_[least_];
   const Vec3 e = axes_ / unit, q = p.cwiseAbs() / unit;
   const Vec3 beyond = e.cwiseProduct(e) - Vec3::Ones();
   const auto share = [&](int i, double s) { return q[i] == 0.0 ? 0.0 : e[i] * q[i] / (s + beyond[i]); };
-  // One term alone is 1 there: the root lies at none of these or beyond.
+  // One term alone is 1 there, so the root is not to the left.
   double s = std::max(0.0, (e.cwiseProduct(q) - beyond).maxCoeff());
   Vec3 x;
   double sum = 0.0;
@@ -87,8 +87,8 @@ SurfacePoint Ellipsoid::closest(const Vec3& p) const noexcept {
     if (!(next > s)) break;
     s = next;
   }
-  // In the plane across the shortest axis and near the middle there is no such root: both ends of that axis
-  // are as near, and the upper one is taken.
+  // Near the centre in the plane across the shortest axis there is no such root: both ends of that axis are
+  // equally near, and the upper one is taken.
   if (q[least_] == 0.0 && s == 0.0 && sum < 1.0) x[least_] = std::sqrt(1.0 - sum);
   for (int i = 0; i < 3; ++i)
     if (p[i] < 0.0) x[i] = -x[i];
@@ -115,7 +115,8 @@ SurfacePoint Ellipsoid::track(const SurfacePoint& from, const Vec3& p) const noe
     }
     if (!nearer) break;
   }
-  // Distances tell places apart only to the root of rounding; what is left of the way aside tells more.
+  // Distances resolve places only to the square root of rounding; the remaining tangential part resolves
+  // more.
   for (int step = 0; step < kEllipsoidSteps; ++step) {
     const Vec3 way = aside(at);
     const SurfacePoint next = seen_at(at.point_mm + way);

@@ -3,17 +3,17 @@
 #include <cmath>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/geometry/entry_search.h"
+#include "toolkit/geometry/segment_root_search.h"
 
 namespace palpate::geometry {
 namespace {
 
-// Newton steps of one track(). At a trust radius of a twenty-fifth of the wavelength this reaches over ten
+// Newton steps of one track(). With a trust radius of a twenty-fifth of the wavelength they span over ten
 // waves.
 constexpr int kTrackSteps = 300;
-// Below this part of the larger eigenvalue the smaller one is noise (the root of the unit roundoff balances
-// the error of a step against that of a missed negative curvature): the Hessian is shifted up to it.
-const double kLeastCurvature = std::sqrt(kUnitRoundoff);
+// An eigenvalue below this share of the larger one is noise, and the Hessian is shifted up to it. The square
+// root of the unit roundoff balances a step's error against a missed negative curvature.
+const double kMinCurvature = std::sqrt(kUnitRoundoff);
 
 /// Half the squared distance from (x, y, f) to p, with gradient and Hessian in (x, y).
 struct Local {
@@ -29,25 +29,25 @@ Local local(const Jet& j, double x, double y, const Vec3& p) noexcept {
 
 struct Step {
   double x = 0.0, y = 0.0;
-  bool convex = false;  ///< the plain Newton step of a convex neighbourhood
+  bool convex = false;  ///< plain Newton step of a convex neighbourhood
   [[nodiscard]] double length() const noexcept { return std::hypot(x, y); }
 };
 
-/// Newton step of the Hessian, shifted until it is positive; along the most negative curvature where the
-/// gradient says nothing (a crest right above p).
+/// Newton step with the Hessian shifted until positive; along the most negative curvature where the gradient
+/// vanishes (a crest exactly above p).
 Step newton_step(const Local& at, double reach, double gradient_rounding) noexcept {
   const double mean = 0.5 * (at.a + at.c), half_gap = std::hypot(0.5 * (at.a - at.c), at.b);
   const double least = mean - half_gap, most = std::max(std::abs(mean + half_gap), std::abs(least));
-  const bool convex = least > kLeastCurvature * most;
+  const bool convex = least > kMinCurvature * most;
   if (!convex && least < 0.0 && at.gradient_sq() <= gradient_rounding * gradient_rounding &&
       std::isfinite(reach)) {
-    // Eigenvector of `least`: either row of (H - least I) gives it; take the longer one. Its sign is fixed.
+    // Eigenvector of `least`: the longer row of (H - least I) gives it. Its sign is fixed.
     double ex = at.b, ey = least - at.a;
     if (std::abs(at.a - least) < std::abs(at.c - least)) ex = least - at.c, ey = at.b;
     const double size = std::hypot(ex, ey);
     return size > 0.0 ? Step{reach * ex / size, reach * ey / size, false} : Step{reach, 0.0, false};
   }
-  const double shift = convex ? 0.0 : kLeastCurvature * most - least;
+  const double shift = convex ? 0.0 : kMinCurvature * most - least;
   const double a = at.a + shift, c = at.c + shift;
   const double det = a * c - at.b * at.b;
   return {-(c * at.gx - at.b * at.gy) / det, -(a * at.gy - at.b * at.gx) / det, convex};
@@ -77,7 +77,7 @@ SurfacePoint HeightFieldSurface::descend(double x, double y, const Vec3& p) cons
     }
     const double next_x = x + step.x, next_y = y + step.y;
     const Local there = local(jet(next_x, next_y), next_x, next_y, p);
-    // Close to the minimum the distance no longer resolves a step, the gradient still does.
+    // Near the minimum the gradient still resolves a step where the distance does not.
     const bool better = there.half_sq < here.half_sq ||
                         (step.convex && there.gradient_sq() < here.gradient_sq() && length < reach);
     if (better) {
@@ -104,12 +104,12 @@ double HeightFieldSurface::signed_distance_mm(const Vec3& p_mm) const noexcept {
 
 std::optional<SurfacePoint> HeightFieldSurface::first_entry(const Vec3& a, const Vec3& b) const noexcept {
   const Vec3 d = b - a;
-  // The point of parameter t carries the rounding of a + t d on top of that of the height.
+  // The point at parameter t carries the rounding of a + t d and of the height.
   const double rounding = rounding_mm(a.cwiseAbs().cwiseMax(b.cwiseAbs()));
   const auto along = [&](double t) noexcept {
     const Vec3 p = a + t * d;
     const Jet j = jet(p.x(), p.y());
-    return AlongSegment{p.z() - j.f, d.z() - j.fx * d.x() - j.fy * d.y(), rounding};
+    return SegmentSample{p.z() - j.f, d.z() - j.fx * d.x() - j.fy * d.y(), rounding};
   };
   const std::optional<double> t =
       first_entry_along(along, rise_bound(d.x(), d.y()), fall_bound(d.x(), d.y()), 0.0, 1.0);

@@ -1,7 +1,8 @@
-// What smooth height fields z = f(x, y) share: tracking by a trust-region Newton method, entry by safe steps.
+// The common part of smooth height fields z = f(x, y): tracking by a trust-region Newton method, entry by
+// safe steps.
 #pragma once
 
-#include "toolkit/geometry/analytic_surface.h"
+#include <palpate/analytic_surface.h>
 
 namespace palpate::geometry {
 
@@ -22,18 +23,17 @@ class HeightFieldSurface : public AnalyticSurface {
 
  protected:
   [[nodiscard]] virtual Jet jet(double x, double y) const noexcept = 0;
-  /// Bounds over the whole surface of the second derivative of f along (dx, dy), from above and, negated,
-  /// from below.
+  /// Bounds over the surface on the second derivative of f along (dx, dy): upper, and negated lower.
   [[nodiscard]] virtual double rise_bound(double dx, double dy) const noexcept = 0;
   [[nodiscard]] virtual double fall_bound(double dx, double dy) const noexcept = 0;
   /// Bound on the rounding error of z - f(x, y).
   [[nodiscard]] virtual double rounding_mm(const Vec3& p_mm) const noexcept = 0;
-  /// Longest Newton step in plan view: a fraction of the shape's shortest length, so that no step leaves the
-  /// valley of the distance it started in. Infinite for a plane.
+  /// Longest Newton step in plan view, a fraction of the shape's shortest length, so that no step leaves its
+  /// valley of the distance. Infinite for a plane.
   [[nodiscard]] virtual double trust_mm() const noexcept = 0;
 
   [[nodiscard]] SurfacePoint on_surface(double x, double y) const noexcept;
-  /// The local minimum of the distance to p reached from (x, y).
+  /// The local minimum of the distance to p, reached from (x, y).
   [[nodiscard]] SurfacePoint descend(double x, double y, const Vec3& p_mm) const noexcept;
   [[nodiscard]] double extent_mm() const noexcept { return extent_mm_; }
 

@@ -8,16 +8,16 @@
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/geometry/entry_search.h"
+#include "toolkit/geometry/segment_root_search.h"
 
 namespace palpate::geometry {
 namespace {
 
 constexpr std::size_t kWaves = 24;
-/// A god object on its way to the nearest place: each step leaves at most curvature x distance of the error,
-/// below a half where it is asked for, so that 60 steps reach rounding.
+/// Steps of the god object to the nearest place. Each leaves at most curvature x distance of the error, under
+/// a half where used, so 60 steps reach rounding.
 constexpr int kSteps = 60;
-/// Operations behind a value of the radius: 24 waves of some ten each.
+/// Operations in a value of the radius: 24 waves of about ten each.
 constexpr int kOperations = 256;
 
 struct Wave {
@@ -30,8 +30,8 @@ class Pebble final : public AnalyticSurface {
   Pebble(double radius_mm, double finest_mm, double slope, std::uint64_t seed)
       : radius_(radius_mm), finest_(finest_mm), slope_(slope), seed_(seed) {
     Random random(seed);
-    // Lengths in a geometric series from the radius to the finest; all waves equally steep. The mean of a
-    // squared slope is half its peak's square, and only the part along the sphere counts, two thirds.
+    // Lengths in a geometric series from the radius to the finest, equally steep. A squared slope's mean is
+    // half its peak squared, and two thirds of it lie along the sphere.
     const double each = slope * std::sqrt(3.0 / kWaves);
     for (std::size_t i = 0; i < kWaves; ++i) {
       const double share = static_cast<double>(i) / (kWaves - 1);
@@ -43,7 +43,7 @@ class Pebble final : public AnalyticSurface {
     }
   }
 
-  /// Heights reach less than half of the radius: the surface is seen whole from its middle.
+  /// Heights stay below half the radius, so all of the surface is visible from its centre.
   [[nodiscard]] bool is_pebble() const noexcept { return highest_ < 0.5 * radius_; }
 
   [[nodiscard]] std::string formula() const override {
@@ -65,7 +65,7 @@ class Pebble final : public AnalyticSurface {
     for (int step = 0; step < kSteps; ++step) {
       const Vec3 r = p - at.point_mm;
       const Vec3 aside = r - at.normal * at.normal.dot(r);
-      // Where a whole step would lead further away, half of it and less: the way is downhill.
+      // Halves a step that would increase the distance; the direction is downhill.
       bool nearer = false;
       for (double share = 1.0; share > 0.01 && !nearer; share *= 0.5) {
         const SurfacePoint next = above(at.point_mm + share * aside);
@@ -89,10 +89,10 @@ class Pebble final : public AnalyticSurface {
       const double size = p.norm();
       const Vec3 n = direction(p);
       const double slope = size > 0.0 ? n.dot(d) - gradient_at(n).dot(d - n * n.dot(d)) / size : 0.0;
-      return AlongSegment{size - radius_at(n), slope, rounding};
+      return SegmentSample{size - radius_at(n), slope, rounding};
     };
-    // Second derivatives outside of the lowest sphere: |p|'' <= d^2 / low, and of each wave's height
-    // h ((w / low)^2 + 3 w / low^2) d^2, w its phase per unit of direction.
+    // Bounds second derivatives outside the lowest sphere: |p|'' <= d^2 / low, and ((w / low)^2 + 3 w /
+    // low^2) d^2 for each wave, w its phase per unit of direction.
     double bend = 1.0 / low;
     for (const Wave& wave : waves_) {
       const double w = wave.way.norm();
@@ -109,7 +109,7 @@ class Pebble final : public AnalyticSurface {
     return above(Vec3(ring * std::cos(angle), ring * std::sin(angle), z));
   }
 
-  /// The place above or below p as seen from the middle.
+  /// The surface point in the direction of p from the centre.
   [[nodiscard]] SurfacePoint above(const Vec3& p) const noexcept {
     const Vec3 n = direction(p);
     const double r = radius_at(n);
@@ -128,7 +128,7 @@ class Pebble final : public AnalyticSurface {
     for (const Wave& wave : waves_) r += wave.height_mm * std::cos(wave.way.dot(n) + wave.phase);
     return r;
   }
-  /// Of the radius over the direction, not yet along the sphere.
+  /// Gradient of the radius over the direction, not projected onto the sphere.
   [[nodiscard]] Vec3 gradient_at(const Vec3& n) const noexcept {
     Vec3 g = Vec3::Zero();
     for (const Wave& wave : waves_) g -= wave.way * (wave.height_mm * std::sin(wave.way.dot(n) + wave.phase));
@@ -152,7 +152,7 @@ std::shared_ptr<const AnalyticSurface> make_pebble(double radius_mm, double fine
   return pebble->is_pebble() ? pebble : nullptr;
 }
 
-Vec3 on_pebble(const AnalyticSurface& pebble, const Vec3& direction) noexcept {
+Vec3 pebble_point(const AnalyticSurface& pebble, const Vec3& direction) noexcept {
   return static_cast<const Pebble&>(pebble).above(direction).point_mm;
 }
 

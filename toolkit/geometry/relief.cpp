@@ -1,5 +1,4 @@
-// A detailed relief: waves of all lengths from the whole side down to the finest detail, each as steep as the
-// others.
+// A relief of equally steep waves, from the longer side down to the finest detail.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,11 +16,11 @@ namespace palpate::geometry {
 namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
-/// Waves: some four an octave from 200 mm down to 1 mm.
+/// About four waves an octave from 200 mm to 1 mm.
 constexpr int kReliefWaves = 32;
-/// Starts a side of closest(): more than this no frame's worth of time is spent on; they are then farther
-/// apart than a quarter of the shortest wave.
-constexpr int kMostStarts = 33;
+/// Most start points per side of closest(), which bounds its time; they may then be over a quarter of the
+/// shortest wave apart.
+constexpr int kMaxStarts = 33;
 constexpr double kStartsPerWave = 4.0;
 
 struct PlaneWave {
@@ -38,7 +37,7 @@ class Relief final : public HeightFieldSurface {
         seed_(seed) {
     Random random(seed);
     const double longest = std::max(extent_x_mm, extent_y_mm);
-    // The mean square of a wave's slope along its way is half its largest one squared.
+    // The mean square of a wave's slope along its direction is half its peak squared.
     const double steepest = slope * std::sqrt(2.0 / kReliefWaves);
     for (int i = 0; i < kReliefWaves; ++i) {
       const double length = longest * std::pow(finest_mm / longest, i / (kReliefWaves - 1.0));
@@ -107,16 +106,16 @@ class Relief final : public HeightFieldSurface {
   double slope_sum_ = 0.0;  ///< bound on the slope
 };
 
-// The point right above or below is as far as the height says, so the closest one is no farther off in plan
-// view. Of starts a quarter of the shortest wave apart those nearer than all around lead to the minima.
+// The point directly above or below bounds the distance, hence the search in plan view. Start points a
+// quarter of the shortest wave apart that are local minima lead to the minima.
 SurfacePoint Relief::closest(const Vec3& p) const noexcept {
   const double radius = std::abs(p.z() - jet(p.x(), p.y()).f);
   SurfacePoint best = descend(p.x(), p.y(), p);
   double best_sq = (best.point_mm - p).squaredNorm();
   const double wanted = std::ceil(radius * kStartsPerWave / finest_mm_);
-  const int half = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostStarts / 2)));
+  const int half = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMaxStarts / 2)));
   const double step = radius / half;
-  double square[kMostStarts][kMostStarts];
+  double square[kMaxStarts][kMaxStarts];
   for (int i = -half; i <= half; ++i)
     for (int k = -half; k <= half; ++k) {
       const double x = i * step, y = k * step, z = height(p.x() + x, p.y() + y) - p.z();
@@ -133,7 +132,7 @@ SurfacePoint Relief::closest(const Vec3& p) const noexcept {
   };
   for (int i = 0; i <= 2 * half; ++i)
     for (int k = 0; k <= 2 * half; ++k) {
-      // Between starts the surface may come nearer by less than a step along its slope.
+      // Between start points the surface is nearer by less than a step along its slope.
       const double reach = std::sqrt(best_sq) + step * (1.0 + slope_sum_);
       if (!(square[i][k] < reach * reach) || !is_least(i, k)) continue;
       const SurfacePoint found = descend(p.x() + (i - half) * step, p.y() + (k - half) * step, p);

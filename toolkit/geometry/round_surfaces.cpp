@@ -6,8 +6,8 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/geometry/entry_search.h"
-#include "toolkit/geometry/segment_sphere.h"
+#include "toolkit/geometry/segment_box.h"
+#include "toolkit/geometry/segment_root_search.h"
 
 namespace palpate::geometry {
 namespace {
@@ -26,7 +26,7 @@ class Sphere final : public AnalyticSurface {
   [[nodiscard]] double signed_distance_mm(const Vec3& p) const noexcept override {
     return p.norm() - radius_;
   }
-  // The far point is a maximum of the distance: the only local minimum is the closest point.
+  // The far point maximises the distance, so the closest point is the only local minimum.
   [[nodiscard]] SurfacePoint track(const SurfacePoint& from, const Vec3& p) const noexcept override {
     return towards(p, from.normal);
   }
@@ -34,15 +34,15 @@ class Sphere final : public AnalyticSurface {
                                                         const Vec3& b) const noexcept override {
     const Vec3 d = b - a;
     const double rounding = gamma(8) * (a.norm() + radius_);
-    if (a.norm() - radius_ < -rounding) return std::nullopt;  // inside, and a sphere is left only once
+    if (a.norm() - radius_ < -rounding) return std::nullopt;  // inside; a sphere is left only once
     if (std::abs(a.norm() - radius_) <= rounding)
       return a.dot(d) < 0.0 ? std::optional(closest(a)) : std::nullopt;
-    const auto inside = within_sphere(a, d, radius_);
+    const auto inside = segment_sphere_interval(a, d, radius_);
     if (!inside || inside->first < 0.0) return std::nullopt;
     return closest(a + inside->first * d);
   }
   [[nodiscard]] SurfacePoint at(double u, double v) const noexcept override {
-    // Equal areas: z falls evenly with v.
+    // Equal areas: z is linear in v.
     const double z = 1.0 - 2.0 * v, angle = 2.0 * std::numbers::pi * u,
                  ring = std::sqrt(std::max(0.0, 1.0 - z * z));
     const Vec3 n(ring * std::cos(angle), ring * std::sin(angle), z);
@@ -75,8 +75,8 @@ class Torus final : public AnalyticSurface {
   [[nodiscard]] double signed_distance_mm(const Vec3& p) const noexcept override {
     return std::hypot(std::hypot(p.x(), p.y()) - major_, p.z()) - minor_;
   }
-  // Around the axis and around the tube the distance has one minimum each: the closest point. On the axis and
-  // on the tube's middle circle, where it is constant, the god object stays.
+  // The distance has one minimum around the axis and one around the tube: the closest point. On the axis and
+  // on the tube's centre circle, where it is constant, the god object stays.
   [[nodiscard]] SurfacePoint track(const SurfacePoint& from, const Vec3& p) const noexcept override {
     const Vec3 ring(from.point_mm.x(), from.point_mm.y(), 0.0);
     return towards(p, ring.normalized(), from.normal);
@@ -103,20 +103,20 @@ class Torus final : public AnalyticSurface {
   double major_, minor_;
 };
 
-// In units of the major radius, F(p) = (|p|^2 + 1 - m^2)^2 - 4 (x^2 + y^2) is positive outside; along the
-// segment it is a quartic whose second derivative is bounded within the sphere around the torus.
+// In units of the major radius, F(p) = (|p|^2 + 1 - m^2)^2 - 4 (x^2 + y^2) is positive outside. Along the
+// segment it is a quartic with bounded second derivative in the torus's bounding sphere.
 std::optional<SurfacePoint> Torus::first_entry(const Vec3& a_mm, const Vec3& b_mm) const noexcept {
   const Vec3 a = a_mm / major_, d = (b_mm - a_mm) / major_;
   const double m = minor_ / major_, c = 1.0 - m * m, reach = 1.0 + m;
-  const auto near = within_sphere(a, d, reach * (1.0 + gamma(8)));
+  const auto near = segment_sphere_interval(a, d, reach * (1.0 + gamma(8)));
   if (!near) return std::nullopt;
-  // Near the surface |p| <= 2, so each of the two terms is at most 5^2; some 16 operations.
+  // Near the surface |p| <= 2, so both terms are at most 5^2; some 16 operations.
   const double rounding = gamma(16) * (5.0 * 5.0 + 2.0 * a.norm() * a.norm());
   const auto along = [&](double t) noexcept {
     const Vec3 p = a + t * d;
     const double s = p.squaredNorm() + c, flat = p.x() * p.x() + p.y() * p.y();
     const double pd = p.dot(d), flat_d = p.x() * d.x() + p.y() * d.y();
-    return AlongSegment{s * s - 4.0 * flat, 4.0 * s * pd - 8.0 * flat_d, rounding};
+    return SegmentSample{s * s - 4.0 * flat, 4.0 * s * pd - 8.0 * flat_d, rounding};
   };
   const double dd = d.squaredNorm(), flat_dd = d.x() * d.x() + d.y() * d.y();
   const double drop = 8.0 * flat_dd - 4.0 * c * dd;

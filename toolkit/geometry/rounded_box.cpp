@@ -1,4 +1,4 @@
-// The closed box with round edges: all places at `radius` from a smaller box within.
+// The closed box with round edges: all places at `radius` from an inner core box.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -10,9 +10,9 @@
 namespace palpate::geometry {
 namespace {
 
-/// A god object that slides over an edge crosses each face at most once on its way down.
+/// A god object sliding over edges crosses each face at most once.
 constexpr int kRoundedBoxFaces = 6;
-/// Steps of Newton's method on a convex function from the side where it cannot overshoot.
+/// Newton steps on a convex function from the side without overshoot.
 constexpr int kRoundedBoxEntrySteps = 64;
 
 class RoundedBox final : public AnalyticSurface {
@@ -21,7 +21,7 @@ class RoundedBox final : public AnalyticSurface {
       : half_(0.5 * extent_mm),
         core_(half_ - Vec3::Constant(radius_mm)),
         radius_(radius_mm),
-        ways_(half_ways_of_rounded_box(extent_mm, radius_mm)) {}
+        ways_(rounded_box_half_arcs(extent_mm, radius_mm)) {}
 
   [[nodiscard]] std::string formula() const override {
     return fmt::format("|x| <= {}, |y| <= {}, |z| <= {}, edges of radius {}", half_.x(), half_.y(), half_.z(),
@@ -42,7 +42,7 @@ class RoundedBox final : public AnalyticSurface {
   [[nodiscard]] SurfacePoint track(const SurfacePoint& from, const Vec3& p) const noexcept override;
   [[nodiscard]] std::optional<SurfacePoint> first_entry(const Vec3& a, const Vec3& b) const noexcept override;
   [[nodiscard]] SurfacePoint at(double u, double v) const noexcept override {
-    // Over the sphere with equal areas, and from it to the cube with equal angles.
+    // Equal areas on the sphere, then equal angles on the cube.
     const double z = 1.0 - 2.0 * v, angle = 2.0 * std::numbers::pi * u,
                  ring = std::sqrt(std::max(0.0, 1.0 - z * z));
     const Vec3 n(ring * std::cos(angle), ring * std::sin(angle), z);
@@ -70,7 +70,7 @@ class RoundedBox final : public AnalyticSurface {
     s.normal[axis] = side;
     return s;
   }
-  /// Of a p outside of the core; `otherwise` is the normal where p is on it.
+  /// For p outside the core; `otherwise` is the normal if p is on it.
   [[nodiscard]] SurfacePoint round(const Vec3& p, const Vec3& otherwise) const noexcept {
     const Vec3 middle = p.cwiseMax(-core_).cwiseMin(core_), way = p - middle;
     const double size = way.norm();
@@ -83,8 +83,8 @@ class RoundedBox final : public AnalyticSurface {
   Vec3 ways_;
 };
 
-// As on a sharp box: beyond the end of its face, and deeper than the core's face, the next one is descended;
-// less deep, the place is on the edge between them, where the distance has one minimum.
+// As on a sharp box: past the end of its face, a god object deeper than the next face's core descends that
+// face; one less deep is on the edge between them, where the distance has one minimum.
 SurfacePoint RoundedBox::track(const SurfacePoint& from, const Vec3& p) const noexcept {
   int axis = 0;
   from.normal.cwiseAbs().maxCoeff(&axis);
@@ -111,7 +111,7 @@ std::optional<SurfacePoint> RoundedBox::first_entry(const Vec3& a, const Vec3& b
   const Vec3 d = b - a;
   const double rounding = gamma(16) * (a.cwiseAbs().maxCoeff() + d.cwiseAbs().maxCoeff() + half_.maxCoeff());
   double t = 0.0;
-  if (signed_distance_mm(a) < -rounding) return std::nullopt;  // inside, and it is left only once
+  if (signed_distance_mm(a) < -rounding) return std::nullopt;  // inside; a convex body is left only once
   for (int step = 0; step < kRoundedBoxEntrySteps; ++step) {
     const Vec3 p = a + t * d;
     const SurfacePoint s = closest(p);
@@ -126,8 +126,8 @@ std::optional<SurfacePoint> RoundedBox::first_entry(const Vec3& a, const Vec3& b
 
 }  // namespace
 
-Vec3 half_ways_of_rounded_box(const Vec3& extent_mm, double radius_mm) noexcept {
-  // Half of a face's flat part, and half of the quarter turn to the next face.
+Vec3 rounded_box_half_arcs(const Vec3& extent_mm, double radius_mm) noexcept {
+  // Half a face's flat part plus half the quarter turn to the next face.
   return 0.5 * extent_mm + Vec3::Constant((0.25 * std::numbers::pi - 1.0) * radius_mm);
 }
 
@@ -138,7 +138,7 @@ std::shared_ptr<const AnalyticSurface> make_rounded_box(const Vec3& extent_mm, d
   return std::make_shared<RoundedBox>(extent_mm, radius_mm);
 }
 
-Vec3 on_rounded_box(const AnalyticSurface& box, const Vec3& share) noexcept {
+Vec3 rounded_box_point(const AnalyticSurface& box, const Vec3& share) noexcept {
   return static_cast<const RoundedBox&>(box).placed(share).point_mm;
 }
 

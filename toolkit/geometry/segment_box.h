@@ -1,32 +1,32 @@
 // Segment against axis-aligned box by separating axes: the narrow phase of section 3.1.1.2.
 #pragma once
 
+#include <palpate/vec.h>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/vec.h"
 
 namespace palpate::geometry {
 
-/// A segment prepared for tests against many boxes: middle and half vector. A segment whose ends are equal is
-/// a point, and the test becomes point in box.
+/// A segment prepared for many box tests: centre and half vector. With equal ends it is a point.
 struct SegmentProbe {
   Vec3 middle_mm;
-  Vec3 half_mm;      ///< from the middle to the second end
+  Vec3 half_mm;      ///< from the centre to the second end
   Vec3 half_abs_mm;  ///< componentwise magnitude of half_mm
 
   SegmentProbe(const Vec3& a_mm, const Vec3& b_mm) noexcept
       : middle_mm(0.5 * (a_mm + b_mm)), half_mm(0.5 * (b_mm - a_mm)), half_abs_mm(half_mm.cwiseAbs()) {}
 };
 
-/// Rounded operations behind one side of a cross-axis comparison below: differences, two products and a sum
-/// per side.
+/// Rounded operations on one side of a cross-axis comparison: differences, two products and a sum.
 inline constexpr int kSegmentBoxOperations = 8;
 
-/// True when the segment touches the closed box (centre, half lengths). Six separating axes: the three box
-/// axes and their cross products with the segment (Gottschalk's theorem; Ericson 2005, 5.3.3 names the same
-/// axes). Rounding is resolved towards "touches": each comparison is widened by its own rounding bound, which
-/// is relative to the operands and so works at every scale. No branch depends on the segment's length.
+/// True if the segment touches the closed box (centre, half lengths). Tests six separating axes: the box axes
+/// and their cross products with the segment (Gottschalk; Ericson 2005, 5.3.3). Rounding favours "touches":
+/// each comparison is widened by its own relative rounding bound, so it works at every scale. No branch
+/// depends on the segment's length.
 [[nodiscard]] inline bool segment_touches_box(const SegmentProbe& segment, const Vec3& centre_mm,
                                               const Vec3& half_box_mm) noexcept {
   constexpr double kSlack = 1.0 + 2.0 * gamma(kSegmentBoxOperations);
@@ -37,8 +37,7 @@ inline constexpr int kSegmentBoxOperations = 8;
   if (ma.x() > (half_box_mm.x() + da.x()) * kSlack) return false;
   if (ma.y() > (half_box_mm.y() + da.y()) * kSlack) return false;
   if (ma.z() > (half_box_mm.z() + da.z()) * kSlack) return false;
-  // On a cross axis the rounding error is relative to the products themselves, so it is added, not
-  // multiplied.
+  // On a cross axis the rounding error is relative to the products, so it is added, not multiplied.
   constexpr double kBound = gamma(kSegmentBoxOperations);
   const double yz = ma.y() * da.z() + ma.z() * da.y();
   const double zx = ma.z() * da.x() + ma.x() * da.z();
@@ -51,6 +50,22 @@ inline constexpr int kSegmentBoxOperations = 8;
     return false;
   return std::abs(m.x() * d.y() - m.y() * d.x()) <=
          half_box_mm.x() * da.y() + half_box_mm.y() * da.x() + kBound * xy;
+}
+
+/// The parameters at which a -> a + d is within the sphere of this radius about the origin, or none. At least
+/// one lies in [0, 1], or one on either side.
+[[nodiscard]] inline std::optional<std::pair<double, double>> segment_sphere_interval(
+    const Vec3& a, const Vec3& d, double radius) noexcept {
+  const double dd = d.squaredNorm();
+  if (!(dd > 0.0)) return std::nullopt;
+  const double nearest = -a.dot(d) / dd;
+  // Measured from the point nearest to the centre, not from a: no cancellation for far starts.
+  const double miss_sq = (a + nearest * d).squaredNorm();
+  const double half_sq = (radius * radius - miss_sq) / dd;
+  if (half_sq < 0.0) return std::nullopt;
+  const double half = std::sqrt(half_sq);
+  if (nearest + half < 0.0 || nearest - half > 1.0) return std::nullopt;
+  return std::pair{nearest - half, nearest + half};
 }
 
 }  // namespace palpate::geometry

@@ -6,7 +6,7 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/geometry/segment_sphere.h"
+#include "toolkit/geometry/segment_box.h"
 
 namespace palpate::geometry {
 namespace {
@@ -38,7 +38,7 @@ class Shells final : public AnalyticSurface {
 
  private:
   [[nodiscard]] double middle() const noexcept { return 0.5 * (outer_ + inner_); }
-  /// The normal of the inner sphere points into the hollow. `at_centre` is a way to go from there.
+  /// The inner sphere's normal points into the hollow. `at_centre`: the direction to take at the centre.
   [[nodiscard]] SurfacePoint on_sheet(bool outer, const Vec3& p, const Vec3& at_centre) const noexcept {
     const double size = p.norm();
     const Vec3 n = size > 0.0 ? Vec3(p / size) : at_centre.normalized();
@@ -54,11 +54,11 @@ std::optional<SurfacePoint> Shells::first_entry(const Vec3& a, const Vec3& b) co
   // On either sphere, and going in.
   if (std::abs(size - outer_) <= rounding && way < 0.0) return on_sheet(true, a, a);
   if (std::abs(size - inner_) <= rounding && way > 0.0) return on_sheet(false, a, a);
-  const auto ball = within_sphere(a, d, outer_);
+  const auto ball = segment_sphere_interval(a, d, outer_);
   if (!ball) return std::nullopt;
   if (size > outer_ + rounding && ball->first >= 0.0) return on_sheet(true, a + ball->first * d, a);
-  // Into the wall again only from the hollow.
-  const auto hollow = within_sphere(a, d, inner_);
+  // Enters the wall again only from the hollow.
+  const auto hollow = segment_sphere_interval(a, d, inner_);
   if (!hollow || !(hollow->second >= 0.0 && hollow->second <= 1.0)) return std::nullopt;
   return on_sheet(false, a + hollow->second * d, a);
 }

@@ -1,4 +1,4 @@
-// The closed box: six faces, sharp edges, two sheets close together.
+// The closed box with sharp edges.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ struct Face {
   double side = 1.0;
 };
 
-// A god object that slides over an edge crosses each face at most once on its way down.
+// A god object sliding over edges crosses each face at most once.
 constexpr int kFaces = 6;
 
 class Slab final : public AnalyticSurface {
@@ -50,7 +50,7 @@ class Slab final : public AnalyticSurface {
 };
 
 SurfacePoint Slab::closest(const Vec3& p) const noexcept {
-  // Inside: the nearest face; outside: clamping does it, and the face is the one p is farthest beyond.
+  // Inside: the nearest face. Outside: the clamped point, on the face that p is farthest beyond.
   const Vec3 over = p.cwiseAbs() - half_;
   int axis = 2;
   for (int i = 0; i < 2; ++i)
@@ -63,8 +63,7 @@ SurfacePoint Slab::track(const SurfacePoint& from, const Vec3& p) const noexcept
   from.normal.cwiseAbs().maxCoeff(&face.axis);
   face.side = side_of(from.normal[face.axis]);
   for (int i = 0; i < kFaces; ++i) {
-    // p's foot lies on the face, or beyond one of its edges: there the next face is descended if p lies below
-    // the edge.
+    // If p's foot is beyond an edge of the face and p below that edge, descends to the next face.
     Face next = face;
     double farthest = 0.0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -91,7 +90,7 @@ std::optional<SurfacePoint> Slab::first_entry(const Vec3& a, const Vec3& b) cons
       if (std::abs(a[axis]) >= half_[axis]) return std::nullopt;
       continue;
     }
-    const double side = d[axis] < 0.0 ? 1.0 : -1.0;  // the side it comes from
+    const double side = d[axis] < 0.0 ? 1.0 : -1.0;  // the side of entry
     const double height = side * a[axis] - half_[axis];
     double t_in = height / std::abs(d[axis]);
     if (std::abs(height) <= rounding) t_in = 0.0;  // on the face and going in
@@ -102,7 +101,7 @@ std::optional<SurfacePoint> Slab::first_entry(const Vec3& a, const Vec3& b) cons
     }
     leave = std::min(leave, t_out);
   }
-  if (!(enter >= 0.0 && enter < leave)) return std::nullopt;  // begins inside, or misses
+  if (!(enter >= 0.0 && enter < leave)) return std::nullopt;  // starts inside, or misses
   return on_face(face, a + enter * d);
 }
 

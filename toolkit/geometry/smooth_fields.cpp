@@ -78,12 +78,12 @@ class Sinusoid final : public HeightFieldSurface {
   double amplitude_, wavelength_, w_;
 };
 
-// Starts a side of the square that closest() searches: the steepest sinusoid allowed has slope 8, whose
+// Start points per side of the square that closest() searches. The steepest sinusoid has slope 8, whose
 // distance field varies over an eighth of the wave; 33 starts over 1.5 waves are 21 a wave.
 constexpr int kStarts = 33;
-// Half the square's side in waves. The crest and the trough nearest in plan view lie within 1 / sqrt(2) wave,
-// and on the way to one of them the surface takes every height p can have, so the closest point is no farther
-// off in plan view; one start more on every side.
+// Half the square's side in waves. The nearest crest and trough in plan view lie within 1 / sqrt(2) wave, and
+// between them the surface takes every height, so the closest point is no farther in plan view. One start is
+// added on every side.
 constexpr double kSearchWaves = 0.75;
 
 SurfacePoint Sinusoid::closest(const Vec3& p) const noexcept {
@@ -152,13 +152,12 @@ class Saddle final : public HeightFieldSurface {
   double c_;
 };
 
-// Halvings of an interval after which nothing of a double is left.
+// Halvings that exhaust a double's precision.
 constexpr int kHalvings = 64;
 
 // The closest point minimises a quadratic under one quadratic equation, whose Lagrangian is convex at the
-// global minimum (More 1993, theorem 3.2): with the height error r = f - z as multiplier, x = px / (1 + 2cr),
-// y = py / (1 - 2cr) and |2cr| <= 1. The height error then falls strictly with r there, so one bisection
-// finds it.
+// global minimum (More 1993, theorem 3.2). With the height error r = f - z as multiplier, x = px / (1 + 2cr),
+// y = py / (1 - 2cr) and |2cr| <= 1. The height error falls strictly with r, so bisection finds it.
 SurfacePoint Saddle::closest(const Vec3& p) const noexcept {
   const auto x_at = [&](double r) { return p.x() == 0.0 ? 0.0 : p.x() / (1.0 + 2.0 * c_ * r); };
   const auto y_at = [&](double r) { return p.y() == 0.0 ? 0.0 : p.y() / (1.0 - 2.0 * c_ * r); };
@@ -170,7 +169,7 @@ SurfacePoint Saddle::closest(const Vec3& p) const noexcept {
   }
   const double r = 0.5 * (low + high);
   double x = x_at(r), y = y_at(r);
-  // In the planes of symmetry the multiplier can stop at its bound; the height then fixes the free
+  // In the planes of symmetry the multiplier may stop at its bound; the height then fixes the free
   // coordinate.
   if (p.x() == 0.0) x = std::sqrt(std::max(0.0, (p.z() + r) / c_ + y * y));
   if (p.y() == 0.0 && p.x() != 0.0) y = std::sqrt(std::max(0.0, x * x - (p.z() + r) / c_));
@@ -191,7 +190,7 @@ std::shared_ptr<const AnalyticSurface> make_plane(double extent_mm) {
   return std::make_shared<Plane>(extent_mm);
 }
 
-// The steepest slope along one axis for which closest() starts densely enough (kStarts).
+// The steepest slope along an axis for which kStarts suffice.
 static constexpr double kSteepest = 8.0;
 
 std::shared_ptr<const AnalyticSurface> make_sinusoid(double amplitude_mm, double wavelength_mm,

@@ -1,4 +1,4 @@
-// Sphere swept along a segment against axis-aligned box: section 3.1.4's second remedy.
+// Sphere swept along a segment against axis-aligned box (section 3.1.4, second remedy).
 #pragma once
 
 #include <algorithm>
@@ -8,10 +8,9 @@
 
 namespace palpate::geometry {
 
-/// Squared distance between a segment and a closed box (centre, half lengths), 0 where they touch. Along the
-/// segment it is convex and made of parabolas that meet where a face's plane is crossed, so the one that
-/// holds the minimum is found by the sign of the slope at the six crossings: no search, no tolerance. A
-/// segment whose ends are equal is a point.
+/// Squared distance between a segment and a closed box (centre, half lengths), 0 if they touch. Along the
+/// segment it is convex and piecewise quadratic with breaks at the six face planes; the slope's signs there
+/// find the piece with the minimum, without search or tolerance. A segment with equal ends is a point.
 [[nodiscard]] inline double segment_box_distance_sq(const SegmentProbe& segment, const Vec3& centre_mm,
                                                     const Vec3& half_box_mm) noexcept {
   const Vec3 m = segment.middle_mm - centre_mm;
@@ -39,12 +38,12 @@ namespace palpate::geometry {
   return beyond(std::clamp(t, low, high)).squaredNorm();
 }
 
-/// True when a sphere of radius `radius_mm` swept along the segment touches the closed box. Rounding is
-/// resolved towards "touches", as in segment_touches_box.
+/// True if a sphere of `radius_mm` swept along the segment touches the closed box. Rounding favours
+/// "touches", as in segment_touches_box.
 [[nodiscard]] inline bool swept_sphere_touches_box(const SegmentProbe& segment, double radius_mm,
                                                    const Vec3& centre_mm, const Vec3& half_box_mm) noexcept {
   if (!segment_touches_box(segment, centre_mm, half_box_mm + Vec3::Constant(radius_mm))) return false;
-  // Each coordinate of `beyond` above is off by at most this many roundings of the largest term.
+  // Bound on roundings of the largest term in each coordinate of `beyond`.
   constexpr int kOperations = 16;
   const Vec3 size = (segment.middle_mm - centre_mm).cwiseAbs() + segment.half_abs_mm + half_box_mm;
   const double reach = radius_mm + gamma(kOperations) * size.maxCoeff();

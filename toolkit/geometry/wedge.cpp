@@ -10,7 +10,7 @@
 namespace palpate::geometry {
 namespace {
 
-// Sharper wedges and deeper valleys than this many degrees of material (or of free space) are needles.
+// Least angle of material or free space; sharper wedges are needles.
 constexpr double kSharpestDeg = 10.0;
 
 class Wedge final : public AnalyticSurface {
@@ -48,7 +48,7 @@ class Wedge final : public AnalyticSurface {
   [[nodiscard]] double height_over(const Vec3& p) const noexcept { return p.z() + slope_ * std::abs(p.x()); }
   /// `side` is -1 for the half-plane of x <= 0, 1 for the other.
   [[nodiscard]] Vec3 normal_of(double side) const noexcept { return {side * cos_, 0.0, sin_}; }
-  /// Distance from the edge of p's foot on the side's plane; negative beyond the edge.
+  /// Distance of p's foot on the side's plane from the edge; negative beyond it.
   [[nodiscard]] double along_side(double side, const Vec3& p) const noexcept {
     return side * p.x() * sin_ - p.z() * cos_;
   }
@@ -65,8 +65,8 @@ SurfacePoint Wedge::track(const SurfacePoint& from, const Vec3& p) const noexcep
   if (from.point_mm.x() == 0.0 && from.normal.x() * cos_ < 0.0) side = -1.0;
   if (along_side(side, p) >= 0.0) return on_side(side, p);
   if (along_side(-side, p) > 0.0) return on_side(-side, p);
-  // The edge itself is closest. p is outside a ridge when outside either half-plane, outside a valley when
-  // outside both: give the normal that tells.
+  // The edge is closest. p is outside a ridge if outside either half-plane, and outside a valley if outside
+  // both; the normal chosen tells.
   SurfacePoint one = on_side(side, p), other = on_side(-side, p);
   const double depth_one = (one.point_mm - p).dot(one.normal),
                depth_other = (other.point_mm - p).dot(other.normal);
@@ -78,13 +78,13 @@ std::optional<SurfacePoint> Wedge::first_entry(const Vec3& a, const Vec3& b) con
   const Vec3 d = b - a;
   const Vec3 largest = a.cwiseAbs().cwiseMax(b.cwiseAbs());
   const double rounding = gamma(8) * (largest.z() + std::abs(slope_) * largest.x());
-  // The height over the wedge is linear on either side of x = 0.
+  // The height over the wedge is linear on each side of x = 0.
   const bool crosses = (a.x() < 0.0) != (b.x() < 0.0) && d.x() != 0.0;
   const double middle = crosses ? std::clamp(-a.x() / d.x(), 0.0, 1.0) : 1.0;
   const double ends[3] = {0.0, middle, 1.0};
   for (int i = 0; i < (crosses ? 2 : 1); ++i) {
     const Vec3 p0 = a + ends[i] * d, p1 = a + ends[i + 1] * d;
-    // Exactly on the edge, whatever the rounding of the parameter.
+    // Exactly on the edge, despite the parameter's rounding.
     const double g0 = i == 1 ? p0.z() : height_over(p0);
     const double g1 = crosses && i == 0 ? p1.z() : height_over(p1);
     if (!(g0 >= -rounding && g1 < 0.0 && g1 < g0)) continue;

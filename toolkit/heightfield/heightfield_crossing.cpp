@@ -20,22 +20,23 @@ struct Rise {
   }
 };
 
-/// The first u at which f, not below 0 at u = 0, falls below; kNever. Where the end is below 0 there always
-/// is one.
+/// The first u at which f, not below 0 at u = 0, falls below 0; else kNever. It exists whenever the end is
+/// below 0.
 double first_fall(const Rise& f) noexcept {
   const bool ends_below = f.end() < 0.0;
   if (!ends_below && !(f.a > 0.0 && f.b < 0.0 && -f.b < 2.0 * f.a)) return kNever;
   const double disc = f.b * f.b - 4.0 * f.a * f.f0;
   if (!(disc >= 0.0)) return ends_below ? 1.0 : kNever;
-  if (!ends_below && disc == 0.0) return kNever;  // it only touches
+  if (!ends_below && disc == 0.0) return kNever;  // only touches
   const double root = std::sqrt(disc);
-  // The two forms of the same root; each subtracts nothing.
+  // Two forms of the same root, both free of cancellation.
   const double u = f.b <= 0.0 ? 2.0 * f.f0 / (root - f.b) : -(f.b + root) / (2.0 * f.a);
   return std::isfinite(u) ? std::clamp(u, 0.0, 1.0) : (f.f0 > 0.0 ? 1.0 : 0.0);
 }
 
-/// The part of a + t d over the field's rectangle; false where there is none.
-bool clip(const HeightSheet& sheet, const PlanPoint& a, const PlanPoint& d, double& t0, double& t1) noexcept {
+/// The part of a + t d over the field's rectangle; false if none.
+bool clip(const HeightFieldView& sheet, const PlanPoint& a, const PlanPoint& d, double& t0,
+          double& t1) noexcept {
   const double at[2] = {a.x, a.y}, step[2] = {d.x, d.y};
   const double last[2] = {static_cast<double>(sheet.columns - 1), static_cast<double>(sheet.rows - 1)};
   for (int axis = 0; axis < 2; ++axis) {
@@ -50,14 +51,14 @@ bool clip(const HeightSheet& sheet, const PlanPoint& a, const PlanPoint& d, doub
   return t0 <= t1;
 }
 
-/// The segment on its way over the cells.
+/// The segment's state while it crosses cells.
 struct Walk {
-  const HeightSheet& sheet;
+  const HeightFieldView& sheet;
   PlanPoint a, d;
   std::int32_t column = 0, row = 0;
   double t = 0.0;
 
-  Walk(const HeightSheet& of, const PlanPoint& from, const PlanPoint& to) noexcept
+  Walk(const HeightFieldView& of, const PlanPoint& from, const PlanPoint& to) noexcept
       : sheet(of), a(from), d{to.x - from.x, to.y - from.y, to.z - from.z} {}
 
   [[nodiscard]] PlanPoint point(double at) const noexcept {
@@ -70,7 +71,7 @@ struct Walk {
     row = static_cast<std::int32_t>(std::clamp(std::floor(p.y), 0.0, sheet.rows - 2.0));
   }
   /// Where the segment leaves the cells [low_x, high_x) x [low_y, high_y), if before `end`; `out_x`, `out_y`
-  /// say across which wall.
+  /// name the wall.
   [[nodiscard]] double leaves(std::int32_t low_x, std::int32_t high_x, std::int32_t low_y,
                               std::int32_t high_y, double end, int& out_x, int& out_y) const noexcept {
     out_x = out_y = 0;
@@ -86,8 +87,8 @@ struct Walk {
   }
 };
 
-/// Height of the walk over a patch between t0 and t1.
-Rise rise_over(const Walk& walk, const Patch& patch, double t0, double t1) noexcept {
+/// Height of the segment over a patch between t0 and t1.
+Rise rise_over(const Walk& walk, const BilinearPatch& patch, double t0, double t1) noexcept {
   const PlanPoint p = walk.point(t0), q = walk.point(t1);
   const double s0 = p.x - walk.column, u0 = p.y - walk.row;
   const double s1 = q.x - walk.column, u1 = q.y - walk.row;
@@ -96,8 +97,9 @@ Rise rise_over(const Walk& walk, const Patch& patch, double t0, double t1) noexc
   return {f0, f1 - f0 - a, a};
 }
 
-/// The first stretch of a segment that leaves the sheet at `foot`: it starts at height 0, not falling.
-Rise rise_from_sheet(const Walk& walk, const Patch& patch, const Foot& foot, double t1) noexcept {
+/// The first stretch of a segment that leaves the sheet at `foot`: starts at height 0, not falling.
+Rise rise_from_sheet(const Walk& walk, const BilinearPatch& patch, const CellPosition& foot,
+                     double t1) noexcept {
   const double ds = t1 * walk.d.x, dt = t1 * walk.d.y;
   const double s = foot.column + foot.s - walk.column, t = foot.row + foot.t - walk.row;
   const double a = -patch.d * ds * dt;
@@ -105,14 +107,14 @@ Rise rise_from_sheet(const Walk& walk, const Patch& patch, const Foot& foot, dou
   return {0.0, std::max(0.0, b), a};
 }
 
-/// What a stretch over one cell does to the side; the place of a hit in [0, 1], or kNever.
+/// Updates the side over one cell; returns the hit's place in [0, 1], or kNever.
 double pass(Rise rise, SheetSide& side, int& edges) noexcept {
   if (side == SheetSide::kNowhere) {
     side = rise.f0 >= 0.0 ? SheetSide::kAbove : SheetSide::kUnder;
     edges += side == SheetSide::kUnder;
   }
   if (side == SheetSide::kAbove) {
-    // Above by what was known before: what is below now went through here.
+    // Known to be above: going below now is a crossing here.
     rise.f0 = std::max(0.0, rise.f0);
     return first_fall(rise);
   }
@@ -134,9 +136,9 @@ void set_hit(const Walk& walk, double at, Crossing& found) noexcept {
   found.side = SheetSide::kAbove;
 }
 
-/// The block around the walk's cell lies below the segment: out of it in one step. False where it does not.
+/// If the block around the walk's cell lies below the segment, leaves it in one step; else false.
 bool skip_block(Walk& walk, double end, bool& done) noexcept {
-  const HeightSheet& sheet = walk.sheet;
+  const HeightFieldView& sheet = walk.sheet;
   const std::int32_t x = walk.column / kBlock, y = walk.row / kBlock;
   const std::int32_t high_x = std::min((x + 1) * kBlock, sheet.columns - 1);
   const std::int32_t high_y = std::min((y + 1) * kBlock, sheet.rows - 1);
@@ -147,7 +149,7 @@ bool skip_block(Walk& walk, double end, bool& done) noexcept {
   walk.t = leave;
   done = out_x == 0 && out_y == 0;
   const PlanPoint p = walk.point(leave);
-  // The wall that is crossed is known exactly; along it the place is within the block.
+  // The crossed wall is known exactly; along it the place is clamped to the block.
   walk.column = out_x > 0   ? high_x
                 : out_x < 0 ? x * kBlock - 1
                             : static_cast<std::int32_t>(
@@ -161,18 +163,18 @@ bool skip_block(Walk& walk, double end, bool& done) noexcept {
 
 }  // namespace
 
-SheetSide side_of(const HeightSheet& sheet, const PlanPoint& p) noexcept {
+SheetSide side_of(const HeightFieldView& sheet, const PlanPoint& p) noexcept {
   if (!(p.x >= 0.0 && p.x <= sheet.columns - 1.0 && p.y >= 0.0 && p.y <= sheet.rows - 1.0))
     return SheetSide::kNowhere;
   Walk walk(sheet, p, p);
   walk.enter(0.0);
-  const Patch patch = sheet.patch(walk.column, walk.row);
+  const BilinearPatch patch = sheet.patch(walk.column, walk.row);
   if (!patch.exists()) return SheetSide::kNowhere;
   return p.z >= patch.height(p.x - walk.column, p.y - walk.row) ? SheetSide::kAbove : SheetSide::kUnder;
 }
 
-Crossing find_crossing(const HeightSheet& sheet, const PlanPoint& a, const PlanPoint& b, SheetSide side,
-                       const Foot* from_sheet, int& looks) noexcept {
+Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const PlanPoint& b, SheetSide side,
+                       const CellPosition* from_sheet, int& looks) noexcept {
   Crossing found;
   found.reached = b;
   double t0 = 0.0, t1 = 1.0;
@@ -196,7 +198,7 @@ Crossing find_crossing(const HeightSheet& sheet, const PlanPoint& a, const PlanP
       return found;
     }
     bool done = false;
-    // A foot between cells leaves the first of them at once.
+    // A foot between cells leaves the first one at once.
     const bool first = from_sheet != nullptr && walk.t == 0.0;
     if (!first && skip_block(walk, t1, done)) {
       side = SheetSide::kAbove;
@@ -204,7 +206,7 @@ Crossing find_crossing(const HeightSheet& sheet, const PlanPoint& a, const PlanP
       int out_x = 0, out_y = 0;
       const double leave =
           walk.leaves(walk.column, walk.column + 1, walk.row, walk.row + 1, t1, out_x, out_y);
-      const Patch patch = sheet.patch(walk.column, walk.row);
+      const BilinearPatch patch = sheet.patch(walk.column, walk.row);
       if (!patch.exists()) {
         side = SheetSide::kNowhere;
       } else {

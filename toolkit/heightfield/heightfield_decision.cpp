@@ -1,4 +1,4 @@
-#include "toolkit/heightfield/heightfield_decision.h"
+#include "toolkit/heightfield/heightfield_model.h"
 
 #include <fmt/format.h>
 
@@ -25,7 +25,7 @@ Result<LatticeSurvey> survey_lattice(const cloud::Cloud& cloud, bool fills_gaps,
   return found;
 }
 
-Result<HeightFieldDecision> decide_heights(const ModelInput& input, const HeightFieldBuild& build) {
+Result<HeightFieldDecision> decide_heightfield(const ModelInput& input, const HeightFieldOptions& build) {
   Result<LatticeSurvey> survey = survey_lattice(*input.cloud, build.fills_gaps, false);
   if (!survey) return std::move(survey).error();
   Result<SurfaceDecision> surface = decide_surface(input);
@@ -33,8 +33,8 @@ Result<HeightFieldDecision> decide_heights(const ModelInput& input, const Height
   return HeightFieldDecision{std::move(survey->decision), *std::move(surface)};
 }
 
-void say_heights(const ModelInput& input, const HeightFieldBuild& build, const HeightFieldDecision& decision,
-                 Features felt, ModelDecisions& out) {
+void describe_heightfield(const ModelInput& input, const HeightFieldOptions& build,
+                          const HeightFieldDecision& decision, Features felt, ModelDecisions& out) {
   const LatticeDecision& lattice = decision.lattice;
   out.name = input.name;
   out.points = input.cloud->size();
@@ -47,13 +47,13 @@ void say_heights(const ModelInput& input, const HeightFieldBuild& build, const H
                            lattice.missing == 0 ? "none"
                            : open == 0          ? "filled"
                                                 : fmt::format("open, {} posts", open),
-                           "it is " + lattice.words, build.open_given});
+                           "it is " + lattice.words, build.holes_kept_by_option});
   out.decisions.push_back(
       {"neighbours", "none stored", "the neighbours of a post are known from its column and row"});
   out.bytes +=
       (lattice.posts() + cloud::HeightField::blocks_of(lattice.columns, lattice.rows)) * sizeof(float);
   if (varies(input.surface)) out.bytes += lattice.posts() * sizeof(std::uint32_t);
-  say_surface(input, decision.surface, felt, lattice.posts(), out);
+  describe_surface(input, decision.surface, felt, lattice.posts(), out);
   if (input.motion != nullptr)
     out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
 }

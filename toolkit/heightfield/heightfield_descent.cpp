@@ -1,39 +1,39 @@
-#include "toolkit/heightfield/heightfield_descent.h"
+#include "toolkit/heightfield/heightfield_crossing.h"
 
 #include <algorithm>
 
 namespace palpate::render {
 namespace {
 
-/// A Newton step shorter than this share of a cell leaves an error of its square: 1e-12 of a cell.
+/// A shorter Newton step, in cells, leaves an error of its square: 1e-12.
 constexpr double kLastStep = 0x1p-20;
-/// A step that no longer moves the foot by this share of a cell is none.
+/// A step shorter than this share of a cell is none.
 constexpr double kNoStep = 0x1p-40;
 
-/// Numbers the sets of walls that hold a foot, from 0: 4 wall_s + wall_t + this.
+/// Indexes the sets of walls that hold a foot from 0: 4 wall_s + wall_t + this.
 constexpr int kNoWalls = 5;
 
-/// One cell as a descent sees it.
+/// A cell during a descent.
 struct Cell {
-  const HeightSheet& sheet;
-  Patch patch;
+  const HeightFieldView& sheet;
+  BilinearPatch patch;
   double hs, ht, hz;
 
-  Cell(const HeightSheet& of, const Foot& foot, const PlanPoint& h) noexcept
+  Cell(const HeightFieldView& of, const CellPosition& foot, const PlanPoint& h) noexcept
       : sheet(of),
         patch(of.patch_or_none(foot.column, foot.row)),
         hs(h.x - foot.column),
         ht(h.y - foot.row),
         hz(h.z) {}
 
-  [[nodiscard]] DistanceJet jet(double s, double t) const noexcept {
+  [[nodiscard]] DistanceDerivatives jet(double s, double t) const noexcept {
     return {sheet, patch, s, t, hs, ht, hz};
   }
   [[nodiscard]] double half_sq(double s, double t) const noexcept {
     const double x = s - hs, y = t - ht, z = patch.height(s, t) - hz;
     return 0.5 * (sheet.x_sq * (x * x) + sheet.y_sq * (y * y) + z * z);
   }
-  /// The nearest point of the line t = constant: the patch is straight along it, so this is exact.
+  /// The nearest point of the line t = constant; exact, because the patch is straight along it.
   [[nodiscard]] double best_s(double t) const noexcept {
     const double slope = patch.b + patch.d * t;
     const double at_0 = patch.a + patch.c * t;
@@ -46,19 +46,19 @@ struct Cell {
   }
 };
 
-/// Which wall of [0, 1] the gradient presses against: -1, 0 or 1.
+/// The wall of [0, 1] that the gradient presses against: -1, 0 or 1.
 int pressed(double at, double gradient) noexcept {
   if (at == 0.0 && gradient >= 0.0) return -1;
   if (at == 1.0 && gradient <= 0.0) return 1;
   return 0;
 }
 
-/// Tries the cell across the walls that hold the foot; moves into it where it goes on downhill there.
-/// `rim` is set where a wall has nothing behind it.
-bool cross(const HeightSheet& sheet, Foot& foot, const PlanPoint& h, int wall_s, int wall_t,
+/// Tries the cell across the holding walls and moves into it if it continues downhill. Sets `rim` at a wall
+/// without a cell behind.
+bool cross(const HeightFieldView& sheet, CellPosition& foot, const PlanPoint& h, int wall_s, int wall_t,
            bool& rim) noexcept {
   if (wall_s != 0) {
-    const Foot next{foot.column + wall_s, foot.row, wall_s < 0 ? 1.0 : 0.0, foot.t};
+    const CellPosition next{foot.column + wall_s, foot.row, wall_s < 0 ? 1.0 : 0.0, foot.t};
     const Cell cell(sheet, next, h);
     if (!cell.patch.exists()) {
       rim = true;
@@ -68,7 +68,7 @@ bool cross(const HeightSheet& sheet, Foot& foot, const PlanPoint& h, int wall_s,
     }
   }
   if (wall_t != 0) {
-    const Foot next{foot.column, foot.row + wall_t, foot.s, wall_t < 0 ? 1.0 : 0.0};
+    const CellPosition next{foot.column, foot.row + wall_t, foot.s, wall_t < 0 ? 1.0 : 0.0};
     const Cell cell(sheet, next, h);
     if (!cell.patch.exists()) {
       rim = true;
@@ -80,7 +80,7 @@ bool cross(const HeightSheet& sheet, Foot& foot, const PlanPoint& h, int wall_s,
   return false;
 }
 
-/// How far along a step from `at` the walls of [0, 1] allow, at most `most`.
+/// The part of a step from `at` that stays in [0, 1], at most `most`.
 double reach(double at, double step, double most) noexcept {
   if (step > 0.0) return std::min(most, (1.0 - at) / step);
   if (step < 0.0) return std::min(most, -at / step);
@@ -89,15 +89,15 @@ double reach(double at, double step, double most) noexcept {
 
 enum class Moved : std::uint8_t { kNot, kArrived, kOn };
 
-/// The Newton step of a convex place, up to the first wall. kNot where it is no way down.
-Moved newton(const Cell& cell, const DistanceJet& jet, Foot& foot) noexcept {
+/// The Newton step in a convex place, up to the first wall. kNot if it does not descend.
+Moved newton(const Cell& cell, const DistanceDerivatives& jet, CellPosition& foot) noexcept {
   const double det = jet.determinant();
   if (!(det > 0.0)) return Moved::kNot;
   const double ds = -(jet.htt * jet.gs - jet.hst * jet.gt) / det;
   const double dt = -(jet.hss * jet.gt - jet.hst * jet.gs) / det;
   const double part = reach(foot.t, dt, reach(foot.s, ds, 1.0));
   const double size = std::max(std::abs(ds), std::abs(dt));
-  // The wall itself is met exactly: the clamp takes away the rounding.
+  // The clamp removes rounding, so a wall is met exactly.
   double s = std::clamp(foot.s + part * ds, 0.0, 1.0), t = std::clamp(foot.t + part * dt, 0.0, 1.0);
   if (part < 1.0) {
     if (ds != 0.0 && part == reach(foot.s, ds, 1.0)) s = ds > 0.0 ? 1.0 : 0.0;
@@ -114,20 +114,20 @@ Moved newton(const Cell& cell, const DistanceJet& jet, Foot& foot) noexcept {
   return Moved::kOn;
 }
 
-/// Exact minima along s and along t in turn: always downhill, also where the distance is not convex.
-Moved along_axes(const Cell& cell, Foot& foot, bool free_s, bool free_t) noexcept {
+/// Alternates exact minima along s and t: always downhill, also for non-convex distances.
+Moved along_axes(const Cell& cell, CellPosition& foot, bool free_s, bool free_t) noexcept {
   const double s = free_s ? cell.best_s(foot.t) : foot.s;
   const double t = free_t ? cell.best_t(s) : foot.t;
   const double size = std::max(std::abs(s - foot.s), std::abs(t - foot.t));
   foot.s = s;
   foot.t = t;
-  // One free coordinate: the minimum along it is found.
+  // One free coordinate: its minimum is found.
   if (free_s != free_t) return Moved::kArrived;
   return size > kNoStep ? Moved::kOn : Moved::kArrived;
 }
 
-/// A saddle of the distance right above the HIP: down either way along the direction of falling.
-bool leave_saddle(const Cell& cell, const DistanceJet& jet, Foot& foot) noexcept {
+/// At a saddle exactly below the HIP: moves along the direction of negative curvature, either way.
+bool leave_saddle(const Cell& cell, const DistanceDerivatives& jet, CellPosition& foot) noexcept {
   if (!(jet.determinant() < 0.0)) return false;
   const double ds = 1.0, dt = jet.hst > 0.0 ? -1.0 : 1.0;
   const double forth = reach(foot.t, dt, reach(foot.s, ds, 1.0));
@@ -143,12 +143,12 @@ bool leave_saddle(const Cell& cell, const DistanceJet& jet, Foot& foot) noexcept
 
 }  // namespace
 
-Descent descend(const HeightSheet& sheet, Foot& foot, const PlanPoint& h, int& moves) noexcept {
+Descent descend(const HeightFieldView& sheet, CellPosition& foot, const PlanPoint& h, int& moves) noexcept {
   Descent end;
-  int settled = -1;  // the walls at which the last step found its minimum; -1: none
+  int settled = -1;  // walls of the last minimum; -1: none
   for (; moves > 0; --moves) {
     const Cell cell(sheet, foot, h);
-    const DistanceJet jet = cell.jet(foot.s, foot.t);
+    const DistanceDerivatives jet = cell.jet(foot.s, foot.t);
     const int wall_s = pressed(foot.s, jet.gs), wall_t = pressed(foot.t, jet.gt);
     end.at_rim = false;
     if ((wall_s != 0 || wall_t != 0) && cross(sheet, foot, h, wall_s, wall_t, end.at_rim)) {

@@ -10,19 +10,19 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/model_store.h>
+#include <palpate/result.h>
 #include "toolkit/cloud/height_field_holes.h"
-#include "toolkit/core/try.h"
-#include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::render {
 namespace {
 
-/// The eight posts around each, itself beyond the border, and where the posts stand.
+/// The eight posts around each (itself beyond the border), and the posts' places.
 void blend(HeightFieldModel& model, double blend_mm, PrepareReport& report) {
   const cloud::HeightField& field = model.field();
-  std::vector<surface::SurfacePoint> points(field.posts());
-  std::vector<neighbourhood::Neighbours> around(field.posts());
+  std::vector<surface::OrientedPoint> points(field.posts());
+  std::vector<search::Neighbours> around(field.posts());
   const auto columns = static_cast<std::int64_t>(field.columns), rows = static_cast<std::int64_t>(field.rows);
   for (std::int64_t row = 0; row < rows; ++row)
     for (std::int64_t column = 0; column < columns; ++column) {
@@ -44,7 +44,7 @@ void blend(HeightFieldModel& model, double blend_mm, PrepareReport& report) {
       fmt::format("stiffness blended over {:.3g} mm: {} posts made softer", blend_mm, softer));
 }
 
-/// The surface of the model, its points' values moved to their posts.
+/// The model's surface, point values moved to posts.
 Status prepare_surface(const ModelInput& input, HeightFieldModel& model, PrepareReport& report) {
   const std::vector<std::uint32_t>& point_of_post = model.grid->point_of_post;
   std::vector<std::uint32_t> order(input.cloud->size());
@@ -52,18 +52,18 @@ Status prepare_surface(const ModelInput& input, HeightFieldModel& model, Prepare
   Result<SurfaceField> built = build_surface_field(input, order, report);
   if (!built) return std::move(built).error();
   model.surface = *std::move(built);
-  if (model.surface.of_place.empty()) return Done{};
-  LargeVector<PlaceSurface> of_post(point_of_post.size());
+  if (model.surface.by_point.empty()) return Done{};
+  LargePageVector<PointSurface> of_post(point_of_post.size());
   for (std::size_t post = 0; post < of_post.size(); ++post)
     if (point_of_post[post] != cloud::kNoPoint)
-      of_post[post] = model.surface.of_place[point_of_post[post]];
+      of_post[post] = model.surface.by_point[point_of_post[post]];
     else
       of_post[post] = {static_cast<float>(model.surface.largest_stiffness_n_per_mm), 0.0f, 0.0f};
-  model.surface.of_place = std::move(of_post);
+  model.surface.by_point = std::move(of_post);
   return Done{};
 }
 
-/// The lowest and the highest of its posts that have a height.
+/// The lowest and highest post with a height.
 std::pair<double, double> heights_of(const cloud::HeightField& field) {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   for (const float height : field.height_mm) {
@@ -74,7 +74,7 @@ std::pair<double, double> heights_of(const cloud::HeightField& field) {
   return {low, high};
 }
 
-/// Where the HIP goes through the middle of the data.
+/// Warns of holes that let the HIP through the middle of the data.
 void warn_of_open_holes(const cloud::Holes& holes, bool fills_gaps, PreparePhases& phases) {
   const std::size_t open = holes.voids + (fills_gaps ? 0 : holes.gaps);
   if (open == 0) return;
@@ -119,12 +119,12 @@ Result<std::shared_ptr<const HeightFieldGrid>> build_grid(const cloud::Cloud& cl
 
 }  // namespace
 
-Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const HeightFieldBuild& build,
+Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const HeightFieldOptions& build,
                                                   const PrepareContext& context, PrepareReport& report) {
   const cloud::Cloud& cloud = *input.cloud;
   const bool varied = varies(input.surface);
   HeightFieldModel model;
-  Result<std::shared_ptr<const HeightFieldGrid>> grid = held_or_made<HeightFieldGrid>(
+  Result<std::shared_ptr<const HeightFieldGrid>> grid = get_or_build<HeightFieldGrid>(
       context, report,
       [&] {
         return fmt::format("height field {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),

@@ -1,29 +1,72 @@
-// What both height-field renderers prepare: a model as a regular grid, and its pose.
+// The preparation shared by both height-field renderers: a regular grid with a pose.
 #pragma once
 
+#include <palpate/aabb.h>
+#include <palpate/renderer.h>
+#include <palpate/result.h>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "toolkit/cloud/height_field.h"
-#include "toolkit/core/result.h"
-#include "toolkit/geometry/aabb.h"
-#include "toolkit/heightfield/heightfield_decision.h"
+#include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 
 namespace palpate::render {
 
+struct HeightFieldOptions {
+  bool fills_gaps = false;            ///< fills gaps: gives their posts heights
+  bool holes_kept_by_option = false;  ///< an option keeps holes open
+  double blend_resolutions = 0.0;     ///< above 0: blends a varying stiffness over this many resolutions
+};
+
+/// Decisions on the lattice, shared by a model's renderers.
+struct LatticeDecision {
+  std::uint32_t columns = 0, rows = 0;
+  double step_x_mm = 0.0, step_y_mm = 0.0;
+  double plan_resolution_mm = 0.0;
+  std::size_t missing = 0;  ///< posts without a point,
+  std::size_t filled = 0;   ///< of these, posts that get a height
+  std::string words;        ///< in the words of `info`
+  [[nodiscard]] std::size_t posts() const noexcept { return std::size_t{columns} * rows; }
+};
+
+/// Findings before the decision.
+struct LatticeSurvey {
+  LatticeDecision decision;
+  cloud::HeightField field;  ///< gaps not yet filled
+  cloud::Holes holes;
+  std::vector<std::uint32_t> point_of_post;  ///< if requested
+};
+
+/// Finds the lattice and its holes, and decides. Errors: those of height_field_of().
+[[nodiscard]] Result<LatticeSurvey> survey_lattice(const cloud::Cloud& cloud, bool fills_gaps,
+                                                   bool keeps_points);
+
+/// Lattice and surface of one model.
+struct HeightFieldDecision {
+  LatticeDecision lattice;
+  SurfaceDecision surface;
+};
+/// The decisions that build_height_field_model() follows: survey_lattice() and decide_surface().
+[[nodiscard]] Result<HeightFieldDecision> decide_heightfield(const ModelInput& input,
+                                                             const HeightFieldOptions& build);
+
+/// Describes the decisions (except shading) and the bytes. `felt`: see describe_surface().
+void describe_heightfield(const ModelInput& input, const HeightFieldOptions& build,
+                          const HeightFieldDecision& decision, Features felt, ModelDecisions& out);
+
 /// The grid that frames read. Immutable and shared.
 struct HeightFieldGrid {
   cloud::HeightField field;
-  geometry::Aabb box_mm;  ///< of the posts, local
-  std::vector<std::uint32_t>
-      point_of_post;         ///< where the cloud's points differ in their properties; else empty
-  LatticeDecision decision;  ///< what was followed
+  geometry::Aabb box_mm;                     ///< of the posts, local
+  std::vector<std::uint32_t> point_of_post;  ///< if properties vary per point; else empty
+  LatticeDecision decision;                  ///< the decision followed
 };
 
-/// One model as one renderer holds it.
+/// One model of one renderer.
 struct HeightFieldModel {
   std::shared_ptr<const HeightFieldGrid> grid;
   ModelPose pose;
@@ -33,10 +76,10 @@ struct HeightFieldModel {
   [[nodiscard]] const cloud::HeightField& field() const noexcept { return grid->field; }
 };
 
-/// Prepares one model of a scene; its grid comes from the context's store where it has one. Errors: no
-/// stiffness, a cloud that is no height field on a regular grid. Phases, notes and bytes go to `report`.
+/// Prepares one model; takes the grid from the context's store if it has one. Errors: no stiffness, a cloud
+/// that is no regular height field. Phases, notes and bytes go to `report`.
 [[nodiscard]] Result<HeightFieldModel> build_height_field_model(const ModelInput& input,
-                                                                const HeightFieldBuild& build,
+                                                                const HeightFieldOptions& build,
                                                                 const PrepareContext& context,
                                                                 PrepareReport& report);
 

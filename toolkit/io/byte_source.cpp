@@ -4,7 +4,7 @@
 #include <array>
 #include <cstring>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::io {
 namespace {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include <palpate/result.h>
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/result.h"
 
 namespace palpate::io {
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 #include "toolkit/io/byte_source.h"
 
 namespace palpate::io {

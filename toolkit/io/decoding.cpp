@@ -1,4 +1,5 @@
 #include "toolkit/io/decoding.h"
+#include "toolkit/io/decoded_file.h"
 
 #include <fmt/format.h>
 
@@ -20,17 +21,17 @@ Status check_memory(std::uint64_t count, std::uint64_t bytes_each, std::string_v
   return Done{};
 }
 
-std::size_t reservation(std::uint64_t count, std::uint64_t min_row_bytes,
-                        std::optional<std::uint64_t> remaining) {
+std::size_t reserve_count(std::uint64_t count, std::uint64_t min_row_bytes,
+                          std::optional<std::uint64_t> remaining) {
   const std::uint64_t justified =
-      remaining ? *remaining / std::max<std::uint64_t>(1, min_row_bytes) + 1 : kTrustedPoints;
+      remaining ? *remaining / std::max<std::uint64_t>(1, min_row_bytes) + 1 : kMaxReservedPoints;
   return static_cast<std::size_t>(std::min(count, justified));
 }
 
-Watch::Watch(const ReaderInput& input, const Input& buffer, const DecodedFile& decoded)
+ReadMonitor::ReadMonitor(const ReaderInput& input, const BufferedInput& buffer, const DecodedFile& decoded)
     : input_(input), buffer_(buffer), decoded_(decoded) {}
 
-bool Watch::check() {
+bool ReadMonitor::check() {
   input_.progress.report("reading", buffer_.fraction());
   if (input_.progress.cancelled()) {
     error_ = Error{"reading was stopped", {}, {}, 0};
@@ -71,8 +72,8 @@ bool FaceBuilder::corner(std::int64_t index) {
 }
 
 void FaceBuilder::end() {
-  constexpr std::uint64_t kFewestCorners = 3;  // of a polygon
-  if (!bad_ && corners_ >= kFewestCorners) return;
+  constexpr std::uint64_t kMinCorners = 3;  // of a polygon
+  if (!bad_ && corners_ >= kMinCorners) return;
   ++decoded_.dropped_faces;
   decoded_.triangles.resize(start_);
   decoded_.continues_face.resize(start_);

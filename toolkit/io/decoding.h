@@ -7,8 +7,9 @@
 #include <string>
 #include <string_view>
 
-#include "toolkit/io/input.h"
-#include "toolkit/io/read_model.h"
+#include <palpate/read_model.h>
+#include "toolkit/io/buffered_input.h"
+#include "toolkit/io/decoded_file.h"
 
 namespace palpate::io {
 
@@ -18,19 +19,19 @@ inline constexpr std::uint64_t kMaxPoints = 0xFFFFFFFEu;
 inline constexpr std::uint64_t kRowsPerReport = std::uint64_t{1} << 16;
 /// Points for which memory is reserved on the word of a header alone (24 MB); beyond that it grows with what
 /// arrives.
-inline constexpr std::uint64_t kTrustedPoints = std::uint64_t{1} << 20;
+inline constexpr std::uint64_t kMaxReservedPoints = std::uint64_t{1} << 20;
 
 /// An Error if `count` things of `bytes_each` in memory pass the bound of the options.
 [[nodiscard]] Status check_memory(std::uint64_t count, std::uint64_t bytes_each, std::string_view what,
                                   const ReadOptions& options);
 /// How many of `count` promised rows of at least `min_row_bytes` to reserve for.
-[[nodiscard]] std::size_t reservation(std::uint64_t count, std::uint64_t min_row_bytes,
-                                      std::optional<std::uint64_t> remaining);
+[[nodiscard]] std::size_t reserve_count(std::uint64_t count, std::uint64_t min_row_bytes,
+                                        std::optional<std::uint64_t> remaining);
 
 /// Reports progress, asks whether to stop and watches memory, once every kRowsPerReport rows.
-class Watch {
+class ReadMonitor {
  public:
-  Watch(const ReaderInput& input, const Input& buffer, const DecodedFile& decoded);
+  ReadMonitor(const ReaderInput& input, const BufferedInput& buffer, const DecodedFile& decoded);
   /// Call once a row. False: stop, error() says why.
   [[nodiscard]] bool row() { return ++rows_ % kRowsPerReport != 0 || check(); }
   [[nodiscard]] const Error& error() const noexcept { return error_; }
@@ -38,7 +39,7 @@ class Watch {
  private:
   bool check();
   const ReaderInput& input_;
-  const Input& buffer_;
+  const BufferedInput& buffer_;
   const DecodedFile& decoded_;
   std::uint64_t rows_ = 0;
   Error error_;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 

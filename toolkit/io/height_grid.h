@@ -7,7 +7,8 @@
 #include <span>
 #include <string>
 
-#include "toolkit/io/read_model.h"
+#include <palpate/read_model.h>
+#include "toolkit/io/decoded_file.h"
 
 namespace palpate::io {
 

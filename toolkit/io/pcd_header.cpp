@@ -7,7 +7,8 @@
 #include <optional>
 #include <string_view>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/core/bytes.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
@@ -208,13 +209,6 @@ Status check_ascii(const PcdHeader& header, PcdLines lines) {
                lines.number};
 }
 
-std::uint64_t load_u32(std::span<const std::byte> at) {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < sizeof(std::uint32_t); ++i)
-    value |= std::to_integer<std::uint64_t>(at[i]) << (8 * i);
-  return value;
-}
-
 Status check_binary(const PcdHeader& header, std::span<const std::byte> body) {
   const std::uint64_t need = header.points() * header.point_bytes;
   if (header.data == PcdData::kBinary) {
@@ -222,8 +216,9 @@ Status check_binary(const PcdHeader& header, std::span<const std::byte> body) {
     return Done{};
   }
   if (body.size() < kCompressedSizes) return cut_off(header, kCompressedSizes, body.size());
-  const std::uint64_t packed = load_u32(body);
-  const std::uint64_t unpacked = load_u32(body.subspan(sizeof(std::uint32_t)));
+  ByteReader sizes(body);
+  const std::uint64_t packed = sizes.u32();
+  const std::uint64_t unpacked = sizes.u32();
   std::uint64_t padding = 0;  // PCL does not write it into compressed data
   for (const PcdField& field : header.fields) padding += field.name == "_" ? field.bytes * field.count : 0;
   if (packed > body.size() - kCompressedSizes)

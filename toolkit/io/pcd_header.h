@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/core/result.h"
-#include "toolkit/io/read_model.h"
+#include <palpate/read_model.h>
+#include <palpate/result.h>
 
 namespace palpate::io {
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <string_view>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 #include "toolkit/io/text.h"
 
 namespace palpate::io {
@@ -15,7 +15,7 @@ namespace {
 
 // Thousands of comment lines fit; a binary file that only starts like a PLY does not go on for long.
 constexpr std::size_t kMaxPlyHeaderBytes = std::size_t{1} << 20;
-// A row's fixed part must fit into one block of Input::take; real files have some dozen properties.
+// A row's fixed part must fit into one block of BufferedInput::take; real files have some dozen properties.
 constexpr std::size_t kMaxProperties = 4096;
 constexpr std::size_t kMaxElements = 256;
 
@@ -72,11 +72,11 @@ Status parse_format(std::string_view rest, PlyHeader& header) {
 Status parse_element(std::string_view rest, PlyHeader& header) {
   PlyElement element;
   element.name = next_token(rest);
-  const std::string_view count_text = next_token(rest);
-  const std::optional<std::int64_t> count = parse_whole(count_text);
+  const std::string_view format_count = next_token(rest);
+  const std::optional<std::int64_t> count = parse_whole(format_count);
   if (element.name.empty() || !count || *count < 0)
     return malformed_ply(fmt::format("the count {} of element {} is not a whole number from 0 on",
-                                     quoted(count_text), quoted(element.name)));
+                                     quoted(format_count), quoted(element.name)));
   element.count = static_cast<std::uint64_t>(*count);
   for (const PlyElement& other : header.elements) {
     if (other.name == element.name)
@@ -128,7 +128,7 @@ void parse_remark(std::string_view rest, PlyHeader& header) {
   }
 }
 
-Status check_promises(const PlyHeader& header, const Input& in) {
+Status check_promises(const PlyHeader& header, const BufferedInput& in) {
   const std::optional<std::uint64_t> remaining = in.remaining();
   if (!remaining) return Done{};
   // The last line of text may lack its end.
@@ -180,7 +180,7 @@ std::uint64_t PlyElement::min_row_bytes(bool ascii) const noexcept {
   return total;
 }
 
-Result<PlyHeader> read_ply_header(Input& in) {
+Result<PlyHeader> read_ply_header(BufferedInput& in) {
   std::string_view line;
   if (!in.next_line(line) || trimmed(line) != "ply")
     return in.error_or({"this is no PLY file: its first line is not 'ply'", "check the file's type", {}, 1});

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/io/input.h"
-#include "toolkit/io/read_model.h"
+#include <palpate/read_model.h>
+#include "toolkit/io/buffered_input.h"
 
 namespace palpate::io {
 
@@ -41,6 +41,6 @@ struct PlyHeader {
 
 /// Reads up to and with end_header. Checks that every element's promise fits into what is left of the file,
 /// where that is known. Bounded by kMaxHeaderBytes.
-[[nodiscard]] Result<PlyHeader> read_ply_header(Input& in);
+[[nodiscard]] Result<PlyHeader> read_ply_header(BufferedInput& in);
 
 }  // namespace palpate::io

@@ -1,4 +1,4 @@
-#include "toolkit/io/read_model.h"
+#include <palpate/read_model.h>
 
 #include <fmt/format.h>
 
@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "toolkit/core/hash.h"
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
@@ -99,7 +100,7 @@ std::vector<std::uint32_t> scale_and_compact(DecodedFile& decoded, double factor
 }
 
 // A raster with holes is none; what is left of it are two properties, row and column, which a look-up table
-// is made of (neighbourhood/scan_table.h).
+// is made of (search/scan_table.h).
 void keep_rows_and_columns(const DecodedFile& decoded, const std::vector<std::uint32_t>& new_index,
                            std::size_t file_points, cloud::Cloud& cloud) {
   constexpr std::uint32_t kWholeInFloat = std::uint32_t{1} << 24;

@@ -1,6 +1,7 @@
 // OBJ (Wavefront Technologies, Advanced Visualizer manual, appendix B1): v and f; all else is passed over.
 #include <fmt/format.h>
 
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
@@ -10,7 +11,7 @@ namespace {
 // The lines of a file, one that ends with a backslash joined to the next. Each lives until the next call.
 class Lines {
  public:
-  explicit Lines(Input& in) : in_(in) {}
+  explicit Lines(BufferedInput& in) : in_(in) {}
   // False at the end of the data, and after an error (see error()).
   [[nodiscard]] bool next(std::string_view& line) {
     if (!in_.next_line(line)) return false;
@@ -53,7 +54,7 @@ class Lines {
     return true;
   }
 
-  Input& in_;
+  BufferedInput& in_;
   std::string joined_;
   std::int64_t number_ = 0;
   std::optional<Error> too_long_;
@@ -101,11 +102,11 @@ Status read_face(const Lines& lines, std::string_view rest, FaceBuilder& faces, 
 }  // namespace
 
 Result<DecodedFile> read_obj(const ReaderInput& input) {
-  Input in(input.bytes);
+  BufferedInput in(input.bytes);
   Lines lines(in);
   DecodedFile decoded;
   decoded.format = "OBJ";
-  Watch watch(input, in, decoded);
+  ReadMonitor watch(input, in, decoded);
   FaceBuilder faces(decoded, kMaxPoints, input.options);  // a face may stand before its vertices
   std::string_view line;
   while (lines.next(line)) {

@@ -4,19 +4,20 @@
 
 #include <array>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
 
-Error at_line(const Input& in, std::string what, std::string remedy = kCheckLine) {
+Error at_line(const BufferedInput& in, std::string what, std::string remedy = kCheckLine) {
   return in.error_or({std::move(what), std::move(remedy), {}, 0});
 }
 
 // The next line that holds anything, without its comment.
-bool next_off_row(Input& in, std::string_view& row) {
+bool next_off_row(BufferedInput& in, std::string_view& row) {
   while (in.next_line(row)) {
     row = trimmed(row.substr(0, row.find('#')));
     if (!row.empty()) return true;
@@ -30,7 +31,7 @@ struct Counts {
 };
 
 // The first line: the keyword, with the counts behind it or (as some writers have it) glued to it.
-Result<std::string_view> after_keyword(const Input& in, std::string_view row) {
+Result<std::string_view> after_keyword(const BufferedInput& in, std::string_view row) {
   std::size_t letters = 0;
   while (letters < row.size() && !is_blank(row[letters]) &&
          (row[letters] < '0' || row[letters] > '9' || letters == 0))
@@ -50,7 +51,7 @@ Result<std::string_view> after_keyword(const Input& in, std::string_view row) {
   return at_line(in, "this is no OFF file: it does not start with OFF");
 }
 
-Result<Counts> read_counts(Input& in, std::string_view rest) {
+Result<Counts> read_counts(BufferedInput& in, std::string_view rest) {
   if (rest.empty() && !next_off_row(in, rest))
     return at_line(in, "the file ends before the counts of vertices and faces");
   std::array<std::uint64_t, 2> numbers{};
@@ -64,7 +65,7 @@ Result<Counts> read_counts(Input& in, std::string_view rest) {
   return Counts{numbers[0], numbers[1]};  // the count of edges may follow and means nothing
 }
 
-Status check_promise(const Input& in, const Counts& counts, const ReadOptions& options) {
+Status check_promise(const BufferedInput& in, const Counts& counts, const ReadOptions& options) {
   PALPATE_TRY(check_memory(counts.vertices, sizeof(Vec3), "vertices", options));
   const std::optional<std::uint64_t> remaining = in.remaining();
   if (!remaining) return Done{};
@@ -81,14 +82,15 @@ Status check_promise(const Input& in, const Counts& counts, const ReadOptions& o
   return Done{};
 }
 
-Status ends_early(const Input& in, std::uint64_t have, std::uint64_t promised, std::string_view what) {
+Status ends_early(const BufferedInput& in, std::uint64_t have, std::uint64_t promised,
+                  std::string_view what) {
   return in.error_or({fmt::format("the file ends after {} of the {} promised {}", have, promised, what),
                       "the file is cut off: fetch it again",
                       {},
                       0});
 }
 
-Status read_vertices(Input& in, std::uint64_t count, Watch& watch, DecodedFile& decoded) {
+Status read_vertices(BufferedInput& in, std::uint64_t count, ReadMonitor& watch, DecodedFile& decoded) {
   std::string_view row;
   for (std::uint64_t i = 0; i < count; ++i) {
     if (!next_off_row(in, row)) return ends_early(in, i, count, "vertices");
@@ -109,7 +111,7 @@ Status read_vertices(Input& in, std::uint64_t count, Watch& watch, DecodedFile& 
   return Done{};
 }
 
-Status read_faces(Input& in, std::uint64_t count, Watch& watch, FaceBuilder& faces) {
+Status read_faces(BufferedInput& in, std::uint64_t count, ReadMonitor& watch, FaceBuilder& faces) {
   std::string_view row;
   for (std::uint64_t i = 0; i < count; ++i) {
     if (!next_off_row(in, row)) return ends_early(in, i, count, "faces");
@@ -135,7 +137,7 @@ Status read_faces(Input& in, std::uint64_t count, Watch& watch, FaceBuilder& fac
 }  // namespace
 
 Result<DecodedFile> read_off(const ReaderInput& input) {
-  Input in(input.bytes);
+  BufferedInput in(input.bytes);
   std::string_view row;
   if (!next_off_row(in, row)) return at_line(in, "this is no OFF file: it does not start with OFF");
   PALPATE_ASSIGN(const std::string_view rest, after_keyword(in, row));
@@ -145,8 +147,8 @@ Result<DecodedFile> read_off(const ReaderInput& input) {
   DecodedFile decoded;
   decoded.format = "OFF";
   constexpr std::uint64_t kVertexBytes = 6;  // as in check_promise
-  decoded.points.reserve(reservation(counts.vertices, kVertexBytes, in.remaining()));
-  Watch watch(input, in, decoded);
+  decoded.points.reserve(reserve_count(counts.vertices, kVertexBytes, in.remaining()));
+  ReadMonitor watch(input, in, decoded);
   PALPATE_TRY(read_vertices(in, counts.vertices, watch, decoded));
   FaceBuilder faces(decoded, counts.vertices, input.options);
   PALPATE_TRY(read_faces(in, counts.faces, watch, faces));

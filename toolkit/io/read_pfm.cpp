@@ -6,7 +6,8 @@
 #include <cstring>
 #include <limits>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
 #include "toolkit/io/text.h"
@@ -17,7 +18,7 @@ namespace {
 /// Tokens of a header; more is none.
 constexpr int kHeaderTokens = 4;
 
-Error bad_header(std::string what, const Input& in) {
+Error bad_header(std::string what, const BufferedInput& in) {
   return Error{std::move(what),
                "a PFM file begins with 'Pf', its width and height, and a scale",
                {},
@@ -30,7 +31,7 @@ struct Header {
 };
 
 /// The four tokens may share lines: most writers use three, some one line each.
-Result<Header> read_header(Input& in) {
+Result<Header> read_header(BufferedInput& in) {
   std::string tokens[kHeaderTokens];
   int count = 0;
   std::string_view line;
@@ -71,7 +72,7 @@ double height_at(const std::byte* from, bool little) noexcept {
 }  // namespace
 
 Result<DecodedFile> read_pfm(const ReaderInput& input) {
-  Input in(input.bytes);
+  BufferedInput in(input.bytes);
   PALPATE_ASSIGN(Header header, read_header(in));
   HeightGrid& grid = header.grid;
   PALPATE_TRY(check_grid(grid, input.options));
@@ -92,8 +93,8 @@ Result<DecodedFile> read_pfm(const ReaderInput& input) {
   if (std::abs(header.scale) != 1.0)
     decoded.warnings.push_back(
         fmt::format("The header's scale of {:g} was not applied to the heights.", std::abs(header.scale)));
-  decoded.points.reserve(reservation(grid.columns * grid.rows, sizeof(float), left));
-  Watch watch(input, in, decoded);
+  decoded.points.reserve(reserve_count(grid.columns * grid.rows, sizeof(float), left));
+  ReadMonitor watch(input, in, decoded);
   std::vector<double> heights;
   for (std::uint64_t row = 0; row < grid.rows; ++row) {
     // In pieces, so that a promised row costs no more than what arrives.

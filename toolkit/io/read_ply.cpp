@@ -5,10 +5,11 @@
 #include <cstring>
 #include <limits>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/ply_corners.h"
 #include "toolkit/io/ply_header.h"
+#include "toolkit/io/ply_list_builders.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::io {
@@ -54,7 +55,7 @@ double load_real(PlyScalar type, const std::byte* at, bool swap) noexcept {
 // Hands out the values of one row in the order of its properties, whatever the format.
 class Row {
  public:
-  Row(Input& in, PlyFormat format)
+  Row(BufferedInput& in, PlyFormat format)
       : in_(in),
         ascii_(format == PlyFormat::kAscii),
         swap_((format == PlyFormat::kBigEndian) != (std::endian::native == std::endian::big)) {}
@@ -117,7 +118,7 @@ class Row {
     longer_rows_ = 0;
   }
   // Counts what follows the last row: rows of text, or bytes, unless they are blank.
-  Status pass_over_end(Watch& watch, DecodedFile& decoded) {
+  Status pass_over_end(ReadMonitor& watch, DecodedFile& decoded) {
     std::uint64_t surplus = 0;
     bool blank = true;
     if (ascii_) {
@@ -157,7 +158,7 @@ class Row {
  private:
   [[nodiscard]] bool longer() const noexcept { return ascii_ && !trimmed(rest_).empty(); }
 
-  Input& in_;
+  BufferedInput& in_;
   bool ascii_;
   bool swap_;
   std::string_view line_;
@@ -212,7 +213,7 @@ std::vector<Target> vertex_targets(const PlyElement& element, DecodedFile& decod
   return targets;
 }
 
-Status read_vertices(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
+Status read_vertices(const ReaderInput& input, BufferedInput& in, const PlyElement& element, Row& row,
                      DecodedFile& decoded) {
   const std::vector<Target> targets = vertex_targets(element, decoded);
   int axes = 0;
@@ -228,11 +229,12 @@ Status read_vertices(const ReaderInput& input, Input& in, const PlyElement& elem
                                  "points", input.options);
       !fits)
     return fits;
-  const std::size_t reserve = reservation(element.count, element.min_row_bytes(row.ascii()), in.remaining());
+  const std::size_t reserve =
+      reserve_count(element.count, element.min_row_bytes(row.ascii()), in.remaining());
   decoded.points.reserve(reserve);
   for (cloud::Property& property : decoded.properties) property.values.reserve(reserve);
 
-  Watch watch(input, in, decoded);
+  ReadMonitor watch(input, in, decoded);
   const bool blocks = !row.ascii() && !element.has_lists();
   const std::size_t row_bytes = element.min_row_bytes(false);
   for (std::uint64_t i = 0; i < element.count; ++i) {
@@ -267,9 +269,9 @@ bool is_corner_list(const PlyProperty& property) {
   return property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index");
 }
 
-Status skip_element(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
+Status skip_element(const ReaderInput& input, BufferedInput& in, const PlyElement& element, Row& row,
                     DecodedFile& decoded) {
-  Watch watch(input, in, decoded);
+  ReadMonitor watch(input, in, decoded);
   if (element.properties.empty()) return Done{};  // such rows have no bytes, however many are promised
   for (std::uint64_t i = 0; i < element.count; ++i) {
     if (!row.start()) return row.error(element, i);
@@ -285,7 +287,7 @@ Status skip_element(const ReaderInput& input, Input& in, const PlyElement& eleme
 
 // Hands the corner lists of an element to `builder`, which says why where it takes no more.
 template <class Builder>
-Status read_corners(Row& row, const PlyElement& element, Watch& watch, Builder& builder) {
+Status read_corners(Row& row, const PlyElement& element, ReadMonitor& watch, Builder& builder) {
   for (std::uint64_t i = 0; i < element.count; ++i) {
     if (!row.start()) return row.error(element, i);
     for (const PlyProperty& property : element.properties) {
@@ -310,14 +312,14 @@ Status read_corners(Row& row, const PlyElement& element, Watch& watch, Builder& 
   return Done{};
 }
 
-Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element, std::uint64_t vertices,
-                  Row& row, DecodedFile& decoded) {
+Status read_faces(const ReaderInput& input, BufferedInput& in, const PlyElement& element,
+                  std::uint64_t vertices, Row& row, DecodedFile& decoded) {
   if (std::none_of(element.properties.begin(), element.properties.end(), is_corner_list)) {
     decoded.warnings.push_back(fmt::format(
         "The element {} has no list vertex_indices: no faces are read from it.", quoted(element.name)));
     return skip_element(input, in, element, row, decoded);
   }
-  Watch watch(input, in, decoded);
+  ReadMonitor watch(input, in, decoded);
   FaceBuilder faces(decoded, vertices, input.options);
   Status read = Done{};
   if (element.name == kStrips) {
@@ -325,7 +327,7 @@ Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element
     read = read_corners(row, element, watch, strips);
   } else {
     decoded.triangles.reserve(
-        std::min(reservation(element.count, element.min_row_bytes(row.ascii()), in.remaining()),
+        std::min(reserve_count(element.count, element.min_row_bytes(row.ascii()), in.remaining()),
                  static_cast<std::size_t>(input.options.max_bytes / sizeof(decoded.triangles[0]))));
     PolygonBuilder polygons{faces};
     read = read_corners(row, element, watch, polygons);
@@ -342,13 +344,13 @@ bool is_grid(const PlyHeader& header, const PlyElement& element) {
 }
 
 // Positions of the points, which are read already.
-Status read_grid(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
+Status read_grid(const ReaderInput& input, BufferedInput& in, const PlyElement& element, Row& row,
                  DecodedFile& decoded) {
   const std::size_t points = decoded.points.size();
   if (Status fits = check_memory(points, sizeof(std::uint32_t), "positions of points", input.options); !fits)
     return fits;
   GridBuilder grid(points);
-  Watch watch(input, in, decoded);
+  ReadMonitor watch(input, in, decoded);
   if (Status read = read_corners(row, element, watch, grid); !read) return read;
   row.warn(element, decoded);
   if (grid.complete())
@@ -390,7 +392,7 @@ std::string format_name(PlyFormat format) {
 }  // namespace
 
 Result<DecodedFile> read_ply(const ReaderInput& input) {
-  Input in(input.bytes);
+  BufferedInput in(input.bytes);
   PALPATE_ASSIGN(const PlyHeader header, read_ply_header(in));
   DecodedFile decoded;
   decoded.format = format_name(header.format);
@@ -430,7 +432,7 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
     if (!read) return std::move(read).error();
   }
   if (elements == header.elements.size()) {
-    Watch watch(input, in, decoded);
+    ReadMonitor watch(input, in, decoded);
     PALPATE_TRY(row.pass_over_end(watch, decoded));
   }
   take_raster(header, has_grid, decoded);

@@ -6,8 +6,9 @@
 #include <array>
 #include <limits>
 
-#include "toolkit/core/table_form.h"
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/core/csv_dialect.h"
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
@@ -21,7 +22,7 @@ constexpr std::size_t kMinColumns = 3;
 constexpr std::uint64_t kMinRowBytes = 6;
 
 struct Columns {
-  TableForm form;
+  CsvDialect form;
   std::size_t count = 0;
   std::array<std::size_t, 3> axis{0, 1, 2};     // the columns of x, y, z
   std::vector<std::string> names;               // empty where the file gives none
@@ -108,7 +109,7 @@ class XyzReader {
     std::string_view row;
     if (!next_row(row)) return in_.error_or(no_points());
     PALPATE_TRY(begin(row));
-    Watch watch(input_, in_, decoded_);
+    ReadMonitor watch(input_, in_, decoded_);
     // begin() leaves `row` at the first row of numbers.
     if (!row.empty()) {
       do {
@@ -163,19 +164,19 @@ class XyzReader {
     return count;
   }
   Result<std::size_t> split_first(std::string_view row) {
-    Result<TableForm> form = TableForm::of(row);
+    Result<CsvDialect> form = CsvDialect::of(row);
     if (!form) return bad_row(form.error().what, form.error().remedy);
     columns_.form = std::move(*form);
     return split(row);
   }
   std::optional<double> number(std::string_view field) {
-    const std::optional<std::string_view> pointed = columns_.form.with_point(field);
+    const std::optional<std::string_view> pointed = columns_.form.with_decimal_point(field);
     return pointed ? parse_real(*pointed) : std::nullopt;
   }
 
   // The names that a line of words gives; a unit in brackets belongs to the word before.
   std::vector<std::string> names_in(std::string_view words) {
-    columns_.form = TableForm::of_names(words);
+    columns_.form = CsvDialect::of_header(words);
     std::vector<std::string> names;
     const std::size_t count = split(words);
     for (std::size_t c = 0; c < count; ++c) {
@@ -190,7 +191,7 @@ class XyzReader {
 
   // Looks at the first rows: a lone count, names in a row or in the comment above, the first numbers.
   Status begin(std::string_view& row) {
-    columns_.form = TableForm::of_names(row);
+    columns_.form = CsvDialect::of_header(row);
     std::size_t count = split(row);
     if (count == 1) {
       if (const std::optional<std::int64_t> number = parse_whole(fields_[0]); number && *number >= 0) {
@@ -199,13 +200,13 @@ class XyzReader {
           row = {};
           return Done{};
         }
-        columns_.form = TableForm::of_names(row);
+        columns_.form = CsvDialect::of_header(row);
         count = split(row);
       }
     }
     std::vector<std::string> names;
     const bool header = count >= kMinColumns && count <= kMaxColumns &&
-                        names_columns(std::span<const std::string_view>(fields_).first(count));
+                        is_header_row(std::span<const std::string_view>(fields_).first(count));
     if (header) {
       names = names_in(row);
       if (!next_row(row)) {
@@ -219,7 +220,7 @@ class XyzReader {
     // The names may have other separators than the numbers.
     PALPATE_ASSIGN(count, split_first(row));
     if (header && count != names.size()) {
-      const std::string readings = count == 2 * names.size() ? both_comma_readings(row) : std::string();
+      const std::string readings = count == 2 * names.size() ? comma_readings(row) : std::string();
       return bad_row(fmt::format("this row has {} columns, the header line names {}{}{}", count, names.size(),
                                  readings.empty() ? "" : ": ", readings));
     }
@@ -231,7 +232,7 @@ class XyzReader {
                                    columns_.axis[1] + 1, columns_.axis[2] + 1);
     if (!named && count >= kMinColumns)
       decoded_.format += fmt::format(" of {}; the first row is {}", count, quoted(row));
-    if (header && !named)
+    if (header && !named && count >= kMinColumns)
       decoded_.warnings.push_back(
           fmt::format("The header line does not name x, y and z; the first three columns were taken ({}, {}, "
                       "{}).",
@@ -261,7 +262,7 @@ class XyzReader {
                                      "points", input_.options);
           !fits)
         return fits;
-      decoded_.points.reserve(reservation(*promised_, kMinRowBytes, in_.remaining()));
+      decoded_.points.reserve(reserve_count(*promised_, kMinRowBytes, in_.remaining()));
     }
     return Done{};
   }
@@ -292,7 +293,7 @@ class XyzReader {
   }
 
   const ReaderInput& input_;
-  Input in_;
+  BufferedInput in_;
   Columns columns_;
   std::string comment_;  // the last one above the first row
   DecodedFile decoded_;

@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "toolkit/core/table_form.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/csv_dialect.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::io {
 

@@ -1,4 +1,4 @@
-#include "toolkit/io/write_mesh.h"
+#include <palpate/write_mesh.h>
 
 #include <fmt/format.h>
 
@@ -12,9 +12,9 @@
 #include <string_view>
 #include <vector>
 
+#include <palpate/result.h>
+#include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
-#include "toolkit/io/atomic_file.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::io {
@@ -135,7 +135,7 @@ Status write_cloud_text(const std::string& path, const cloud::Cloud& cloud, char
   return file.commit();
 }
 
-const std::vector<std::string>& cloud_endings() {
+const std::vector<std::string>& cloud_extensions() {
   static const std::vector<std::string> kEndings = {"ply", "xyz", "txt", "asc", "csv"};
   return kEndings;
 }
@@ -143,7 +143,7 @@ const std::vector<std::string>& cloud_endings() {
 Status write_cloud(const std::string& path, const cloud::Cloud& cloud) {
   const std::string ending = lower_case(std::filesystem::path(path).extension().string());
   if (ending == ".ply") return write_cloud_ply(path, cloud);
-  const auto& known = cloud_endings();
+  const auto& known = cloud_extensions();
   if (ending.empty() || std::find(known.begin(), known.end(), ending.substr(1)) == known.end())
     return Error{fmt::format("no cloud can be written as '{}'", ending),
                  "choose from .ply, .xyz, .txt, .asc, .csv", path, 0};

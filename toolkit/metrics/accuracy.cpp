@@ -1,16 +1,18 @@
-#include "toolkit/metrics/accuracy.h"
+#include <palpate/accuracy.h>
 
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
 
-#include "toolkit/core/nearest_rank.h"
+#include <palpate/reference.h>
+#include <palpate/result.h>
+#include "toolkit/core/bootstrap_interval.h"
+#include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/try.h"
 #include "toolkit/metrics/pop_through.h"
-#include "toolkit/metrics/reference.h"
 #include "toolkit/metrics/score_input.h"
+#include "toolkit/metrics/still.h"
 
 namespace palpate::metrics {
 namespace {
@@ -41,18 +43,18 @@ struct Spread {
 using Input = ScoreInput;
 
 double angle_deg(const Vec3& a, const Vec3& b) {
-  // atan2 of sine and cosine keeps small angles, where acos of a rounded cosine loses half its digits.
+  // atan2 keeps small angles, where acos of a rounded cosine loses half the digits.
   return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegPerRad;
 }
 
-/// How far apart two right answers may be: by what the points were stored with, and by the arithmetic.
+/// Possible difference of two right answers: rounding of stored points and of the arithmetic.
 double rounding_mm(const trace::ProbePath& path, const AccuracyOptions& options) {
   double size_mm = 0.0;
   for (const Vec3& hip : path.hip_mm) size_mm = std::max(size_mm, hip.cwiseAbs().maxCoeff());
-  return options.stored_rounding_mm + kStillPerSize * size_mm;
+  return options.stored_rounding_mm + kConvergedPerSize * size_mm;
 }
 
-/// Sums of squares by episode: what the relative error and its interval are made of.
+/// Sums of squares per episode, for the relative error and its interval.
 struct ErrorSums {
   std::vector<double> error, wanted;
   /// In percent; empty counts: every episode once.
@@ -73,7 +75,7 @@ void score_forces(const Input& in, const Episodes& episodes, Accuracy& a) {
   std::vector<double> sizes;
   std::uint64_t within_jnd = 0, within_deadband = 0;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
-    if (!in.in_c(i)) continue;
+    if (!in.in_either_contact(i)) continue;
     const Vec3 difference = in.rendered(i) - in.wanted(i);
     const double size = difference.norm();
     const double true_size = in.wanted(i).norm();
@@ -84,7 +86,7 @@ void score_forces(const Input& in, const Episodes& episodes, Accuracy& a) {
     sizes.push_back(size);
     sums.error[episodes.of_frame[i]] += size * size;
     sums.wanted[episodes.of_frame[i]] += true_size * true_size;
-    if (!in.in_g(i)) continue;
+    if (!in.in_true_contact(i)) continue;
     wanted.add(true_size);
     within_jnd += size <= std::max(kForceJnd * true_size, a.floor_n) ? 1u : 0u;
     within_deadband += size <= std::max(kForceDeadband * true_size, a.floor_n) ? 1u : 0u;
@@ -92,7 +94,7 @@ void score_forces(const Input& in, const Episodes& episodes, Accuracy& a) {
   a.contact_frames = wanted.count;
   a.force_max_n = error.max();
   if (wanted.count == 0) return;
-  // The truth's frames share the error, however many the renderer adds.
+  // Divides by the truth's frames, however many the renderer adds.
   error.count = normal.count = tangential.count = wanted.count;
   a.force_rms_n = error.rms();
   a.force_normal_rms_n = normal.rms();
@@ -111,12 +113,12 @@ void score_forces(const Input& in, const Episodes& episodes, Accuracy& a) {
 }
 
 void score_direction(const Input& in, Accuracy& a) {
-  constexpr double kLostDeg = 180.0;  // the wrong way altogether
+  constexpr double kLostDeg = 180.0;  // opposite
   std::vector<double> angles;
   double sum = 0.0;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
-    if (!in.in_g(i) || in.wanted(i).norm() < a.floor_n) continue;
-    // Lost is what is missed: two forces about the floor, one just above and one just below, are as one.
+    if (!in.in_true_contact(i) || in.wanted(i).norm() < a.floor_n) continue;
+    // Two forces just above and below the floor do not count as lost.
     const Vec3& rendered = in.rendered(i);
     const bool missed = rendered.norm() < a.floor_n && (rendered - in.wanted(i)).norm() >= a.floor_n;
     const bool lost = !felt(rendered) || missed;
@@ -134,7 +136,7 @@ void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
   double largest = 0.0, largest_error = 0.0, travel_mm = 0.0;
   std::uint64_t steps = 0, jumps = 0, errors = 0;
   for (std::size_t i = 1; i < in.frames.size(); ++i) {
-    if (!in.decided_step(i) || (!in.in_c(i) && !in.in_c(i - 1))) continue;
+    if (!in.decided_step(i) || (!in.in_either_contact(i) && !in.in_either_contact(i - 1))) continue;
     if (in.true_edge(i, a.floor_n)) continue;
     const double excess =
         (in.rendered(i) - in.rendered(i - 1)).norm() - (in.wanted(i) - in.wanted(i - 1)).norm();
@@ -159,7 +161,7 @@ void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
   std::uint64_t run = 0, shown = 0, felt_frames = 0;
   a.missed_device_frames = a.false_device_frames = a.missed_tenth_mm_frames = a.false_tenth_mm_frames = 0;
   const double device_mm = in.options.device_resolution_mm + a.rounding_mm;
-  const double tenth_mm = kTenthMm + a.rounding_mm;
+  const double tenth_mm = kContactToleranceMm + a.rounding_mm;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     if (!in.decided(i)) {
       run = 0;
@@ -176,7 +178,7 @@ void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
     *a.false_device_frames += answers && d > device_mm ? 1u : 0u;
     *a.missed_tenth_mm_frames += !answers && d < -tenth_mm ? 1u : 0u;
     *a.false_tenth_mm_frames += answers && d > tenth_mm ? 1u : 0u;
-    const bool is_shown = in.in_g(i) && in.wanted(i).norm() >= a.floor_n;
+    const bool is_shown = in.in_true_contact(i) && in.wanted(i).norm() >= a.floor_n;
     shown += is_shown ? 1u : 0u;
     felt_frames += is_shown && answers ? 1u : 0u;
     run = phantom ? run + 1 : 0;
@@ -188,7 +190,7 @@ void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
   if (shown > 0) a.felt_percent = kToPercent * static_cast<double>(felt_frames) / static_cast<double>(shown);
 }
 
-/// Frames in which the way decides, apart from all other scores, and the old measure of all frames.
+/// Scores of frames that depend on history, and the measure over all frames.
 void score_history(const Input& in, const trace::ReferenceTrace& reference, Accuracy& a) {
   if (!reference.compared) return;
   Spread apart, all;
@@ -209,12 +211,12 @@ void score_history(const Input& in, const trace::ReferenceTrace& reference, Accu
   if (apart.count > 0) a.history_force_rms_n = apart.rms();
 }
 
-// Contact that was there in an episode, and is lost deep inside.
+// Contact felt in an episode and then lost deep inside.
 void score_fall_throughs(const Input& in, Accuracy& a) {
   a.fall_throughs = 0;
   bool had = false, counted = false;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
-    if (!in.in_g(i)) {
+    if (!in.in_true_contact(i)) {
       had = counted = false;
     } else if (felt(in.rendered(i))) {
       had = true;
@@ -226,7 +228,7 @@ void score_fall_throughs(const Input& in, Accuracy& a) {
   }
 }
 
-void score_god_object(const Input& in, const SurfaceAnswers* answers, Accuracy& a, AccuracyFrames* out) {
+void score_god_object(const Input& in, const TruthSamples* answers, Accuracy& a, AccuracyFrames* out) {
   Spread distance, off_surface;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     if (!in.decided(i) || !in.frames[i].contact) continue;
@@ -268,12 +270,11 @@ void score_onset_and_release(const Input& in, Accuracy& a) {
   }
 }
 
-// Visits of the very same HIP position, found by sorting; among them the spread of |F_r| where the truth
-// agrees.
+// Finds repeated HIP positions by sorting; spread of |F_r| among those with equal truth.
 void score_path_dependence(const Input& in, Accuracy& a) {
   std::vector<std::uint32_t> order;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
-    if (in.in_c(i)) order.push_back(static_cast<std::uint32_t>(i));
+    if (in.in_either_contact(i)) order.push_back(static_cast<std::uint32_t>(i));
   }
   const auto place = [&](std::uint32_t i) {
     const Vec3& h = in.path.hip_mm[i];
@@ -327,7 +328,7 @@ trace::ForceTrace as_trace(const trace::ReferenceTrace& reference) {
 
 namespace {
 
-/// Lengths that agree, and numbers that are finite throughout.
+/// Checks equal lengths and finite numbers.
 Status check_all(const trace::ProbePath& path, const trace::ForceTrace& trace,
                  const trace::ReferenceTrace& reference) {
   PALPATE_TRY(check_lengths(path, trace.frames.size(), "the trace"));
@@ -350,10 +351,10 @@ bool has_resolution(const trace::ReferenceTrace& reference) {
 
 }  // namespace
 
-SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                           const trace::ReferenceTrace& reference, const TruthSurface& truth,
-                           const AccuracyOptions& options) {
-  SurfaceAnswers answers;
+TruthSamples sample_truth(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                          const trace::ReferenceTrace& reference, const TruthSurface& truth,
+                          const AccuracyOptions& options) {
+  TruthSamples answers;
   answers.god_object_distance_mm.reserve(trace.frames.size());
   for (const render::Frame& frame : trace.frames)
     answers.god_object_distance_mm.push_back(frame.contact ? truth.signed_distance_mm(frame.god_object_mm)
@@ -368,15 +369,14 @@ Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& tr
                        const trace::ReferenceTrace& reference, const TruthSurface* truth,
                        const AccuracyOptions& options, AccuracyFrames* per_frame) {
   PALPATE_TRY(check_all(path, trace, reference));
-  std::optional<SurfaceAnswers> answers;
-  if (truth != nullptr) answers = ask_surface(path, trace, reference, *truth, options);
-  return score_again(path, trace, reference, answers, options, per_frame);
+  std::optional<TruthSamples> answers;
+  if (truth != nullptr) answers = sample_truth(path, trace, reference, *truth, options);
+  return rescore(path, trace, reference, answers, options, per_frame);
 }
 
-Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                             const trace::ReferenceTrace& reference,
-                             const std::optional<SurfaceAnswers>& answers, const AccuracyOptions& options,
-                             AccuracyFrames* per_frame) {
+Result<Accuracy> rescore(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                         const trace::ReferenceTrace& reference, const std::optional<TruthSamples>& answers,
+                         const AccuracyOptions& options, AccuracyFrames* per_frame) {
   PALPATE_TRY(check_all(path, trace, reference));
   const std::size_t n = path.size();
   if (answers && (answers->god_object_distance_mm.size() != n ||
@@ -409,8 +409,8 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
   score_god_object(in, answers ? &*answers : nullptr, a, per_frame);
   score_onset_and_release(in, a);
   score_path_dependence(in, a);
-  score_felt(in, episodes, a);
-  score_moments(in, a);
+  score_perception(in, episodes, a);
+  score_artefacts(in, a);
   if (answers) score_friction(in, *answers, a);
   if (has_resolution(reference)) score_fall_throughs(in, a);
   if (answers && !answers->pop_throughs.empty()) {
@@ -436,7 +436,7 @@ Status check_contact_flags(const trace::ProbePath& path, const trace::ForceTrace
         std::string(force_alone ? "it answers a force and says that nothing is in contact"
                                 : "it says contact and answers no force, its god object off the HIP") +
             ", at sample " + std::to_string(i),
-        "a renderer's contact flag and its force must agree: see docs/scores.md", path.name,
+        "a renderer's contact flag and its force must agree: see docs/reference/scores.md", path.name,
         static_cast<std::int64_t>(i) + 2};
   }
   return Done{};

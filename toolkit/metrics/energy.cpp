@@ -1,13 +1,14 @@
-// The energy that a renderer takes and gives back.
+// The energy that a renderer takes and returns.
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/reference.h>
+#include <palpate/result.h>
 #include "toolkit/control/passivity.h"
-#include "toolkit/core/nearest_rank.h"
+#include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/try.h"
-#include "toolkit/metrics/reference.h"
 #include "toolkit/metrics/score_input.h"
+#include "toolkit/metrics/still.h"
 
 namespace palpate::metrics {
 namespace {
@@ -34,7 +35,7 @@ Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTr
   Energy e;
   control::PassivityObserver observer(control::EnergyRule::kTrapezoid);
   const double stiffest = *std::max_element(stiffness_n_per_mm.begin(), stiffness_n_per_mm.end());
-  double work_mj = 0.0, reach_mj = 0.0, sway_mm2 = 0.0;  // what the rounding of E is a share of
+  double work_mj = 0.0, reach_mj = 0.0, sway_mm2 = 0.0;  // scales of E's rounding
   for (std::size_t i = 0; i < path.size(); ++i) {
     const render::Frame& frame = trace.frames[i];
     const double k = stiffness_of(frame, stiffness_n_per_mm);
@@ -49,12 +50,12 @@ Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTr
     reach_mj += force_n * size_mm;
     sway_mm2 += size_mm * step_mm;
   }
-  // The sum of the products (Higham 2002, section 4.2), the differences of positions, and the forces.
-  constexpr int kProduct = 5, kMostTerms = 1 << 30;
-  const int terms = static_cast<int>(std::min<std::size_t>(path.size(), kMostTerms)) + kProduct;
+  // Roundings of the products (Higham 2002, section 4.2), position differences and forces.
+  constexpr int kProduct = 5, kMaxTerms = 1 << 30;
+  const int terms = static_cast<int>(std::min<std::size_t>(path.size(), kMaxTerms)) + kProduct;
   e.rounding_mj =
-      gamma(terms) * work_mj + 2.0 * kUnitRoundoff * reach_mj + stiffest * kStillPerSize * sway_mm2;
-  e.generated_mj = std::max(0.0, -observer.least_mj());  // never -0
+      gamma(terms) * work_mj + 2.0 * kUnitRoundoff * reach_mj + stiffest * kConvergedPerSize * sway_mm2;
+  e.generated_mj = std::max(0.0, -observer.min_energy_mj());  // never -0
   e.final_mj = observer.energy_mj();
   if (e.max_stored_mj > 0.0) e.generated_percent = kToPercent * e.generated_mj / e.max_stored_mj;
   return e;
@@ -69,8 +70,8 @@ Status observe_episodes(const trace::ProbePath& path, const trace::ForceTrace& t
   const Episodes episodes = episodes_of(reference.frames);
   if (episodes.in_contact == 0) return Done{};
   struct Episode {
-    double stored_mj = 0.0;  // by the true contact, at most
-    double kept_mj = 0.0;    // put in so far, less what a spring would still hold
+    double stored_mj = 0.0;  // most by the true contact
+    double kept_mj = 0.0;    // put in, minus what a spring would still store
     double most_mj = 0.0, drawdown_mj = 0.0;
   };
   std::vector<Episode> all(episodes.count);

@@ -1,18 +1,17 @@
-// Steps of a force from tick to tick in a closed loop, and how much of each the HIP's own move explains.
+// Force steps between ticks in a closed loop, and the part that the HIP's motion explains.
 #pragma once
 
 #include <cstdint>
 
-#include "toolkit/core/vec.h"
+#include <palpate/vec.h>
 
 namespace palpate::metrics {
 
-/// Largest excess that is allowed on clean and on noisy points: a fifth and two fifths of a kick of the
-/// scores (0.5 N), so that none comes near to be one.
+/// Allowed excess on clean and on noisy points: a fifth and two fifths of a kick (0.5 N).
 inline constexpr double kCleanExcessN = 0.1, kNoisyExcessN = 0.2;
 
-/// The excess of a step is |dF| - k |dHIP|: what a rigid surface of stiffness k does not explain. A hand that
-/// hits it makes a large step without excess. No allocation.
+/// The excess |dF| - k |dHIP| is not explained by a rigid surface of stiffness k; hitting a wall is a large
+/// step without excess. No allocation.
 class ForceSteps {
  public:
   struct Largest {
@@ -35,7 +34,7 @@ class ForceSteps {
     hip_mm_ = hip_mm;
     force_n_ = force_n;
   }
-  /// The next force follows none.
+  /// The next force has no predecessor.
   void interrupt() noexcept { known_ = false; }
 
   [[nodiscard]] const Largest& step() const noexcept { return step_; }

@@ -14,10 +14,10 @@ struct MachineInfo {
   std::string compiler;  ///< that built this library
 };
 
-/// Reads /proc and uname; what cannot be found is "unknown" or 0.
+/// Reads /proc and uname; missing values are "unknown" or 0.
 [[nodiscard]] MachineInfo machine_info();
 
-/// Now, ISO 8601 in UTC to the second.
+/// The current time, ISO 8601, UTC, to the second.
 [[nodiscard]] std::string utc_now();
 
 }  // namespace palpate::metrics

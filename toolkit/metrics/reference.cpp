@@ -1,4 +1,4 @@
-#include "toolkit/metrics/reference.h"
+#include <palpate/reference.h>
 
 #include <fmt/format.h>
 
@@ -6,7 +6,9 @@
 #include <cmath>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/partition/point_search.h"
+#include "toolkit/metrics/still.h"
+#include "toolkit/search/knn.h"
+#include "toolkit/search/point_search.h"
 
 namespace palpate::metrics {
 namespace {
@@ -15,9 +17,9 @@ using geometry::AnalyticSurface;
 using geometry::SurfacePoint;
 
 constexpr std::int64_t kFirstSampleLine = 2;  // line 1 of a path file is its header
-constexpr int kMaxTracks = 16;                // repeats of one search; each starts where the last ended
+constexpr int kMaxTracks = 16;                // repeats of a search; each continues the last
 
-// The state of the constrained god object, model frame.
+// The constrained god object's state, model frame.
 class Tracker {
  public:
   Tracker(const AnalyticSurface& surface, const Vec3& start_mm) : surface_(surface), hip_mm_(start_mm) {}
@@ -47,8 +49,7 @@ class Tracker {
     hip_mm_ = to_mm;
     if (!contact_) return;
     converge();
-    // The god object is the nearest place of its sheet, so the HIP is outside that sheet exactly when it lies
-    // on the outer side of the tangent plane there.
+    // The god object is its sheet's nearest place, so the HIP is outside exactly if beyond the tangent plane.
     if ((hip_mm_ - god_object_.point_mm).dot(god_object_.normal) >= 0.0) contact_ = false;
   }
 
@@ -58,7 +59,8 @@ class Tracker {
       const double moved_mm = (next.point_mm - god_object_.point_mm).norm();
       god_object_ = next;
       rest_mm_ = moved_mm;
-      if (moved_mm <= kStillPerSize * (hip_mm_.cwiseAbs().maxCoeff() + next.point_mm.cwiseAbs().maxCoeff()))
+      if (moved_mm <=
+          kConvergedPerSize * (hip_mm_.cwiseAbs().maxCoeff() + next.point_mm.cwiseAbs().maxCoeff()))
         return;
     }
     largest_rest_mm_ = std::max(largest_rest_mm_, rest_mm_);
@@ -73,8 +75,8 @@ class Tracker {
 
 struct Pass {
   std::vector<trace::TruthFrame> frames;
-  double largest_rest_mm = 0.0;       // last movement where tracking did not come to rest
-  std::uint64_t free_yet_inside = 0;  // frames without contact inside by formula: the tracker lost them
+  double largest_rest_mm = 0.0;       // last motion of tracking without convergence
+  std::uint64_t free_yet_inside = 0;  // frames inside by formula without contact: the tracker lost them
 };
 
 Pass run(const AnalyticSurface& surface, const trace::ProbePath& path, double stiffness_n_per_mm,
@@ -101,7 +103,7 @@ Pass run(const AnalyticSurface& surface, const trace::ProbePath& path, double st
       out.frame.god_object_mm = path.hip_mm[i];
       out.normal = world_from_model.rotate(surface.closest(hip_mm).normal);
       out.signed_distance_mm = surface.signed_distance_mm(hip_mm);
-      const double rounding_mm = kStillPerSize * hip_mm.cwiseAbs().maxCoeff();
+      const double rounding_mm = kConvergedPerSize * hip_mm.cwiseAbs().maxCoeff();
       if (out.signed_distance_mm < -rounding_mm) ++pass.free_yet_inside;
     }
   }
@@ -167,13 +169,13 @@ Result<trace::ReferenceTrace> analytic_reference(const AnalyticSurface& surface,
 }
 
 Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::ProbePath& path,
-                             const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& neighbours,
+                             const cloud::Cloud& cloud, const search::NeighbourTable& neighbours,
                              const geometry::RigidTransform& world_from_model) {
   if (reference.frames.size() != path.size() || path.hip_mm.size() != path.size())
     return Error{"the reference and the path differ in length", "", path.name, 0};
   if (cloud.empty() || neighbours.size() != cloud.size())
     return Error{"the neighbour table does not belong to the cloud", "build it from this cloud", "", 0};
-  const partition::PointSearch points(cloud);
+  const search::PointSearch points(cloud);
   const geometry::RigidTransform model_from_world = world_from_model.inverse();
   for (std::size_t i = 0; i < path.size(); ++i) {
     trace::TruthFrame& frame = reference.frames[i];
@@ -189,6 +191,12 @@ Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::Prob
     frame.local_resolution_mm = last_mm;
   }
   return Done{};
+}
+
+Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::ProbePath& path,
+                             const cloud::Cloud& cloud, const geometry::RigidTransform& world_from_model,
+                             int threads) {
+  return fill_local_resolution(reference, path, cloud, search::exact_knn(cloud, threads), world_from_model);
 }
 
 }  // namespace palpate::metrics

@@ -47,7 +47,7 @@ struct Writer {
   }
 };
 
-// Text that is never empty in a document: empty means null.
+// Empty text becomes null.
 Json text_or_null(const std::string& text) {
   return text.empty() ? Json(nullptr) : Json(text);
 }
@@ -143,7 +143,7 @@ Json conditions_of(const ResultDocument& document) {
   return j;
 }
 
-/// What makes of a document a study.
+/// The study's keys.
 void write_study(const ResultDocument& document, Json& j) {
   j["models"] = Json::array();
   for (const StudyModel& model : document.models) {
@@ -160,7 +160,7 @@ void write_study(const ResultDocument& document, Json& j) {
 
 // ---- reading
 
-// Collects the first thing that is wrong; later ones are consequences of it.
+// Collects the first fault; later ones are consequences.
 struct Reader {
   const Json& from;
   std::string where;
@@ -188,7 +188,7 @@ struct Reader {
   }
   void operator()(const char* key, double& value) const {
     const Json* found = find(key);
-    if (found == nullptr || found->is_null()) return;  // it was not finite: the default stays
+    if (found == nullptr || found->is_null()) return;  // was not finite: keeps the default
     if (!found->is_number()) return fail(key, "is not a number");
     value = found->get<double>();
   }
@@ -224,7 +224,7 @@ struct Reader {
     if (!found->is_string()) return fail(key, "is not a text");
     value = found->get<std::string>();
   }
-  // A key that earlier documents do not have.
+  // A key that earlier documents lack.
   template <class T>
   void later(const char* key, T& value) const {
     if (from.contains(key)) (*this)(key, value);
@@ -239,7 +239,7 @@ struct Reader {
       list.push_back(one.get<std::string>());
     }
   }
-  // The object under `key`, or nothing where it is null.
+  // The object under `key`; nothing for null.
   [[nodiscard]] const Json* object(const char* key) const {
     const Json* found = find(key);
     if (found == nullptr || found->is_null()) return nullptr;
@@ -287,7 +287,7 @@ constexpr std::array kRoles = {render::Role::kOurs, render::Role::kLiteral, rend
 constexpr std::array kGeometries = {render::Geometry::kPoints, render::Geometry::kMesh,
                                     render::Geometry::kHeights, render::Geometry::kFormula};
 
-/// The one of this name, or nothing.
+/// The value of this name, or nothing.
 template <class Enum, std::size_t n>
 std::optional<Enum> named(const std::array<Enum, n>& all, std::string_view name) {
   for (const Enum one : all)
@@ -295,7 +295,7 @@ std::optional<Enum> named(const std::array<Enum, n>& all, std::string_view name)
   return std::nullopt;
 }
 
-/// Keys that earlier documents do not have.
+/// Keys that earlier documents lack.
 void read_capabilities(const Reader& in, RendererResult& r) {
   std::string role, works_on;
   in.later("role", role);
@@ -335,7 +335,7 @@ void read_scoring(const Reader& in, ScoreBasis& s) {
   if (comparable != nullptr) s.forces_comparable = comparable->get<bool>();
 }
 
-/// What makes of a document a study; earlier ones have none of it.
+/// The study's keys, which earlier documents lack.
 void read_study(const Reader& in, ResultDocument& document) {
   if (in.from.contains("truth")) in.part("truth", document.truth, kTruth);
   if (in.from.contains("scoring"))
@@ -355,7 +355,7 @@ void read_study(const Reader& in, ResultDocument& document) {
 
 void read_conditions(const Reader& in, ResultDocument& document) {
   if (!in.from.contains("conditions")) return;
-  in.part("conditions", document.conditions, [](const Reader& inside, Conditions& c) {
+  in.part("conditions", document.conditions, [](const Reader& inside, MeasurementConditions& c) {
     visit_conditions(inside, c);
     const Json* libraries = inside.object("libraries");
     if (libraries == nullptr) return;
@@ -445,7 +445,7 @@ std::string to_json(const ResultDocument& document) {
   j["trace_hash_name"] = "fnv1a64";
   j["renderers"] = Json::array();
   for (const RendererResult& r : document.renderers) j["renderers"].push_back(renderer_of(r));
-  // File names may hold bytes that are no UTF-8: they become replacement characters instead of an exception.
+  // Invalid UTF-8 in file names becomes replacement characters instead of an exception.
   return j.dump(kIndent, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -477,7 +477,7 @@ Result<ResultDocument> parse_result(std::string_view json, std::string_view sour
   read_study(top, document);
   top.sentences("warnings", document.warnings);
   top.sentences("notes", document.notes);
-  // Documents of earlier programs have none: they were written when all was done.
+  // Earlier documents lack it: they were written complete.
   if (j.contains("complete") && !j["complete"].is_boolean())
     top.fail("complete", "is neither true nor false");
   if (wrong.empty()) document.complete = j.value("complete", true);

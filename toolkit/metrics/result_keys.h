@@ -1,6 +1,6 @@
-// The keys of a result document, once for writing and reading: each visit() names every field of a struct in
-// the order of the document. A visitor has `void operator()(const char* key, Field& field)` and, for keys
-// that earlier documents of the same schema do not have, later() of the same form.
+// The keys of a result document for writing and reading: each visit() names a struct's fields in document
+// order. A visitor has `void operator()(const char* key, Field& field)` and later(), of the same form, for
+// keys that earlier documents of the schema lack.
 #pragma once
 
 #include "toolkit/metrics/result_json.h"
@@ -141,7 +141,7 @@ void visit_timing(V&& v, S& s) {
   v("pinned_cpu", s.pinned_cpu);
 }
 
-/// And `libraries`.
+/// Plus `libraries`.
 template <class V, class S>
 void visit_conditions(V&& v, S& s) {
   v("governor", s.governor);
@@ -157,7 +157,7 @@ void visit_conditions(V&& v, S& s) {
   v("order_seed", s.order_seed);
 }
 
-/// And `sample`, which may be null.
+/// Plus `sample`, which may be null.
 template <class V, class S>
 void visit_model(V&& v, S& s) {
   v("name", s.name);
@@ -174,7 +174,7 @@ void visit_truth(V&& v, S& s) {
   v.later("hash", s.hash);
 }
 
-/// And the two keys that are no single number.
+/// Plus the two keys that are not single numbers.
 template <class V, class S>
 void visit_scoring(V&& v, S& s) {
   v("stiffness_n_per_mm", s.stiffness_n_per_mm);

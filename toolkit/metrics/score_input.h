@@ -1,11 +1,11 @@
-// Internal to the scores: what they read, under short names.
+// The inputs of scores, under short names. Internal to metrics.
 #pragma once
 
 #include <cstddef>
 #include <string_view>
 #include <vector>
 
-#include "toolkit/metrics/accuracy.h"
+#include <palpate/accuracy.h>
 
 namespace palpate::metrics {
 
@@ -23,15 +23,15 @@ struct ScoreInput {
 
   [[nodiscard]] const Vec3& rendered(std::size_t i) const { return frames[i].force_n; }
   [[nodiscard]] const Vec3& wanted(std::size_t i) const { return truth[i].frame.force_n; }
-  /// The truth does not depend on the way; other frames are scored apart.
+  /// True if the frame's truth does not depend on history.
   [[nodiscard]] bool decided(std::size_t i) const { return !truth[i].history_decides; }
   [[nodiscard]] bool decided_step(std::size_t i) const { return decided(i) && decided(i - 1); }
-  [[nodiscard]] bool in_g(std::size_t i) const { return decided(i) && felt(wanted(i)); }
-  [[nodiscard]] bool in_c(std::size_t i) const {
+  [[nodiscard]] bool in_true_contact(std::size_t i) const { return decided(i) && felt(wanted(i)); }
+  [[nodiscard]] bool in_either_contact(std::size_t i) const {
     return decided(i) && (felt(rendered(i)) || felt(wanted(i)));
   }
   [[nodiscard]] double travel_mm(std::size_t i) const { return (path.hip_mm[i] - path.hip_mm[i - 1]).norm(); }
-  /// The truth itself jumps into sample i.
+  /// True if the truth jumps into sample i.
   [[nodiscard]] bool true_edge(std::size_t i, double floor_n) const {
     return (wanted(i) - wanted(i - 1)).norm() > options.stiffness_n_per_mm * travel_mm(i) + floor_n;
   }
@@ -40,28 +40,28 @@ struct ScoreInput {
   }
 };
 
-/// The episode of every frame: that of the stretch of G it stands in or follows; before the first one the
-/// first. One where there is no G.
+/// Each frame's episode: the stretch of G that it is in or follows; the first one before that. One episode if
+/// G is empty.
 struct Episodes {
   std::vector<std::uint32_t> of_frame;
-  std::size_t count = 0;       ///< at least 1: what bounds are taken over
+  std::size_t count = 0;       ///< at least 1; for the bounds
   std::size_t in_contact = 0;  ///< stretches of G
 };
 [[nodiscard]] Episodes episodes_of(const std::vector<trace::TruthFrame>& truth);
 
-/// Lengths that agree, and numbers that are finite throughout: Errors name the path.
+/// Checks equal lengths and finite numbers; Errors name the path.
 [[nodiscard]] Status check_lengths(const trace::ProbePath& path, std::size_t frames, std::string_view what);
 [[nodiscard]] Status check_finite(const trace::ProbePath& path, const std::vector<render::Frame>& frames,
                                   std::string_view what);
 
-/// Friction of every frame, see SurfaceAnswers, and the scores made of it.
+/// Friction per frame (see TruthSamples) and its scores.
 [[nodiscard]] std::vector<double> friction_ratios(const trace::ForceTrace& trace, const TruthSurface& truth);
-void score_friction(const ScoreInput& in, const SurfaceAnswers& answers, Accuracy& a);
+void score_friction(const ScoreInput& in, const TruthSamples& answers, Accuracy& a);
 
-/// Caught, lost, kicks and the largest force; see Accuracy.
-void score_moments(const ScoreInput& in, Accuracy& a);
+/// Caught, lost, kicks and the largest force (see Accuracy).
+void score_artefacts(const ScoreInput& in, Accuracy& a);
 
-/// Lag, ripple, relief and the headline; see Accuracy.
-void score_felt(const ScoreInput& in, const Episodes& episodes, Accuracy& a);
+/// Lag, ripple, relief and the headline (see Accuracy).
+void score_perception(const ScoreInput& in, const Episodes& episodes, Accuracy& a);
 
 }  // namespace palpate::metrics

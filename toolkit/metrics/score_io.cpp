@@ -4,14 +4,14 @@
 
 #include <iterator>
 
+#include <palpate/result.h>
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/try.h"
 #include "toolkit/trace/csv_rows.h"
 
 namespace palpate::metrics {
 namespace {
 
-/// Which groups of columns a file has.
+/// The column groups of a file.
 struct Columns {
   bool forces = false, surface = false, events = false, friction = false;
 
@@ -23,7 +23,7 @@ struct Columns {
   }
 };
 
-/// All that a file may have: events and friction only with a surface. The last one has everything.
+/// All possible combinations: events and friction only with a surface. The last has everything.
 constexpr Columns kPossible[] = {{false, false, false, false}, {true, false, false, false},
                                  {false, true, false, false},  {true, true, false, false},
                                  {false, true, true, false},   {false, true, false, true},
@@ -36,7 +36,7 @@ Columns columns_of(const AccuracyFrames& frames) {
           frames.surface && !frames.surface->friction_ratio.empty()};
 }
 
-/// The columns that the file's first line names; all of them where it names none of ours, for the message.
+/// The columns of the file's first line; all of them if it names none, for the message.
 Result<Columns> columns_in(const std::string& file, std::uint64_t max_bytes) {
   PALPATE_ASSIGN(trace::LineReader reader, trace::LineReader::open(file, max_bytes));
   std::string_view line;
@@ -50,7 +50,7 @@ bool is_flag(double value) {
   return value == 0.0 || value == 1.0;
 }
 
-/// Two events may come together in one frame.
+/// Two events may fall on one frame.
 bool is_count(double value) {
   return is_flag(value) || value == 2.0;
 }

@@ -1,4 +1,4 @@
-#include "toolkit/metrics/truth.h"
+#include <palpate/reference.h>
 
 namespace palpate::metrics {
 

@@ -1,4 +1,4 @@
-#include "toolkit/pcd/pcd_reader.h"
+#include <palpate/read_model.h>
 
 #include <fmt/format.h>
 #include <pcl/PCLPointCloud2.h>
@@ -11,7 +11,8 @@
 #include <span>
 #include <sstream>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/pcd_header.h"
 #include "toolkit/io/text.h"
 

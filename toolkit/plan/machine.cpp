@@ -10,13 +10,13 @@
 #include <numeric>
 #include <sstream>
 
+#include <palpate/options.h>
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/cache_folder.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/large_pages.h"
-#include "toolkit/core/numbers.h"
-#include "toolkit/core/options.h"
+#include "toolkit/core/number_format.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/machine_info.h"
 
@@ -25,15 +25,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// From what the first-level cache holds to beyond every cache of a desktop.
-constexpr std::size_t kLeastBytes = std::size_t{1} << 14, kMostBytes = std::size_t{1} << 26;
+// From a first-level cache to beyond every desktop cache.
+constexpr std::size_t kMinBytes = std::size_t{1} << 14, kMaxBytes = std::size_t{1} << 26;
 constexpr std::size_t kGrowth = 4;
 constexpr std::size_t kLine = 64;
-// 0.03 s where each read waits 100 ns; three times, of which the fastest counts.
+// 0.03 s at 100 ns a read; the fastest of three runs counts.
 constexpr std::size_t kReads = 300'000;
 constexpr int kRepeats = 3;
 constexpr std::uint64_t kSeed = 20'090'413;
-constexpr std::uint64_t kMostFileBytes = 1 << 16;
+constexpr std::uint64_t kMaxFileBytes = 1 << 16;
 constexpr const char* kHead = "palpate-machine-1";
 
 double thread_cpu_ns() {
@@ -42,13 +42,13 @@ double thread_cpu_ns() {
   return 1e9 * static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec);
 }
 
-/// One closed way through all lines, in random order (Sattolo 1986): no read can be foreseen.
+/// One random cycle through all lines (Sattolo 1986): no read is predictable.
 double chase_ns(std::size_t bytes) {
   struct alignas(kLine) Line {
     std::uint64_t next = 0;
   };
   const std::size_t count = bytes / kLine;
-  LargeVector<Line> lines(count);
+  LargePageVector<Line> lines(count);
   for (std::size_t i = 0; i < count; ++i) lines[i].next = i;
   Random random(kSeed);
   for (std::size_t i = count - 1; i > 0; --i)
@@ -60,7 +60,7 @@ double chase_ns(std::size_t bytes) {
     for (std::size_t i = 0; i < kReads; ++i) at = lines[at].next;
     fastest = std::min(fastest, thread_cpu_ns() - start);
   }
-  // The way ends somewhere in the lines; to look at where keeps it from being optimised away.
+  // Using the final position prevents optimising the loop away.
   return at < count ? fastest / static_cast<double>(kReads) : 0.0;
 }
 
@@ -72,14 +72,14 @@ fs::path cache_file(const std::string& cpu, const std::string& version) {
   return folder / fmt::format("machine-{}.txt", hash.hex());
 }
 
-/// No reads where the file is not there or not right.
-std::vector<MachineRead> read_cached(const fs::path& file, const std::string& cpu) {
-  const Result<std::string> text = read_file(file.string(), kMostFileBytes);
+/// No reads if the file is missing or invalid.
+std::vector<ReadLatency> read_cached(const fs::path& file, const std::string& cpu) {
+  const Result<std::string> text = read_file(file.string(), kMaxFileBytes);
   if (!text) return {};
   std::istringstream lines(*text);
   std::string head, named;
   if (!std::getline(lines, head) || head != kHead || !std::getline(lines, named) || named != cpu) return {};
-  std::vector<MachineRead> reads;
+  std::vector<ReadLatency> reads;
   for (std::string line; std::getline(lines, line);) {
     const std::size_t blank = line.find(' ');
     if (blank == std::string::npos) return {};
@@ -91,12 +91,12 @@ std::vector<MachineRead> read_cached(const fs::path& file, const std::string& cp
   return reads;
 }
 
-/// What cannot be kept is measured again the next time.
+/// If it cannot be kept, it is measured again next time.
 void keep(const fs::path& file, const Machine& machine) {
   std::error_code code;
   fs::create_directories(file.parent_path(), code);
   std::string text = fmt::format("{}\n{}\n", kHead, machine.cpu);
-  for (const MachineRead& read : machine.reads) text += fmt::format("{} {}\n", read.bytes, read.ns);
+  for (const ReadLatency& read : machine.reads) text += fmt::format("{} {}\n", read.bytes, read.ns);
   Result<AtomicFile> out = AtomicFile::create(file.string());
   if (out && out->write(text)) (void)out->commit();
 }
@@ -108,24 +108,24 @@ double Machine::read_ns(double bytes) const noexcept {
   if (!(bytes > reads.front().bytes)) return reads.front().ns;
   for (std::size_t i = 1; i < reads.size(); ++i) {
     if (bytes > reads[i].bytes) continue;
-    const MachineRead &below = reads[i - 1], &above = reads[i];
+    const ReadLatency &below = reads[i - 1], &above = reads[i];
     const double share = std::log(bytes / below.bytes) / std::log(above.bytes / below.bytes);
     return below.ns + share * (above.ns - below.ns);
   }
   return reads.back().ns;
 }
 
-Machine this_machine_measured(const std::string& version, bool anew, Progress* progress) {
+Machine measure_machine(const std::string& version, bool anew, Progress* progress) {
   Machine machine;
   machine.cpu = metrics::machine_info().cpu;
   const fs::path file = cache_file(machine.cpu, version);
   if (!anew && !file.empty()) machine.reads = read_cached(file, machine.cpu);
   machine.from_cache = !machine.reads.empty();
   if (machine.from_cache) return machine;
-  for (std::size_t bytes = kLeastBytes; bytes <= kMostBytes; bytes *= kGrowth) {
+  for (std::size_t bytes = kMinBytes; bytes <= kMaxBytes; bytes *= kGrowth) {
     if (progress != nullptr)
-      progress->report("measuring this machine", std::log(static_cast<double>(bytes / kLeastBytes) + 1.0) /
-                                                     std::log(static_cast<double>(kMostBytes / kLeastBytes)));
+      progress->report("measuring this machine", std::log(static_cast<double>(bytes / kMinBytes) + 1.0) /
+                                                     std::log(static_cast<double>(kMaxBytes / kMinBytes)));
     machine.reads.push_back({static_cast<double>(bytes), chase_ns(bytes)});
   }
   if (!file.empty()) keep(file, machine);
@@ -134,9 +134,9 @@ Machine this_machine_measured(const std::string& version, bool anew, Progress* p
 
 std::string text(const Machine& machine) {
   std::string out = machine.cpu + ":";
-  for (const MachineRead& read : machine.reads)
+  for (const ReadLatency& read : machine.reads)
     out += fmt::format("{} {} ns from {}", &read == machine.reads.data() ? " a read waits" : ",",
-                       short_number(read.ns), bytes_text(read.bytes));
+                       format_number(read.ns), format_bytes(read.bytes));
   return out;
 }
 

@@ -9,15 +9,15 @@
 #include <vector>
 
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/neighbourhood/builders.h"
-#include "toolkit/neighbourhood/walkable.h"
-#include "toolkit/partition/uniform_grid.h"
-#include "toolkit/render/precision.h"
+#include "toolkit/render/coordinate_precision.h"
 #include "toolkit/render/prepare_phases.h"
-#include "toolkit/surface/planes.h"
+#include "toolkit/search/connected_knn.h"
+#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/search/uniform_grid.h"
+#include "toolkit/surface/oriented_points.h"
 
 namespace palpate::render {
 namespace {
@@ -25,7 +25,7 @@ namespace {
 /// Enough for a median that is right to some percent.
 constexpr std::size_t kSampledPoints = 4096;
 /// A box is as long as the cloud's resolution: in smaller cells it would reach beyond the cells around.
-constexpr double kLeastCellPerResolution = 0.5;
+constexpr double kMinCellPerResolution = 0.5;
 
 // Bytes of the partitions for each point, estimates that no decision rests on. A grid has 16 bytes a slot and
 // two to four slots an occupied cell; a surface goes through some 1.5 cells for each that would lie flat in
@@ -33,24 +33,22 @@ constexpr double kLeastCellPerResolution = 0.5;
 constexpr double kSlotBytes = 16.0, kSlotsPerCell = 3.0, kAskew = 1.5;
 // A node of some ten points.
 constexpr double kTreeBytes = 4.0;
-// Where points move: two links, a bit and a place for each, and what each leaf counts.
-constexpr double kMovingBytes = 13.0;
 
 /// Its links are mutual and go all ways already.
 bool follows_scanner(const std::string& name) {
-  const std::vector<neighbourhood::Builder> all = neighbourhood::builders();
-  return std::any_of(all.begin(), all.end(), [&](const neighbourhood::Builder& builder) {
+  const std::vector<search::NeighbourBuilder> all = search::neighbour_builders();
+  return std::any_of(all.begin(), all.end(), [&](const search::NeighbourBuilder& builder) {
     return builder.name == name && builder.follows_scanner;
   });
 }
 
-Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud, const std::string& builder,
-                                                    const PointModelOptions& options, int threads,
-                                                    PrepareReport& report) {
+Result<search::NeighbourTable> neighbours_of(const cloud::Cloud& cloud, const std::string& builder,
+                                             const PointModelOptions& options, int threads,
+                                             PrepareReport& report) {
   NamedOptions wanted{builder, {}};
   report.notes.push_back("neighbours: " + builder);
   if (builder == "modified-knn") wanted.options.set("complete", options.complete_to_eight ? "true" : "false");
-  Result<neighbourhood::Built> built = neighbourhood::build_neighbours(wanted, cloud, threads);
+  Result<search::NeighbourBuild> built = search::build_neighbours(wanted, cloud, threads);
   if (!built) return std::move(built).error();
   report.notes.insert(report.notes.end(), built->notes.begin(), built->notes.end());
   return std::move(built->table);
@@ -70,7 +68,7 @@ auto largest(std::size_t n, int threads, const Value& value) {
 }
 
 /// The largest distance between immediate neighbours (section 1.6).
-double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table, int threads) {
+double worst_resolution(const cloud::Cloud& cloud, const search::NeighbourTable& table, int threads) {
   return std::sqrt(largest(cloud.size(), threads, [&](std::size_t i) {
     double square = 0.0;
     for (const std::uint32_t other : table.of[i])
@@ -89,7 +87,7 @@ double median_of(const cloud::Cloud& cloud, const Square& square_of) {
 }
 
 /// To the last neighbour.
-double median_local_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table) {
+double median_local_resolution(const cloud::Cloud& cloud, const search::NeighbourTable& table) {
   return median_of(cloud, [&](std::size_t i) {
     double square = 0.0;
     for (const std::uint32_t other : table.of[i])
@@ -99,7 +97,7 @@ double median_local_resolution(const cloud::Cloud& cloud, const neighbourhood::N
 }
 
 /// To the first that stands elsewhere.
-double median_nearest(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table) {
+double median_nearest(const cloud::Cloud& cloud, const search::NeighbourTable& table) {
   return median_of(cloud, [&](std::size_t i) {
     double square = 0.0;
     for (const std::uint32_t other : table.of[i]) {
@@ -113,14 +111,14 @@ double median_nearest(const cloud::Cloud& cloud, const neighbourhood::NeighbourT
 /// The thesis sizes cells by the resolution, which is that of the cloud's sparsest place. Where points
 /// are unevenly spaced such cells hold thousands of them, and all are looked at while the HIP is near.
 double cell_edge_mm(const cloud::Cloud& cloud, const PointModelOptions& options,
-                    const neighbourhood::NeighbourTable& table, double resolution_mm) {
+                    const search::NeighbourTable& table, double resolution_mm) {
   if (options.cell_per_resolution > 0.0) return options.cell_per_resolution * resolution_mm;
   return std::clamp(kCellPerResolution * median_local_resolution(cloud, table),
-                    kLeastCellPerResolution * resolution_mm, kCellPerResolution * resolution_mm);
+                    kMinCellPerResolution * resolution_mm, kCellPerResolution * resolution_mm);
 }
 
 /// The largest half lengths of boxes of a size per vertex.
-Vec3 largest_half_box(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table, BoxSize box,
+Vec3 largest_half_box(const cloud::Cloud& cloud, const search::NeighbourTable& table, BoxSize box,
                       int threads) {
   Vec3 most = Vec3::Zero();
   for (int axis = 0; axis < 3; ++axis)
@@ -157,10 +155,10 @@ const char* fewer_cells(const PointModelOptions& options, const PointDecision& d
 
 Decision partition_decision(const PointModelOptions& options, const PointDecision& decision) {
   const bool given = decision.partition != PartitionKind::kGrid;
-  const std::string name = std::string(decision.moving ? "moving " : "") + name_of(decision.partition);
+  const char* const name = name_of(decision.partition);
   if (given)
     return {"partition", name,
-            fmt::format("leaves of {} points choose their own sizes", partition::kPointsPerLeaf), true};
+            fmt::format("leaves of {} points choose their own sizes", search::kPointsPerLeaf), true};
   return {"partition", name,
           fmt::format("cells of {:.3g} mm, {:.3g} resolutions{}; memory follows the occupied ones",
                       decision.cell_mm, decision.cell_mm / decision.resolution_mm,
@@ -197,7 +195,7 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
 
   PreparePhases phases(report, context);
   phases.begin("neighbours");
-  Result<neighbourhood::NeighbourTable> table =
+  Result<search::NeighbourTable> table =
       neighbours_of(cloud, decided.neighbours, options, context.threads, report);
   if (!table) return std::move(table).error();
   found.neighbours = *std::move(table);
@@ -209,7 +207,7 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
   decided.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : decided.max_spacing_mm;
   decided.coincident = !(decided.resolution_mm > 0.0);
   if (decided.coincident) {
-    decided.resolution_mm = cloud::stand_in_spacing_mm(cloud);
+    decided.resolution_mm = cloud::fallback_spacing_mm(cloud);
     report.notes.push_back("all points coincide: the resolution is a stand-in");
   }
   phases.end();
@@ -219,8 +217,7 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
   decided.normals = options.normals;
   if (decided.normals && !decided.from_scan) {
     phases.begin("links");
-    const neighbourhood::WalkableReport mended =
-        neighbourhood::make_walkable(cloud, found.neighbours, context.threads);
+    const search::WalkableReport mended = search::make_walkable(cloud, found.neighbours, context.threads);
     if (mended.spread + mended.returned > 0)
       report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",
                                          mended.spread, mended.returned));
@@ -230,7 +227,7 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
   decided.partition = options.partition;
   decided.cell_mm = cell_edge_mm(cloud, options, found.neighbours, decided.resolution_mm);
   if (decided.partition == PartitionKind::kGrid)
-    decided.cell_mm = partition::UniformGrid::cell_for(cloud, decided.cell_mm, context.threads);
+    decided.cell_mm = search::UniformGrid::cell_for(cloud, decided.cell_mm, context.threads);
   decided.box = options.box;
   decided.box_mm = options.box_mm > 0.0 ? options.box_mm : decided.resolution_mm;
   decided.largest_half_box_mm = decided.box == BoxSize::kGlobal
@@ -243,8 +240,6 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
   if (options.normals && decided.partition == PartitionKind::kGrid)
     decided.cell_mm =
         std::max(decided.cell_mm, decided.largest_half_box_mm.maxCoeff() + std::max(decided.sphere_mm, 0.0));
-  decided.moving = options.moving;
-  decided.spare_points = options.spare_points;
   decided.rounding_mm = coordinate_rounding_mm(cloud);
   return found;
 }
@@ -259,8 +254,8 @@ Result<PointModelDecision> decide_point_model(const ModelInput& input, const Poi
   return PointModelDecision{survey->decision, *std::move(surface)};
 }
 
-void say_points(const cloud::Cloud& cloud, const PointModelOptions& options, const PointDecision& decision,
-                ModelDecisions& out) {
+void describe_points(const cloud::Cloud& cloud, const PointModelOptions& options,
+                     const PointDecision& decision, ModelDecisions& out) {
   out.points = cloud.size();
   out.spacing_mm = decision.max_spacing_mm;
   std::vector<Decision>& say = out.decisions;
@@ -273,10 +268,9 @@ void say_points(const cloud::Cloud& cloud, const PointModelOptions& options, con
   say.push_back(coordinates_decision(cloud, decision.median_nearest_mm));
   const double edge = decision.median_nearest_mm > 0.0 ? decision.cell_mm / decision.median_nearest_mm : 1.0;
   const double grid_bytes = kSlotBytes * kSlotsPerCell / std::max(1.0, edge * edge / kAskew);
-  const double each = sizeof(surface::SurfacePoint) + sizeof(neighbourhood::Neighbours) +
+  const double each = sizeof(surface::OrientedPoint) + sizeof(search::Neighbours) +
                       (decision.box == BoxSize::kGlobal ? 0.0 : sizeof(Vec3f)) +
-                      (decision.partition == PartitionKind::kGrid ? grid_bytes : kTreeBytes) +
-                      (decision.moving ? kMovingBytes : 0.0);
+                      (decision.partition == PartitionKind::kGrid ? grid_bytes : kTreeBytes);
   out.bytes += static_cast<std::uint64_t>(each * static_cast<double>(cloud.size()));
 }
 

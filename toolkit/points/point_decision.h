@@ -1,5 +1,5 @@
 // What a point renderer builds of a cloud, with which numbers: decided once from cloud, options and
-// neighbours. build_point_model() follows it and decides nothing; `palpate plan` stops there.
+// neighbours. build_point_model() follows it and decides nothing; `palpate info plan` stops there.
 #pragma once
 
 #include <cmath>
@@ -7,12 +7,12 @@
 #include <limits>
 #include <string>
 
-#include "toolkit/core/result.h"
+#include <palpate/renderer.h>
+#include <palpate/result.h>
+#include <palpate/vec.h>
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/vec.h"
-#include "toolkit/neighbourhood/neighbour_table.h"
-#include "toolkit/render/renderer.h"
 #include "toolkit/render/surface_field.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::render {
 
@@ -25,7 +25,7 @@ enum class BoxSize : std::uint8_t {
 enum class PartitionKind : std::uint8_t { kGrid, kOctree, kQuadtree };
 
 struct PointModelOptions {
-  std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
+  std::string neighbours = "auto";  ///< auto, or one of search::neighbour_builders()
   bool complete_to_eight = true;    ///< of modified kNN
   BoxSize box = BoxSize::kGlobal;
   double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution
@@ -33,12 +33,10 @@ struct PointModelOptions {
   /// 0 = five times the median local resolution: see point_model_specs().
   double cell_per_resolution = kCellPerResolution;
   PartitionKind partition = PartitionKind::kGrid;
-  bool moving = false;        ///< points may move (Deformer): the partition follows
   bool swept_sphere = false;  ///< test boxes with a swept sphere instead of a segment (section 3.1.4)
   double sphere_mm = 0.0;     ///< its radius; 0 = half the edge of the largest box
   bool normals =
       true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
-  std::size_t spare_points = 0;    ///< where they move: points that may be added
   double blend_resolutions = 0.0;  ///< stiffness rises over at least so many resolutions; 0 = as given
   bool keep_order = false;         ///< the partition goes on to know which of the cloud's points stands where
 };
@@ -54,7 +52,7 @@ struct PointModelOptions {
 
 /// With every number settled.
 struct PointDecision {
-  std::string neighbours;          ///< one of neighbourhood::builders()
+  std::string neighbours;          ///< one of search::neighbour_builders()
   bool from_scan = false;          ///< the points' order tells them: nothing was searched
   double resolution_mm = 0.0;      ///< as measured, or as given
   double max_spacing_mm = 0.0;     ///< largest distance to an immediate neighbour
@@ -67,15 +65,13 @@ struct PointDecision {
   Vec3 largest_half_box_mm = Vec3::Zero();  ///< of any box
   double sphere_mm = 0.0;                   ///< radius of the swept sphere; 0: the segment
   bool normals = true;                      ///< local planes with a side
-  bool moving = false;                      ///< the partition follows points that move
-  std::size_t spare_points = 0;             ///< that may be added
   double rounding_mm = 0.0;                 ///< of a stored coordinate
 };
 
 /// What was found on the way to the decision: the neighbours, with links back where the points get planes.
 struct PointSurvey {
   PointDecision decision;
-  neighbourhood::NeighbourTable neighbours;
+  search::NeighbourTable neighbours;
 };
 
 /// Finds the neighbours, measures them and decides. Phases and notes are added to `report`. An Error where
@@ -96,7 +92,7 @@ struct PointModelDecision {
 
 /// The decisions in words, and the bytes of points, neighbours, boxes and partition (an estimate: nobody has
 /// counted the cells).
-void say_points(const cloud::Cloud& cloud, const PointModelOptions& options, const PointDecision& decision,
-                ModelDecisions& out);
+void describe_points(const cloud::Cloud& cloud, const PointModelOptions& options,
+                     const PointDecision& decision, ModelDecisions& out);
 
 }  // namespace palpate::render

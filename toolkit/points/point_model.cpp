@@ -6,42 +6,32 @@
 #include <cmath>
 #include <span>
 
+#include <palpate/model_store.h>
+#include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/core/try.h"
-#include "toolkit/neighbourhood/builders.h"
-#include "toolkit/neighbourhood/walkable.h"
-#include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
+#include "toolkit/search/connected_knn.h"
+#include "toolkit/search/neighbour_builders.h"
 
 namespace palpate::render {
 namespace {
 
 void partition_points(const cloud::Cloud& cloud, const PointDecision& decided, int threads,
                       PointModel& model) {
-  partition::PartitionOptions o;
+  search::PartitionOptions o;
   o.cell_mm = decided.cell_mm;
-  o.spare_places = decided.spare_points;
   switch (decided.partition) {
     case PartitionKind::kGrid:
-      if (decided.moving)
-        model.tree = partition::DynamicGrid::build(cloud, o, threads);
-      else
-        model.grid = partition::UniformGrid::build(cloud, o, threads);
+      model.grid = search::UniformGrid::build(cloud, o, threads);
       break;
     case PartitionKind::kOctree:
-      if (decided.moving)
-        model.tree = partition::DynamicOctree::build(cloud, o, threads);
-      else
-        model.tree = partition::Octree::build(cloud, o, threads);
+      model.tree = search::Octree::build(cloud, o, threads);
       break;
     case PartitionKind::kQuadtree:
-      if (decided.moving)
-        model.tree = partition::DynamicQuadtree3d::build(cloud, o, threads);
-      else
-        model.tree = partition::Quadtree3d::build(cloud, o, threads);
+      model.tree = search::Quadtree3d::build(cloud, o, threads);
       break;
   }
 }
@@ -51,7 +41,7 @@ std::span<const std::uint32_t> order_of(const PointModel& model) {
 }
 
 std::string shape_note(const PointModel& model, PartitionKind kind) {
-  const partition::LeafStatistics shape = with_partition(model, [](const auto& p) { return p.statistics(); });
+  const search::LeafStatistics shape = with_partition(model, [](const auto& p) { return p.statistics(); });
   if (kind == PartitionKind::kGrid)
     return fmt::format("{} cells, at most {} points a cell", shape.leaves, shape.max_points);
   return fmt::format("{} of {} leaves in {} nodes, at most {} points a leaf, {} deep",
@@ -59,8 +49,8 @@ std::string shape_note(const PointModel& model, PartitionKind kind) {
                      shape.max_points, shape.max_depth);
 }
 
-void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
-                 const PointDecision& decided, int threads, PointModel& model) {
+void fill_points(const cloud::Cloud& cloud, const search::NeighbourTable& table, const PointDecision& decided,
+                 int threads, PointModel& model) {
   const std::size_t n = cloud.size();
   const auto order = order_of(model);
   std::vector<std::uint32_t> place_of(n);
@@ -68,7 +58,6 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
     for (std::size_t place = begin; place < end; ++place)
       place_of[order[place]] = static_cast<std::uint32_t>(place);
   });
-  if (decided.moving) model.place_of = place_of;
   model.points.resize(n);
   model.neighbours.resize(n);
   if (decided.box != BoxSize::kGlobal) model.half_box_mm.resize(n);
@@ -77,7 +66,7 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
       const std::uint32_t i = order[place];
       model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
       Vec3 half = Vec3::Zero();
-      for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+      for (std::size_t k = 0; k < search::kNeighbours; ++k) {
         const std::uint32_t other = table.of[i][k];
         model.neighbours[place][k] = place_of[other];
         half = half.cwiseMax((cloud.local_mm(other) - cloud.local_mm(i)).cwiseAbs());
@@ -94,7 +83,7 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
 std::vector<OptionSpec> point_model_specs(bool complete_to_eight) {
   using enum OptionKind;
   std::vector<std::string> names = {"auto"};
-  for (const neighbourhood::Builder& builder : neighbourhood::builders()) names.push_back(builder.name);
+  for (const search::NeighbourBuilder& builder : search::neighbour_builders()) names.push_back(builder.name);
   return {
       {"neighbours", kChoice, "auto",
        "how neighbours are found; auto: the scanner's path where the cloud is a raster", std::move(names)},
@@ -212,11 +201,11 @@ Result<PointModel> build_point_model(const cloud::Cloud& cloud, const PointModel
     phases.end();
     phases.begin("sides");
     surface::OrientReport sides = surface::orient_planes(model.points, model.neighbours, context.threads);
-    model.closed_pieces = sides.closed_pieces;
-    model.closed_piece_of = std::move(sides.closed_piece_of);
+    model.closed_components = sides.closed_components;
+    model.closed_component_of = std::move(sides.closed_component_of);
     report.notes.push_back(
         fmt::format("{} pieces, {} of them closed; {} points on those, touched from the side of the start",
-                    sides.pieces, sides.closed_pieces, sides.one_sided_points));
+                    sides.pieces, sides.closed_components, sides.one_sided_points));
     phases.end();
   }
   report.bytes += model.bytes();
@@ -230,15 +219,14 @@ namespace {
 
 /// All that the points of a model depend on.
 std::string key_of(const cloud::Cloud& cloud, const PointModelOptions& o) {
-  return fmt::format("points {:016x} {} {} {} {} {:a} {:a} {:a} {} {} {} {:a} {} {} {}",
-                     cloud::content_hash(cloud), cloud.size(), o.neighbours, o.complete_to_eight,
-                     static_cast<int>(o.box), o.box_mm, o.resolution_mm, o.cell_per_resolution,
-                     static_cast<int>(o.partition), o.moving, o.swept_sphere, o.sphere_mm, o.normals,
-                     o.spare_points, o.keep_order);
+  return fmt::format("points {:016x} {} {} {} {} {:a} {:a} {:a} {} {} {:a} {} {}", cloud::content_hash(cloud),
+                     cloud.size(), o.neighbours, o.complete_to_eight, static_cast<int>(o.box), o.box_mm,
+                     o.resolution_mm, o.cell_per_resolution, static_cast<int>(o.partition), o.swept_sphere,
+                     o.sphere_mm, o.normals, o.keep_order);
 }
 
 /// What this renderer's surface is at each place.
-Status prepare_surface(const ModelInput& input, const PointModelOptions& options, PointBody& body,
+Status prepare_surface(const ModelInput& input, const PointModelOptions& options, PointInstance& body,
                        PrepareReport& report) {
   const PointModel& points = *body.points;
   Result<SurfaceField> field = build_surface_field(input, order_of(points), report);
@@ -255,22 +243,19 @@ Status prepare_surface(const ModelInput& input, const PointModelOptions& options
 
 }  // namespace
 
-Result<PointBody> build_point_body(const ModelInput& input, const PointModelOptions& options,
-                                   const PrepareContext& context, PrepareReport& report) {
+Result<PointInstance> build_point_body(const ModelInput& input, const PointModelOptions& options,
+                                       const PrepareContext& context, PrepareReport& report) {
   PointModelOptions o = options;
   o.keep_order = varies(input.surface);
-  PointBody body;
+  PointInstance body;
   std::shared_ptr<PointModel> own;  // nobody else's, and not in the store
-  const bool shared = context.store != nullptr && !o.moving;
-  PrepareContext from = context;
-  if (!shared) from.store = nullptr;
-  Result<std::shared_ptr<const PointModel>> points = held_or_made<PointModel>(
-      from, report, [&] { return key_of(*input.cloud, o); },
+  Result<std::shared_ptr<const PointModel>> points = get_or_build<PointModel>(
+      context, report, [&] { return key_of(*input.cloud, o); },
       [&](PrepareReport& to) -> Result<std::shared_ptr<const PointModel>> {
         Result<PointModel> built = build_point_model(*input.cloud, o, context, to);
         if (!built) return std::move(built).error();
         auto made = std::make_shared<PointModel>(*std::move(built));
-        if (!shared) own = made;
+        if (context.store == nullptr) own = made;
         return std::shared_ptr<const PointModel>(std::move(made));
       });
   if (!points) return std::move(points).error();
@@ -278,7 +263,6 @@ Result<PointBody> build_point_body(const ModelInput& input, const PointModelOpti
   body.pose = ModelPose(input, body.points->origin_mm);
   PALPATE_TRY(prepare_surface(input, o, body, report));
   if (own != nullptr && o.keep_order) with_partition(*own, [](auto& p) { p.drop_order(); });
-  if (o.moving) body.moving = std::move(own);
   return body;
 }
 

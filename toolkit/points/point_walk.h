@@ -16,22 +16,22 @@ inline constexpr int kMaxWalkSteps = 64;
 
 /// The end of a walk, with what was seen around it: arrays by neighbour, so that loops over the eight
 /// vectorise.
-struct WalkEnd {
+struct WalkResult {
   std::uint32_t place = 0;
   double distance_sq_mm2 = 0.0;
-  double neighbour_sq_mm2[neighbourhood::kNeighbours];  ///< from the HIP to each neighbour of `place`
-  double x_mm[neighbourhood::kNeighbours], y_mm[neighbourhood::kNeighbours], z_mm[neighbourhood::kNeighbours];
+  double neighbour_sq_mm2[search::kNeighbours];  ///< from the HIP to each neighbour of `place`
+  double x_mm[search::kNeighbours], y_mm[search::kNeighbours], z_mm[search::kNeighbours];
 
-  void look_around(const PointModel& model, const Vec3& h) noexcept {
-    const neighbourhood::Neighbours& around = model.neighbours[place];
-    for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+  void load_neighbours(const PointModel& model, const Vec3& h) noexcept {
+    const search::Neighbours& around = model.neighbours[place];
+    for (std::size_t k = 0; k < search::kNeighbours; ++k) {
       const StoredPoint& p = model.points[around[k]];
       x_mm[k] = static_cast<double>(p.x_mm);
       y_mm[k] = static_cast<double>(p.y_mm);
       z_mm[k] = static_cast<double>(p.z_mm);
     }
     const double hx = h.x(), hy = h.y(), hz = h.z();
-    for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+    for (std::size_t k = 0; k < search::kNeighbours; ++k) {
       const double dx = x_mm[k] - hx, dy = y_mm[k] - hy, dz = z_mm[k] - hz;
       neighbour_sq_mm2[k] = dx * dx + dy * dy + dz * dz;
     }
@@ -51,21 +51,21 @@ struct WalkEnd {
   return (std::bit_cast<std::uint64_t>(square) & ~std::uint64_t{7}) | k;
 }
 inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
-static_assert(neighbourhood::kNeighbours == 8, "three bits name a neighbour");
+static_assert(search::kNeighbours == 8, "three bits name a neighbour");
 
 /// Steepest descent with strict decrease from `start` to a local minimum of the distance to `h`; ties go to
 /// the neighbour listed first. `moved(place)` is called for every move. `steps` counts down; at 0 the walk
 /// stops where it is. At most `steps` + 1 looks at eight neighbours.
 template <class Moved>
-[[nodiscard]] inline WalkEnd walk(const PointModel& model, std::uint32_t start, const Vec3& h, int& steps,
-                                  Moved&& moved) noexcept {
-  WalkEnd end;
+[[nodiscard]] inline WalkResult walk(const PointModel& model, std::uint32_t start, const Vec3& h, int& steps,
+                                     Moved&& moved) noexcept {
+  WalkResult end;
   end.place = start;
   end.distance_sq_mm2 = distance_sq(model.points[start], h);
   while (true) {
-    end.look_around(model, h);
+    end.load_neighbours(model, h);
     std::uint64_t least = kNoKey;
-    for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k)
+    for (std::size_t k = 0; k < search::kNeighbours; ++k)
       least = std::min(least, order_key(end.neighbour_sq_mm2[k], k));
     const std::size_t best = least & 7u;
     if (!(end.neighbour_sq_mm2[best] < end.distance_sq_mm2) || steps <= 0) return end;
@@ -80,10 +80,10 @@ template <class Moved>
 struct NearestTwo {
   std::uint32_t first, second;
 };
-[[nodiscard]] inline NearestTwo nearest_two(const PointModel& model, const WalkEnd& end) noexcept {
-  const neighbourhood::Neighbours& around = model.neighbours[end.place];
+[[nodiscard]] inline NearestTwo nearest_two(const PointModel& model, const WalkResult& end) noexcept {
+  const search::Neighbours& around = model.neighbours[end.place];
   std::uint64_t first = kNoKey, second = kNoKey;
-  for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+  for (std::size_t k = 0; k < search::kNeighbours; ++k) {
     const std::uint64_t key =
         around[k] == end.place ? kNoKey : order_key(end.neighbour_sq_mm2[k], k);  // itself: no neighbour
     second = std::min(second, std::max(first, key));

@@ -1,4 +1,4 @@
-#include "toolkit/render/capabilities.h"
+#include <palpate/registry.h>
 
 #include <array>
 #include <utility>
@@ -18,7 +18,7 @@ constexpr std::array<std::pair<Feature, const char*>, 9> kNames = {{
     {Feature::kJointContact, "joint contact"},
 }};
 
-Features asked_by(const ModelInput& model) {
+Features features_required_by(const ModelInput& model) {
   const surface::Surface& s = model.surface;
   const surface::PointProperties* const p = s.per_point.get();
   Features asked;
@@ -54,10 +54,10 @@ std::vector<std::string> names_of(Features features) {
   return names;
 }
 
-Features asked_by(const SceneInput& scene) {
+Features features_required_by(const SceneInput& scene) {
   Features asked;
   if (scene.models.size() > 1) asked |= Feature::kManyModels;
-  for (const ModelInput& model : scene.models) asked |= asked_by(model);
+  for (const ModelInput& model : scene.models) asked |= features_required_by(model);
   return asked;
 }
 

@@ -1,19 +1,19 @@
-#include "toolkit/render/decision.h"
+#include <palpate/decision.h>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "toolkit/render/renderer.h"
+#include <palpate/renderer.h>
 
 namespace palpate::render {
 namespace {
 
-/// The broad phase and the loop over models, in each frame: feature_cost.
+/// Cost of broad phase and model loop in each frame, from feature_cost.
 constexpr double kManyUs = 0.02;
 
-bool gives_way(const ModelInput& model) {
+bool can_deform(const ModelInput& model) {
   return model.surface.dent.any() || model.moves != nullptr;
 }
 
@@ -30,30 +30,31 @@ Decision broad_phase_decision(const SceneInput& scene, const SceneDecision& deci
   return {"broad phase", "none", what + ": this renderer looks at every one in every frame"};
 }
 
-/// The sum, or nothing where a part is not known.
+/// The sum, or nothing if a part is unknown.
 std::optional<double> plus(const std::optional<double>& a, const std::optional<double>& b) {
   return a && b ? std::optional<double>(*a + *b) : std::nullopt;
 }
 
 }  // namespace
 
-SceneDecision decide_scene(const SceneInput& scene, const FrameKind& kind, Combine combine) {
+SceneDecision decide_scene(const SceneInput& scene, const LocalModelTraits& kind,
+                           ContactCombination combine) {
   SceneDecision decided;
   decided.many = scene.models.size() > 1 ||
                  std::any_of(scene.models.begin(), scene.models.end(), [&](const auto& model) {
-                   return model.motion != nullptr || (kind.changes && gives_way(model));
+                   return model.motion != nullptr || (kind.changes && can_deform(model));
                  });
   decided.broad_phase = decided.many && kind.boxed;
-  decided.combine = kind.sums ? Combine::kSum : combine;
+  decided.combine = kind.sums ? ContactCombination::kSum : combine;
   decided.force_limit_n = scene.force_limit_n;
   return decided;
 }
 
-void say_scene(const SceneInput& scene, const SceneDecision& scene_decision, Decisions& decided) {
+void describe_scene(const SceneInput& scene, const SceneDecision& scene_decision, Decisions& decided) {
   decided.decisions.push_back(broad_phase_decision(scene, scene_decision));
   if (scene.models.size() > 1)
     decided.decisions.push_back(
-        scene_decision.combine == Combine::kSum
+        scene_decision.combine == ContactCombination::kSum
             ? Decision{"models touched at once", "sum", "each answers for itself, and the forces are added"}
             : Decision{"models touched at once", "joint", "one god object is held by all of them together"});
   decided.decisions.push_back(force_limit_decision(scene_decision.force_limit_n));
@@ -75,7 +76,7 @@ Decision force_limit_decision(double force_limit_n) {
   return {"force limit", "none", "the scene sets none; a device has its own"};
 }
 
-std::string note_of(const Decision& decision) {
+std::string note_text(const Decision& decision) {
   return fmt::format("{}: {}, {}", decision.about, decision.choice, decision.reason);
 }
 

@@ -1,6 +1,6 @@
-// Several models touched at once: the god object is the place nearest to the HIP that is outside of all of
-// them (the thesis does not say how contacts combine, section 3.3). Each contact becomes its share of the way
-// there, along its own surface's normal, and answers for itself.
+// Contact with several models at once: the god object is the place outside all of them that is nearest to the
+// HIP. (The thesis does not say how contacts combine, section 3.3.) Each contact gets its share of the pull
+// along its own normal and responds by itself.
 #pragma once
 
 #include <algorithm>
@@ -9,35 +9,34 @@
 #include <span>
 #include <utility>
 
+#include <palpate/renderer.h>
 #include "toolkit/core/tolerances.h"
-#include "toolkit/geometry/half_spaces.h"
+#include "toolkit/geometry/half_space_projection.h"
 #include "toolkit/render/model_pose.h"
-#include "toolkit/render/renderer.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
 
-/// Models that are answered together in one frame; of more the deepest, see Touches.
-inline constexpr std::size_t kMaxTouched = geometry::kMaxHalfSpaces;
-/// Times the planes of models touched together are looked up where the last solution lies: surfaces are not
-/// planes, and each time the error that is left is about squared.
-inline constexpr int kJointRounds = 3;
-/// Planes of one touch, at most: of a corner's facets many may lie in one plane, and none of them may take
-/// the place of another touch's.
-inline constexpr std::size_t kMaxPlanesATouch = 16;
-/// Violation of a plane that rounding may leave, as a share of the coordinates.
+/// Models answered together in one frame; with more, the deepest ones (see Touches).
+inline constexpr std::size_t kMaxTouched = geometry::kMaxEnumeratedHalfSpaces;
+/// Rounds of planes taken at the last solution. Surfaces are curved; each round about squares the remaining
+/// error.
+inline constexpr int kJointIterations = 3;
+/// Most planes of one touch. A corner may have many facets in one plane; the bound protects the other
+/// touches' planes.
+inline constexpr std::size_t kMaxPlanesPerTouch = 16;
+/// Allowed violation of a plane by rounding, as a share of the coordinates.
 inline constexpr double kJointSlack = 64.0 * kUnitRoundoff;
 
-/// The touches of one frame. Where more models are touched than are answered together, the deepest are: they
-/// push most, and on the way in a model begins with nothing. Of equally deep ones the first stay. Touch:
-/// SurfaceContact contact.
+/// The touches of one frame. When they are too many it keeps the deepest, which push most; a model just
+/// touched starts at zero depth. Ties keep the earlier ones. Touch: SurfaceContact contact.
 template <class Touch>
 class Touches {
  public:
   void clear() noexcept { size_ = 0; }
-  /// What the next touch is read into.
+  /// The slot for the next touch.
   [[nodiscard]] Touch& next() noexcept { return touch_[size_]; }
-  /// Takes next() up. False where one had to be left out: that one is next() then.
+  /// Keeps next(). False if one touch was dropped, which is then in next().
   [[nodiscard]] bool keep() noexcept {
     if (size_ < kMaxTouched) {
       ++size_;
@@ -58,8 +57,7 @@ class Touches {
   std::size_t size_ = 0;
 };
 
-/// The planes of one round, world frame, each with the touch it belongs to. Of too many of one touch the
-/// first stay.
+/// The planes of one round, world frame, with their touch. Planes beyond a touch's bound are dropped.
 class JointPlanes {
  public:
   void clear() noexcept { size_ = begin_ = 0; }
@@ -68,7 +66,7 @@ class JointPlanes {
     begin_ = size_;
   }
   void add(const geometry::HalfSpace& plane) noexcept {
-    if (size_ - begin_ == kMaxPlanesATouch || size_ == plane_.size()) return;
+    if (size_ - begin_ == kMaxPlanesPerTouch || size_ == plane_.size()) return;
     owner_[size_] = touch_;
     plane_[size_++] = plane;
   }
@@ -78,32 +76,32 @@ class JointPlanes {
   [[nodiscard]] std::size_t owner(std::size_t i) const noexcept { return owner_[i]; }
 
  private:
-  static constexpr std::size_t kMost = kMaxTouched * kMaxPlanesATouch;
-  static_assert(kMost <= geometry::kMostHalfSpaces);
-  std::array<geometry::HalfSpace, kMost> plane_;
-  std::array<std::size_t, kMost> owner_{};
+  static constexpr std::size_t kMaxPlanes = kMaxTouched * kMaxPlanesPerTouch;
+  static_assert(kMaxPlanes <= geometry::kHalfSpaceLimit);
+  std::array<geometry::HalfSpace, kMaxPlanes> plane_;
+  std::array<std::size_t, kMaxPlanes> owner_{};
   std::size_t size_ = 0, begin_ = 0;
   std::size_t touch_ = 0;
 };
 
-/// Touch: SurfaceContact contact (local), const ModelPose& pose(). planes_near(touch, at, planes): adds the
-/// planes (world) of the touched surface near `at` (world). `skin_mm`: the planes hold the centre of a sphere
-/// of that radius, whose skin is the tip; the god object is then so much nearer to the HIP. Returns the place
-/// that the planes hold. Allocates nothing.
+/// Solves for the god object that all planes hold, and returns it. Touch: SurfaceContact contact (local),
+/// const ModelPose& pose(). planes_near(touch, at, planes) adds the touched surface's planes (world) near
+/// `at` (world). With `skin_mm` the planes hold the centre of a sphere of that radius whose skin is the tip;
+/// the god object is nearer to the HIP by that much. Allocates nothing.
 template <class Touch, class PlanesNear>
 Vec3 constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&& planes_near,
                        double skin_mm = 0.0) noexcept {
   JointPlanes planes;
   const double slack = kJointSlack * (hip_mm.cwiseAbs().maxCoeff() + touches.front().contact.pull.norm());
   Vec3 at = hip_mm;
-  geometry::NearestAllowed found;
-  for (int round = 0; round < kJointRounds; ++round) {
+  geometry::NearestFeasible found;
+  for (int round = 0; round < kJointIterations; ++round) {
     planes.clear();
     for (std::size_t i = 0; i < touches.size(); ++i) {
       planes.begin(i);
       planes_near(touches[i], at, planes);
     }
-    found = geometry::nearest_allowed(planes.planes(), hip_mm, slack);
+    found = geometry::nearest_feasible(planes.planes(), hip_mm, slack);
     at = found.point;
   }
   const Vec3 held = at;
@@ -125,16 +123,16 @@ Vec3 constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&
   return held;
 }
 
-/// The sum of what the touches answer; the god object that of the strongest, moved by what all of them move
-/// it aside. respond(touch): its SurfaceAnswer, local. Touch as above, with std::int32_t model.
+/// Sums the responses. The god object is that of the strongest touch, shifted by the sum of all shifts.
+/// respond(touch): its SurfaceResponse, local. Touch as above, with std::int32_t model.
 template <class Touch, class Respond>
-void add_up(std::span<Touch> touches, Respond&& respond, Frame& frame) noexcept {
+void sum_responses(std::span<Touch> touches, Respond&& respond, Frame& frame) noexcept {
   Vec3 force = Vec3::Zero(), aside = Vec3::Zero();
   double strongest = -1.0;
   Vec3 god_object = frame.god_object_mm;
   for (Touch& touch : touches) {
     const ModelPose& pose = touch.pose();
-    const SurfaceAnswer answer = respond(touch);
+    const SurfaceResponse answer = respond(touch);
     force += pose.direction_to_world(answer.force_n);
     const Vec3 target = touch.contact.hip + touch.contact.pull;
     aside += pose.direction_to_world(answer.god_object_mm - target);

@@ -1,18 +1,18 @@
-// Where a model stands in the world, and the coordinates its renderer computes in: the model's own, relative
-// to an origin near its points, so that a model far from the world's origin loses no digits.
+// A model's pose and local coordinates: model frame, relative to an origin near its points, so a model far
+// from the world's origin keeps full precision.
 #pragma once
 
 #include <memory>
 
-#include "toolkit/geometry/rigid_transform.h"
-#include "toolkit/render/motion.h"
-#include "toolkit/render/renderer.h"
+#include <palpate/motion.h>
+#include <palpate/renderer.h>
+#include <palpate/rigid_transform.h>
 
 namespace palpate::render {
 
-/// Belongs to one thread. A model that is not turned or shifted costs no transform.
+/// Belongs to one thread. A model at the identity costs no transform.
 struct ModelPose {
-  Vec3 origin_mm = Vec3::Zero();  ///< of the local coordinates, model frame
+  Vec3 origin_mm = Vec3::Zero();  ///< origin of the local coordinates, model frame
   geometry::RigidTransform world_from_model;
   geometry::RigidTransform model_from_world;
   bool moved = false;                   ///< world_from_model is not the identity
@@ -26,13 +26,13 @@ struct ModelPose {
         moved(!input.world_from_model.is_identity()),
         motion(input.motion) {}
 
-  /// The pose of this instant. Section 3.3.1: the HIP is taken into the model's frame, so that a model that
-  /// moves on to a resting HIP meets it. Wait-free.
+  /// Takes the current pose. Frames transform the HIP into the model's frame (section 3.3.1), so a model that
+  /// moves onto a resting HIP meets it. Wait-free.
   void take(double now_s) noexcept {
     if (motion != nullptr) take_from(*motion, now_s);
   }
-  // Written into the frame: a call, or a choice between two places, would send each vector through memory in
-  // halves, and what reads it whole would wait for both.
+  // Inlined: a call or a select would pass each vector through memory in halves and stall the full-width
+  // load.
   [[nodiscard, gnu::always_inline]] Vec3 to_local(const Vec3& world_mm) const noexcept {
     Vec3 at = world_mm;
     if (moved) [[unlikely]]
@@ -59,7 +59,7 @@ struct ModelPose {
   }
 
  private:
-  // Out of the way of models at rest: a call here would cost their frames registers.
+  // Not inlined: it would cost registers in frames of resting models.
   [[gnu::noinline]] void take_from(MovingModel& moving, double now_s) noexcept {
     world_from_model = moving.newest().at(now_s);
     model_from_world = world_from_model.inverse();

@@ -1,4 +1,4 @@
-#include "toolkit/render/model_store.h"
+#include <palpate/model_store.h>
 
 #include <fmt/format.h>
 
@@ -8,8 +8,8 @@ namespace palpate::render {
 
 namespace {
 
-/// What a person should know of it, whoever prepared it.
-void tell(const PrepareReport& of, PrepareReport& to) {
+/// Findings for the user, whoever prepared the data.
+void add_to_report(const PrepareReport& of, PrepareReport& to) {
   to.bytes += of.bytes;
   to.notes.insert(to.notes.end(), of.notes.begin(), of.notes.end());
   to.warnings.insert(to.warnings.end(), of.warnings.begin(), of.warnings.end());
@@ -22,14 +22,14 @@ std::shared_ptr<const void> ModelStore::find(const std::string& key, PrepareRepo
   const auto found = held_.find(key);
   std::shared_ptr<const void> geometry = found == held_.end() ? nullptr : found->second.geometry.lock();
   if (geometry == nullptr) return nullptr;
-  tell(found->second.report, report);
+  add_to_report(found->second.report, report);
   report.shared_bytes += found->second.report.bytes;
   return geometry;
 }
 
 void ModelStore::keep(const std::string& key, const std::shared_ptr<const void>& geometry, PrepareReport own,
                       PrepareReport& report) {
-  tell(own, report);
+  add_to_report(own, report);
   report.total_ms += own.total_ms;
   report.phases.insert(report.phases.end(), own.phases.begin(), own.phases.end());
   held_[key] = {geometry, std::move(own)};

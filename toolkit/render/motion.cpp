@@ -1,13 +1,13 @@
-#include "toolkit/render/motion.h"
+#include <palpate/motion.h>
 
 #include <algorithm>
 
 namespace palpate::render {
 namespace {
 
-/// Poses of one course, each worked out from its beginning, agree to some roundings of their coordinates;
-/// this is a million of those, and a thousandth of what a list of near models has to spare.
-constexpr double kSameCourse = 1e-9;
+/// Poses of one course, each computed from its start, agree to a few roundings. This tolerance is a million
+/// roundings and a thousandth of a near list's margin.
+constexpr double kSameMotion = 1e-9;
 
 }  // namespace
 
@@ -17,8 +17,8 @@ bool MovingModel::continues(const PoseState& before, const PoseState& now) noexc
   const double size = a.norm() + b.norm() + now.about_mm.norm();
   return before.velocity_mm_s == now.velocity_mm_s &&
          before.angular_velocity_rad_s == now.angular_velocity_rad_s &&
-         (a - b).norm() <= kSameCourse * size &&
-         std::abs(there.rotation.dot(now.world_from_model.rotation)) >= 1.0 - kSameCourse;
+         (a - b).norm() <= kSameMotion * size &&
+         std::abs(there.rotation.dot(now.world_from_model.rotation)) >= 1.0 - kSameMotion;
 }
 
 PoseState ScriptedMotion::at(double t_s) const noexcept {
@@ -41,7 +41,7 @@ PoseState ScriptedMotion::at(double t_s) const noexcept {
 }
 
 std::shared_ptr<MovingModel> ScriptedSimulation::add(const ScriptedMotion& motion) {
-  parts_.push_back({motion, std::make_shared<MovingModel>(motion.at(0.0), courses_)});
+  parts_.push_back({motion, std::make_shared<MovingModel>(motion.at(0.0), motion_version_)});
   return parts_.back().model;
 }
 

@@ -1,5 +1,5 @@
-// Which of a scene's models a frame looks at: those that the broad phase names near the HIP, those that
-// are touched, and those that do not keep to the box that it knows.
+// Selects the models that a frame processes: those that the broad phase reports near the HIP, those in
+// contact, and those outside their known box.
 #pragma once
 
 #include <algorithm>
@@ -10,33 +10,33 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/render/scene_boxes.h"
+#include "toolkit/render/scene_broad_phase.h"
 
 namespace palpate::render {
 
-/// An answer of the broad phase holds for so long where models move: 50 times a second it is asked again.
-inline constexpr double kHorizonS = 0.02;
+/// Validity of a broad-phase answer when models move: it is renewed 50 times a second.
+inline constexpr double kBroadPhaseHorizonS = 0.02;
 
-/// Only build() allocates. Belongs to the thread of the frames.
+/// Only build() allocates. Belongs to the frame thread.
 class NearModels {
  public:
   void build(std::vector<ModelBox> boxes) {
     const std::size_t count = boxes.size();
-    boxes_ = std::make_unique<SceneBoxes>(std::move(boxes), kHorizonS);
+    boxes_ = std::make_unique<SceneBroadPhase>(std::move(boxes), kBroadPhaseHorizonS);
     near_.reserve(count);
-    former_.reserve(count);
-    met_.reserve(count);
+    previous_list_.reserve(count);
+    candidates_.reserve(count);
     listed_.assign(count, 0);
     always_.reserve(count);
     always_.clear();
-    built_always_ = 0;
+    built_always_count_ = 0;
   }
-  /// Before the first reset(): model i is looked at in every frame, however far its prepared box is.
-  void always_near(std::uint32_t index) {
+  /// Before the first reset(): model i is processed in every frame, however far its prepared box is.
+  void mark_always_near(std::uint32_t index) {
     keep_near(index);
-    built_always_ = always_.size();
+    built_always_count_ = always_.size();
   }
-  /// The same from now to the next reset(): its points have left the box.
+  /// The same until the next reset(), for a model whose points left its box.
   void keep_near(std::uint32_t index) noexcept {
     if (std::find(always_.begin(), always_.end(), index) == always_.end()) always_.push_back(index);
   }
@@ -45,29 +45,29 @@ class NearModels {
     return boxes_ == nullptr ? 0 : boxes_->bytes() + listed_.capacity() * sizeof(listed_[0]);
   }
 
-  /// Enter: see choose(). The HIP is free at `hip_mm` at `t_s`.
+  /// The HIP is free at `hip_mm` at `t_s`. Enter: see choose().
   template <class Enter>
   void restart(const Vec3& hip_mm, double t_s, Enter&& enter) noexcept {
     previous_ = hip_mm;
     previous_s_ = t_s;
     if (boxes_ == nullptr) return;
-    lists_ = 1;
+    list_count_ = 1;
     near_.clear();
-    always_.resize(built_always_);
+    always_.resize(built_always_count_);
     listed_.assign(listed_.size(), 0);
     ask(hip_mm, hip_mm, t_s, enter, [](std::uint32_t) { return false; });
   }
-  /// The HIP goes on from `hip_mm`; every model's contact has been told so.
-  void let_go(const Vec3& hip_mm) noexcept { previous_ = hip_mm; }
+  /// The HIP continues from `hip_mm`; all contacts were released there.
+  void release_contact(const Vec3& hip_mm) noexcept { previous_ = hip_mm; }
 
-  /// Before a frame at `hip_mm`. enter(i, hip, t): model i comes near, and was clear of the HIP up to there
-  /// and then; touching(i): it is in contact, and stays however far the HIP has gone through it. O(log n +
-  /// models listed): of a HIP that jumps, those on its way.
+  /// Before a frame at `hip_mm`. enter(i, hip, t): model i comes near and was outside contact until then;
+  /// touching(i): it is in contact and stays, however far the HIP went through it. O(log n + models listed);
+  /// a jumping HIP lists the models on its way.
   template <class Enter, class Touching>
   void choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
     const NearbyModels& near = boxes_->newest();
-    // A model that took another course since may be anywhere near the HIP: the answer is dropped.
-    if (!once_ && near.courses == boxes_->courses() && near.covers(previous_, now_s) &&
+    // A model that changed its motion may be anywhere, so the answer is dropped.
+    if (!single_frame_ && near.motion_version == boxes_->motion_version() && near.covers(previous_, now_s) &&
         near.covers(hip_mm, now_s))
       return;
     ask(previous_, hip_mm, now_s, enter, touching);
@@ -80,57 +80,56 @@ class NearModels {
   }
 
  private:
-  /// What lay along a jump is no neighbour afterwards, and the box around it holds models
-  /// that are nowhere near: of a jump those on the way are listed, for this one frame.
+  /// Models on a jump's way are listed for this frame only: they are not neighbours of its end.
   template <class Enter, class Touching>
   void ask(const Vec3& from_mm, const Vec3& to_mm, double now_s, Enter&& enter,
            Touching&& touching) noexcept {
-    once_ = boxes_->is_jump(from_mm, to_mm);
-    if (once_) {
+    single_frame_ = boxes_->is_jump(from_mm, to_mm);
+    if (single_frame_) {
       boxes_->move_to(now_s);
-      boxes_->on_way(from_mm, to_mm, met_);
-      list(met_, enter, touching);
+      boxes_->along_segment(from_mm, to_mm, candidates_);
+      list(candidates_, enter, touching);
       return;
     }
     boxes_->run(now_s, from_mm, to_mm);
     take_answer(boxes_->newest(), enter, touching);
   }
-  /// Takes over an answer of the broad phase. Of too many models the boxes tell.
+  /// Takes over a broad-phase answer; falls back to the boxes when it overflows.
   template <class Enter, class Touching>
   void take_answer(const NearbyModels& found, Enter&& enter, Touching&& touching) noexcept {
     if (!found.too_many) {
       list({found.model.data(), found.count}, enter, touching);
       return;
     }
-    boxes_->within(found.valid, met_);
-    list(met_, enter, touching);
+    boxes_->within(found.valid, candidates_);
+    list(candidates_, enter, touching);
   }
   template <class Enter, class Touching>
   void list(std::span<const std::uint32_t> named, Enter&& enter, Touching&& touching) noexcept {
-    ++lists_;
-    former_.swap(near_);
+    ++list_count_;
+    previous_list_.swap(near_);
     near_.clear();
     const auto take = [&](std::uint32_t index) {
-      if (listed_[index] + 1 != lists_) enter(index, previous_, previous_s_);
-      listed_[index] = lists_;
+      if (listed_[index] + 1 != list_count_) enter(index, previous_, previous_s_);
+      listed_[index] = list_count_;
       near_.push_back(index);
     };
     for (const std::uint32_t index : named) take(index);
-    for (const std::uint32_t index : former_)
-      if (touching(index) && listed_[index] != lists_) take(index);
+    for (const std::uint32_t index : previous_list_)
+      if (touching(index) && listed_[index] != list_count_) take(index);
     for (const std::uint32_t index : always_)
-      if (listed_[index] != lists_) take(index);
+      if (listed_[index] != list_count_) take(index);
   }
 
-  std::unique_ptr<SceneBoxes> boxes_;
-  std::vector<std::uint32_t> near_, former_;  ///< models looked at, and before; room for all
-  std::vector<std::uint32_t> met_;            ///< what the boxes told last, where they tell; room for all
-  std::vector<std::uint64_t> listed_;         ///< the last answer of the broad phase that named a model
-  std::vector<std::uint32_t> always_;         ///< models near wherever the HIP is; room for all
-  std::size_t built_always_ = 0;              ///< so many of them from the start
-  std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
-  bool once_ = false;                         ///< near_ is good for the frame it was made for alone
-  Vec3 previous_ = Vec3::Zero();              ///< the HIP of the last frame, world
+  std::unique_ptr<SceneBroadPhase> boxes_;
+  std::vector<std::uint32_t> near_, previous_list_;  ///< current and previous models; room for all
+  std::vector<std::uint32_t> candidates_;            ///< last candidates from the boxes; room for all
+  std::vector<std::uint64_t> listed_;   ///< per model: the last broad-phase answer that listed it
+  std::vector<std::uint32_t> always_;   ///< models processed everywhere; room for all
+  std::size_t built_always_count_ = 0;  ///< number of these at build
+  std::uint64_t list_count_ = 1;        ///< broad-phase answers taken over; 1 = none
+  bool single_frame_ = false;           ///< near_ holds for its own frame only
+  Vec3 previous_ = Vec3::Zero();        ///< last HIP, world
   double previous_s_ = 0.0;
 };
 

@@ -1,17 +1,17 @@
-// Fills in the phases of a preparation's report while they run.
+// Records the phases of a preparation in its report.
 #pragma once
 
 #include <string>
 #include <utility>
 
-#include "toolkit/core/clock.h"
-#include "toolkit/core/progress.h"
-#include "toolkit/render/renderer.h"
+#include <palpate/clock.h>
+#include <palpate/progress.h>
+#include <palpate/renderer.h>
 
 namespace palpate::render {
 
-/// begin(name), the work, end(): one phase. A phase that fails is left without end(). Belongs to one thread;
-/// the report and the context must outlive it.
+/// begin(name), the work, end() make one phase; a failing phase omits end(). Belongs to one thread; the
+/// report and context must outlive it.
 class PreparePhases {
  public:
   PreparePhases(PrepareReport& report, const PrepareContext& context) noexcept
@@ -22,7 +22,7 @@ class PreparePhases {
     watch_.restart();
   }
   void end() { add({name_, watch_.ms()}); }
-  /// A phase that was timed elsewhere.
+  /// Adds a phase timed elsewhere.
   void add(PreparePhase phase) {
     report_.total_ms += phase.ms;
     report_.phases.push_back(std::move(phase));

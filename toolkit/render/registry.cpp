@@ -1,4 +1,4 @@
-#include "toolkit/render/registry.h"
+#include <palpate/registry.h>
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 
 namespace palpate::render {
 
-std::vector<std::string> left_out(const RendererInfo& info, const SceneInput& scene) {
+std::vector<std::string> unsupported_features(const RendererInfo& info, const SceneInput& scene) {
   std::vector<std::string> sentences;
-  for (const std::string& name : names_of(asked_by(scene).without(info.supports)))
+  for (const std::string& name : names_of(features_required_by(scene).without(info.supports)))
     sentences.push_back(
         fmt::format("{} renders no {}: what the scene says of it is left out.", info.name, name));
   return sentences;
@@ -38,7 +38,7 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
 }
 
 Status Registry::check_supports(const RendererInfo& info, const SceneInput& scene) const {
-  const Features asked = asked_by(scene), missing = asked.without(info.supports);
+  const Features asked = features_required_by(scene), missing = asked.without(info.supports);
   if (missing.empty()) return Done{};
   std::string able;
   for (const RendererInfo& r : renderers_)

@@ -1,6 +1,9 @@
-// Force shading over three points: section 3.4 of the thesis, as printed and made right.
+// Force shading over three points (section 3.4): as printed, and corrected.
 #pragma once
 
+#include <palpate/decision.h>
+#include <palpate/options.h>
+#include <palpate/vec.h>
 #include <Eigen/Geometry>  // cross products
 #include <algorithm>
 #include <cmath>
@@ -8,23 +11,19 @@
 #include <string>
 #include <string_view>
 
-#include "toolkit/core/options.h"
-#include "toolkit/core/vec.h"
-
 namespace palpate::render {
 
 enum class Shading : std::uint8_t {
   kNone,
-  kAreaRaw,        ///< areas opposite each point, formed with the HIP itself
-  kAreaProjected,  ///< areas formed with the HIP's projection on the triangle's plane
-  kFacet,  ///< the plane of the three points: signed areas, exact on a plane wherever the projection falls
-           ///< (ours)
+  kAreaRaw,        ///< opposite areas, formed with the HIP itself
+  kAreaProjected,  ///< areas formed with the HIP's projection onto the triangle's plane
+  kFacet,  ///< signed areas in the points' plane; exact on a plane wherever the projection falls (ours)
   kLengthPrinted,     ///< lengths as printed: the weights sum to 2
-  kLengthNormalised,  ///< the same divided by 2
+  kLengthNormalised,  ///< the same, divided by 2
 };
 
-/// The option `shading` of every renderer that shades over three points; the first choice, auto, is each
-/// one's own.
+/// The option `shading` of renderers that shade over three points. Each renderer resolves its first choice,
+/// auto.
 [[nodiscard]] inline OptionSpec shading_spec(std::string help) {
   return {"shading",
           OptionKind::kChoice,
@@ -32,7 +31,7 @@ enum class Shading : std::uint8_t {
           std::move(help),
           {"auto", "none", "area-raw", "area-projected", "facet", "length-printed", "length-normalised"}};
 }
-/// A choice of shading_spec() other than auto.
+/// Parses a choice other than auto.
 [[nodiscard]] inline Shading parse_shading(std::string_view name) noexcept {
   if (name == "area-raw") return Shading::kAreaRaw;
   if (name == "area-projected") return Shading::kAreaProjected;
@@ -42,14 +41,14 @@ enum class Shading : std::uint8_t {
   return Shading::kNone;
 }
 
-/// A triangle whose doubled area is below this share of its longest edge squared has no usable plane: its
-/// normal would move by more than a degree (1/64) when a point moves by a hundredth of the edge.
+/// A triangle with doubled area below this share of its longest edge squared has no usable plane: moving a
+/// point by a hundredth of the edge would turn its normal by more than a degree (1/64).
 inline constexpr double kSliverShare = 1.0 / 64.0;
 
-/// The plane of three points.
+/// The plane through three points.
 struct FacetPlane {
   Vec3 scaled_normal = Vec3::Zero();  ///< (b - a) x (c - a)
-  double area_sq = 0.0;               ///< its squared length
+  double area_sq = 0.0;               ///< squared length of scaled_normal
   bool usable = false;                ///< false: a sliver
 };
 [[nodiscard, gnu::always_inline]] inline FacetPlane facet_plane(const Vec3& a, const Vec3& b,
@@ -63,9 +62,8 @@ struct FacetPlane {
   return plane;
 }
 
-/// The shaded vector from the HIP `h` to the surface through the god object `a` and its two neighbours `b`,
-/// `c` that are nearest to the HIP. Falls back to a - h (no shading) for slivers. Scale free, allocates
-/// nothing.
+/// The shaded vector from the HIP `h` to the surface, through the god object `a` and its two neighbours `b`,
+/// `c` nearest to the HIP. Slivers give a - h (no shading). Scale-free; allocates nothing.
 [[nodiscard]] inline Vec3 shaded_vector(Shading shading, const Vec3& h, const Vec3& a, const Vec3& b,
                                         const Vec3& c) noexcept {
   const Vec3 fa = a - h, fb = b - h, fc = c - h;
@@ -87,7 +85,7 @@ struct FacetPlane {
     wb = fc.cross(fa).norm();
     wc = fa.cross(fb).norm();
   } else {
-    // Vectors from the projection: the part of each along the normal taken off.
+    // Removes the normal part, which gives vectors from the projection.
     const Vec3 off = fa.dot(normal) * normal;
     const Vec3 pa = fa - off, pb = fb - off, pc = fc - off;
     wa = pb.cross(pc).norm();
@@ -98,5 +96,16 @@ struct FacetPlane {
   if (!(sum > 0.0)) return fa;
   return (wa * fa + wb * fb + wc * fc) / sum;
 }
+
+struct ShadingDecision {
+  Shading shading = Shading::kNone;
+  Decision explanation;
+};
+
+/// The decision for a choice other than `auto`.
+[[nodiscard]] ShadingDecision given_shading(const std::string& choice);
+
+/// As printed (section 3.4): by area above a resolution of 0.2 mm.
+[[nodiscard]] ShadingDecision decide_literal_shading(const std::string& choice, double resolution_mm);
 
 }  // namespace palpate::render

@@ -7,7 +7,7 @@
 #include <queue>
 #include <vector>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
 
 namespace palpate::render {
 namespace {
@@ -69,13 +69,13 @@ Status check_lengths(const surface::PointProperties& p, std::size_t n) {
   return Done{};
 }
 
-/// The surface at one of the cloud's points, of a model with properties that vary.
+/// The surface at one cloud point of a model with varying properties.
 surface::Surface surface_at(const surface::Surface& whole, std::size_t i) {
   const surface::PointProperties& p = *whole.per_point;
   surface::Surface s = whole;
   if (!p.stiffness_n_per_mm.empty()) s.stiffness_n_per_mm = static_cast<double>(p.stiffness_n_per_mm[i]);
   if (!p.static_friction.empty()) s.friction.static_coefficient = static_cast<double>(p.static_friction[i]);
-  // One coefficient alone means both.
+  // A single coefficient serves as both.
   if (!p.dynamic_friction.empty())
     s.friction.dynamic_coefficient = static_cast<double>(p.dynamic_friction[i]);
   else if (!p.static_friction.empty())
@@ -88,23 +88,22 @@ double felt_stiffness(const surface::Surface& s) {
   return s.stiffness_n_per_mm * (1.0 - s.deformation);
 }
 
-/// Frames in contact with a stage less those without, feature_cost; they say what to expect, nothing rests
-/// on them.
+/// Extra time of contact frames with each stage (feature_cost); estimates for reports only.
 constexpr double kFrictionUs = 0.05, kVariedUs = 0.02, kTextureUs = 0.11;
 
-/// One property that may be absent, uniform or per point.
+/// One optional property, uniform or per point.
 Decision property(const char* name, bool any, bool per_point, std::string value, std::uint64_t places) {
   if (per_point)
     return {name, "per point",
             fmt::format("it differs from point to point: {} bytes for each of {}, for all that differs",
-                        sizeof(PlaceSurface), places)};
+                        sizeof(PointSurface), places)};
   if (any)
     return {name, "one value, " + std::move(value), "it is the same all over the model: no byte for it"};
   return {name, "none",
           "the scene asks for none: its stage is not in the frame function, and no byte is stored"};
 }
 
-Decision left_out_of(const char* name) {
+Decision left_out_decision(const char* name) {
   return {name, "left out", "the scene asks for it, and this renderer has none"};
 }
 
@@ -139,14 +138,14 @@ Result<SurfaceDecision> decide_surface(const ModelInput& model) {
   return decided;
 }
 
-void say_surface(const ModelInput& model, const SurfaceDecision& decision, Features felt,
-                 std::uint64_t places, ModelDecisions& out) {
+void describe_surface(const ModelInput& model, const SurfaceDecision& decision, Features felt,
+                      std::uint64_t places, ModelDecisions& out) {
   const surface::PointProperties* const p = model.surface.per_point.get();
   const bool varied = (decision.features & kVaried) != 0;
   const bool rubs = (decision.features & kFriction) != 0, textured = (decision.features & kTexture) != 0;
   out.decisions.push_back(
       rubs && !felt.has(Feature::kFriction)
-          ? left_out_of("friction")
+          ? left_out_decision("friction")
           : property("friction", rubs, rubs && p != nullptr && p->varies_friction(),
                      fmt::format("static {:.3g}, dynamic {:.3g}", decision.friction.static_coefficient,
                                  decision.friction.dynamic_coefficient),
@@ -155,12 +154,12 @@ void say_surface(const ModelInput& model, const SurfaceDecision& decision, Featu
                                    fmt::format("{:.3g} N/mm", decision.stiffness_n_per_mm), places));
   out.decisions.push_back(
       textured && !felt.has(Feature::kTexture)
-          ? left_out_of("texture")
+          ? left_out_decision("texture")
           : property("texture", textured, false,
                      fmt::format("{:.3g} mm deep over {:.3g} mm", decision.texture.depth_mm,
                                  decision.texture.wavelength_mm),
                      places));
-  if (varied) out.bytes += sizeof(PlaceSurface) * places;
+  if (varied) out.bytes += sizeof(PointSurface) * places;
   if (out.frame_us)
     *out.frame_us += (rubs && felt.has(Feature::kFriction) ? kFrictionUs : 0.0) + (varied ? kVariedUs : 0.0) +
                      (textured && felt.has(Feature::kTexture) ? kTextureUs : 0.0);
@@ -178,31 +177,31 @@ Result<SurfaceField> build_surface_field(const ModelInput& model, std::span<cons
   if (!decided) return decided.error();
   SurfaceField field = field_of(model.surface, *decided, report);
   if ((field.features & kVaried) == 0) return field;
-  field.of_place.resize(order.size());
+  field.by_point.resize(order.size());
   for (std::size_t place = 0; place < order.size(); ++place) {
     const surface::Surface s = surface_at(model.surface, order[place]);
-    field.of_place[place] = {static_cast<float>(felt_stiffness(s)),
+    field.by_point[place] = {static_cast<float>(felt_stiffness(s)),
                              static_cast<float>(s.friction.static_coefficient),
                              static_cast<float>(s.friction.dynamic_coefficient)};
   }
   return field;
 }
 
-std::size_t blend_stiffness(SurfaceField& field, std::span<const surface::SurfacePoint> points,
-                            std::span<const neighbourhood::Neighbours> neighbours, double blend_mm) {
-  if (field.of_place.empty() || !(blend_mm > 0.0)) return 0;
+std::size_t blend_stiffness(SurfaceField& field, std::span<const surface::OrientedPoint> points,
+                            std::span<const search::Neighbours> neighbours, double blend_mm) {
+  if (field.by_point.empty() || !(blend_mm > 0.0)) return 0;
   const auto stiffness = [&](std::size_t place) {
-    return static_cast<double>(field.of_place[place].stiffness_n_per_mm);
+    return static_cast<double>(field.by_point[place].stiffness_n_per_mm);
   };
-  const auto [least, most] = std::minmax_element(field.of_place.begin(), field.of_place.end(),
-                                                 [](const PlaceSurface& a, const PlaceSurface& b) {
+  const auto [least, most] = std::minmax_element(field.by_point.begin(), field.by_point.end(),
+                                                 [](const PointSurface& a, const PointSurface& b) {
                                                    return a.stiffness_n_per_mm < b.stiffness_n_per_mm;
                                                  });
   const double rise =
       (static_cast<double>(most->stiffness_n_per_mm) - static_cast<double>(least->stiffness_n_per_mm)) /
       blend_mm;
   if (!(rise > 0.0)) return 0;
-  // The softest first, as in Dijkstra's search: each point is final when it is taken.
+  // Softest first, as in Dijkstra's search: a point is final when taken.
   using Entry = std::pair<float, std::uint32_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
   const auto soften_around = [&](std::uint32_t place) {
@@ -210,8 +209,8 @@ std::size_t blend_stiffness(SurfaceField& field, std::span<const surface::Surfac
     for (const std::uint32_t other : neighbours[place]) {
       const double way = (points[other].at() - points[place].at()).norm();
       const auto limit = static_cast<float>(stiffness(place) + rise * way);
-      if (!(field.of_place[other].stiffness_n_per_mm > limit)) continue;
-      field.of_place[other].stiffness_n_per_mm = limit;
+      if (!(field.by_point[other].stiffness_n_per_mm > limit)) continue;
+      field.by_point[other].stiffness_n_per_mm = limit;
       queue.emplace(limit, other);
       ++softened;
     }
@@ -219,14 +218,14 @@ std::size_t blend_stiffness(SurfaceField& field, std::span<const surface::Surfac
   };
   std::vector<std::uint32_t> softest_first(points.size());
   for (std::uint32_t i = 0; i < softest_first.size(); ++i) softest_first[i] = i;
-  // Only borders start a search: a point that softens nobody is not queued.
+  // Only borders start a search; a point that softens no neighbour is not queued.
   for (const std::uint32_t place : softest_first) (void)soften_around(place);
   std::vector<bool> changed(points.size());
   std::size_t count = 0;
   while (!queue.empty()) {
     const auto [value, place] = queue.top();
     queue.pop();
-    if (value != field.of_place[place].stiffness_n_per_mm) continue;  // softened again since
+    if (value != field.by_point[place].stiffness_n_per_mm) continue;  // softened again later
     if (!changed[place]) {
       changed[place] = true;
       ++count;

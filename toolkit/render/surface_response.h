@@ -1,70 +1,70 @@
-// From a frictionless contact to the force of a surface with properties: texture, then friction, then
-// deformation, composed at compile time of what the scene asks for (sections 3.3.2, 3.5; the order is ours,
-// the literal forms have the thesis's). Shared by every other point, height-field and mesh renderer.
+// Turns a frictionless contact into the force of a surface with properties: texture, then friction, then
+// deformation, composed at compile time (sections 3.3.2, 3.5; the order is ours, the literal forms use the
+// thesis's). Shared by all point, height-field and mesh renderers but the literal ones.
 //
 // The contact is a pull from the HIP to the god object, of length d along the surface's normal.
-//   texture      carves the surface: d becomes d - r, and the carving's slope turns the force. Both together
-//                are the force of the potential k (d - r)^2 / 2, so a textured surface makes no energy.
-//   friction     Coulomb's cone (Harwin and Melder 2002) with an anchor on the surface: while the god object
-//                lies within static x d of the anchor it stays on it and cannot drift; else it slides at the
-//                dynamic coefficient, and sticks again only well inside the cone. The tangential force in
-//                slip is exactly dynamic x the normal one.
-//   deformation  makes the spring softer: figure 46's F_D = (1 - c) F_R. Where it varies along the surface,
-//                the force has the potential's second part, -q^2/2 grad k: moving on to a stiffer place costs
-//                the work that its spring then holds, instead of kicking (section 3.3.2.3).
+//   texture      carves the surface: d becomes d - r, and the carving's slope turns the force. Together they
+//                are the force of the potential k (d - r)^2 / 2, so texture creates no energy.
+//   friction     Coulomb's cone (Harwin and Melder 2002) with an anchor on the surface. The god object
+//                sticks without drift within static x d of the anchor, else slides at the dynamic
+//                coefficient, and sticks again only well inside the cone. In slip the tangential force is
+//                exactly dynamic x the normal force.
+//   deformation  softens the spring: figure 46's F_D = (1 - c) F_R. Where it varies along the surface the
+//                force has the potential's second part, -q^2/2 grad k: moving onto a stiffer place costs the
+//                work that its spring then stores, and does not kick (section 3.3.2.3).
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/core/vec.h"
+#include <palpate/vec.h>
 #include "toolkit/render/shading.h"
 #include "toolkit/render/surface_field.h"
 
 namespace palpate::render {
 
-/// A sliding contact sticks again when the tangential pull is below this share of the sliding one. The gap
-/// keeps noise of depth or position, which is a few per cent, from switching back and forth; CHAI3D uses the
-/// same share.
+/// A sliding contact sticks again below this share of the sliding pull. The gap stops noise of depth or
+/// position (a few per cent) from switching back and forth. CHAI3D uses the same share.
 inline constexpr double kStickShare = 0.6;
 
-/// A frictionless contact. In any one frame of reference, mm.
+/// A frictionless contact, in any frame of reference, mm.
 struct SurfaceContact {
   Vec3 hip = Vec3::Zero();
-  Vec3 pull = Vec3::Zero();  ///< to the god object, along the surface's outward normal
+  Vec3 pull = Vec3::Zero();  ///< to the god object, along the outward normal
   double stiffness_n_per_mm = 0.0;
   Vec3 stiffness_gradient = Vec3::Zero();  ///< along the surface, N/mm per mm; read with kVaried
   double static_friction = 0.0;            ///< read with kFriction
   double dynamic_friction = 0.0;
 };
 
-struct SurfaceAnswer {
+struct SurfaceResponse {
   Vec3 force_n = Vec3::Zero();
   Vec3 god_object_mm = Vec3::Zero();
 };
 
-/// What a surface remembers from frame to frame. Belongs to one thread.
+/// The friction state kept between frames. Belongs to one thread.
 class SurfaceState {
  public:
   /// The HIP is free.
   void release() noexcept { held_ = false; }
 
-  /// `texture_origin` is added to a place before the texture is looked up. Allocates nothing, O(1).
+  /// Computes the response. `texture_origin` is added to a place for the texture look-up. O(1), allocates
+  /// nothing.
   template <unsigned kFeatures>
-  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact, const surface::Texture& texture,
-                                      const Vec3& texture_origin) noexcept {
+  [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact, const surface::Texture& texture,
+                                        const Vec3& texture_origin) noexcept {
     if constexpr (kFeatures == 0)
       return {contact.stiffness_n_per_mm * contact.pull, contact.hip + contact.pull};
     Vec3 pull = contact.pull;   // becomes the normal part
-    Vec3 extra = Vec3::Zero();  // force beside the spring's, per stiffness
+    Vec3 extra = Vec3::Zero();  // force besides the spring's, per stiffness
     const double depth = pull.norm();
     const Vec3 target = contact.hip + pull;
     const Vec3 normal = depth > 0.0 ? Vec3(pull / depth) : Vec3(Vec3::Zero());
-    double reached = depth;  // into the carved surface
+    double reached = depth;  // depth into the carved surface
     if constexpr ((kFeatures & kTexture) != 0)
-      reached = carve(texture, target + texture_origin, normal, pull, extra);
+      reached = apply_texture(texture, target + texture_origin, normal, pull, extra);
     Vec3 tangential = Vec3::Zero();
-    if constexpr ((kFeatures & kFriction) != 0) tangential = rub(contact, target, normal, reached);
+    if constexpr ((kFeatures & kFriction) != 0) tangential = apply_friction(contact, target, normal, reached);
     const Vec3 spring = pull + tangential;
     Vec3 force = contact.stiffness_n_per_mm * (spring + extra);
     if constexpr ((kFeatures & kVaried) != 0)
@@ -72,12 +72,10 @@ class SurfaceState {
     return {force, contact.hip + spring};
   }
 
-  [[nodiscard]] bool sliding() const noexcept { return sliding_; }
-
  private:
-  /// Shortens the pull by the carving; returns the depth that is left.
-  static double carve(const surface::Texture& texture, const Vec3& place, const Vec3& normal, Vec3& pull,
-                      Vec3& extra) noexcept {
+  /// Shortens the pull by the carving; returns the remaining depth.
+  static double apply_texture(const surface::Texture& texture, const Vec3& place, const Vec3& normal,
+                              Vec3& pull, Vec3& extra) noexcept {
     const double depth = pull.norm();
     const surface::Relief relief = texture.at(place, normal);
     const Vec3 slope = relief.slope - normal * normal.dot(relief.slope);
@@ -98,7 +96,8 @@ class SurfaceState {
   }
 
   /// The tangential part of the pull.
-  Vec3 rub(const SurfaceContact& contact, const Vec3& target, const Vec3& normal, double depth) noexcept {
+  Vec3 apply_friction(const SurfaceContact& contact, const Vec3& target, const Vec3& normal,
+                      double depth) noexcept {
     if (!held_) {
       held_ = true;
       sliding_ = false;
@@ -123,11 +122,11 @@ class SurfaceState {
   bool sliding_ = false;
 };
 
-/// What `surface` asks for, chosen when called: for renderers that are not composed of templates themselves.
-/// Allocates nothing, O(1).
-[[nodiscard]] inline SurfaceAnswer respond_as_asked(SurfaceState& state, const SurfaceField& surface,
-                                                    const SurfaceContact& contact,
-                                                    const Vec3& texture_origin) noexcept {
+/// Dispatches on `surface`'s features at run time, for renderers that are not templates over them. O(1),
+/// allocates nothing.
+[[nodiscard]] inline SurfaceResponse respond_for_features(SurfaceState& state, const SurfaceField& surface,
+                                                          const SurfaceContact& contact,
+                                                          const Vec3& texture_origin) noexcept {
   static_assert(kSurfaceFeatures == 8);
   const surface::Texture& texture = surface.texture;
   switch (surface.features) {
@@ -150,7 +149,7 @@ class SurfaceState {
   }
 }
 
-/// A contact where the properties are the same everywhere.
+/// A contact with uniform properties.
 [[nodiscard]] inline SurfaceContact uniform_contact(const SurfaceField& surface, const Vec3& hip,
                                                     const Vec3& pull) noexcept {
   SurfaceContact contact;
@@ -162,7 +161,7 @@ class SurfaceState {
   return contact;
 }
 
-/// Stiffness at a place of a facet, and its gradient along it: linear between the corners.
+/// The stiffness at a place of a facet and its gradient along it, linear between the corners.
 struct FacetStiffness {
   double n_per_mm = 0.0;
   Vec3 gradient = Vec3::Zero();
@@ -175,7 +174,7 @@ struct FacetStiffness {
   const Vec3& n = plane.scaled_normal;
   const Vec3 gradient = ((kb - ka) * (c - a).cross(n) + (kc - ka) * n.cross(b - a)) / plane.area_sq;
   const double value = ka + gradient.dot(at - a);
-  // Beyond the facet's corners there is no more to tell than at them.
+  // Clamps to the corners' range beyond the facet.
   const double low = std::min({ka, kb, kc}), high = std::max({ka, kb, kc});
   if (value < low) return {low, Vec3::Zero()};
   if (value > high) return {high, Vec3::Zero()};

@@ -1,18 +1,17 @@
-// A renderer around another one, for what changes a part of what that does.
+// Base classes for a renderer around another, and for stubs.
 #pragma once
 
+#include <palpate/renderer.h>
 #include <memory>
 #include <utility>
 
-#include "toolkit/render/renderer.h"
-
 namespace palpate::render {
 
-/// Passes everything on but step(). Owns the inner renderer, or refers to one that outlives it.
+/// Forwards everything except step(). Owns the inner renderer, or refers to one that outlives it.
 class WrappedRenderer : public HapticRenderer {
  public:
   explicit WrappedRenderer(HapticRenderer& inner) noexcept : inner_(inner) {}
-  /// Takes it; never null.
+  /// Takes ownership; never null.
   explicit WrappedRenderer(std::unique_ptr<HapticRenderer> inner) noexcept
       : owned_(std::move(inner)), inner_(*owned_) {}
 
@@ -25,7 +24,7 @@ class WrappedRenderer : public HapticRenderer {
     return inner_.prepare(scene, context);
   }
   void restart(const Vec3& hip_mm, double t_s) noexcept override { inner_.restart(hip_mm, t_s); }
-  void let_go(const Vec3& hip_mm) noexcept override { inner_.let_go(hip_mm); }
+  void release_contact(const Vec3& hip_mm) noexcept override { inner_.release_contact(hip_mm); }
   [[nodiscard]] FrameCounters counters() const noexcept override { return inner_.counters(); }
   [[nodiscard]] Description describe() const override { return inner_.describe(); }
 
@@ -35,6 +34,22 @@ class WrappedRenderer : public HapticRenderer {
  private:
   std::unique_ptr<HapticRenderer> owned_;
   HapticRenderer& inner_;
+};
+
+/// A renderer that decides, prepares, remembers and counts nothing. Derived classes define step().
+class SceneFreeRenderer : public HapticRenderer {
+ public:
+  [[nodiscard]] Result<Decisions> decide(const SceneInput& /*scene*/,
+                                         const PrepareContext& /*context*/) const override {
+    return Decisions{};
+  }
+  [[nodiscard]] Result<PrepareReport> prepare(const SceneInput& /*scene*/,
+                                              const PrepareContext& /*context*/) override {
+    return PrepareReport{};
+  }
+  void restart(const Vec3& /*hip_mm*/, double /*t_s*/) noexcept override {}
+  void release_contact(const Vec3& /*hip_mm*/) noexcept override {}
+  [[nodiscard]] FrameCounters counters() const noexcept override { return {}; }
 };
 
 }  // namespace palpate::render

@@ -15,14 +15,15 @@ constexpr const char* kSummary = "exact answer on surfaces known by formula: gro
 constexpr const char* kSource =
     "constrained god object of Zilles and Salisbury 1995, solved in closed form or by Newton";
 
-// The HIP is followed in steps of at most this part of the model's box: a hundredth of a wave where ten waves
-// span it, so that the god object cannot lose its valley.
+// Largest step of the followed HIP, as a share of the model's box: a hundredth of a wave where ten waves span
+// it, so the god object stays in its valley.
 constexpr double kSubStepPerBox = 1e-3;
-// Sub-steps of one stretch of contact. Beyond it (a motion of a quarter of the box in one frame) they grow.
-constexpr int kMostSubSteps = 256;
-// Entries and releases in one frame. A segment has more only when it grazes many waves; the rest waits for
-// the next.
-constexpr int kMostEvents = 16;
+// Most sub-steps of one stretch of contact; faster motions (a quarter of the box in one frame) use longer
+// steps.
+constexpr int kMaxSubSteps = 256;
+// Most entries and releases in one frame. Only a segment that grazes many waves has more; the rest waits for
+// the next frame.
+constexpr int kMaxEvents = 16;
 
 }  // namespace
 
@@ -35,7 +36,7 @@ Result<ModelDecisions> AnalyticRenderer::decide_model(const ModelInput& input,
                  0};
   ModelDecisions out;
   out.name = input.name;
-  out.points = input.cloud != nullptr ? input.cloud->size() : 0;  // none is read
+  out.points = input.cloud != nullptr ? input.cloud->size() : 0;  // the points are not read
   out.decisions.push_back(
       {"surface", input.analytic->formula(), "the formula it was generated from; no point is read"});
   out.bytes = sizeof(AnalyticModel);
@@ -66,7 +67,7 @@ AnalyticModel::AnalyticModel(const ModelInput& input, double sub_step_mm)
       stiffness_n_per_mm_(input.surface.stiffness_n_per_mm),
       sub_step_mm_(sub_step_mm) {}
 
-void AnalyticModel::let_go(const Vec3& h) noexcept {
+void AnalyticModel::release_contact(const Vec3& h) noexcept {
   touching_ = false;
   started_ = is_finite(h);
   if (started_) reached_ = h;
@@ -76,15 +77,15 @@ bool AnalyticModel::stay_in_contact(const Vec3& h, FrameCounters& counters) noex
   const Vec3 start = reached_;
   const Vec3 motion = h - start;
   const double wanted = std::ceil(motion.norm() / sub_step_mm_);
-  const int steps = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostSubSteps)));
+  const int steps = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMaxSubSteps)));
   Vec3 before = start;
   for (int i = 1; i <= steps; ++i) {
     const Vec3 hip = i == steps ? h : Vec3(start + (static_cast<double>(i) / steps) * motion);
     god_object_ = surface_->track(god_object_, hip);
     ++counters.walk_steps;
     if ((god_object_.point_mm - hip).dot(god_object_.normal) <= 0.0) {
-      // Out of this sheet. Where that led into another part of the inside (a narrow valley), the motion is
-      // searched again from the sub-step before, so that the crossing between is found.
+      // The HIP left this sheet. If it is in another part of the inside (a narrow valley), the motion is
+      // searched again from the previous sub-step to find the crossing.
       reached_ = surface_->signed_distance_mm(hip) < 0.0 ? before : hip;
       touching_ = false;
       return false;
@@ -96,7 +97,7 @@ bool AnalyticModel::stay_in_contact(const Vec3& h, FrameCounters& counters) noex
 }
 
 bool AnalyticModel::follow(const Vec3& h, FrameCounters& counters) noexcept {
-  for (int event = 0; event < kMostEvents; ++event) {
+  for (int event = 0; event < kMaxEvents; ++event) {
     if (touching_) {
       if (stay_in_contact(h, counters)) return true;
       continue;
@@ -126,14 +127,14 @@ bool AnalyticModel::touch(const Vec3& /*goal*/, const Vec3& h, Memory& memory, S
   return true;
 }
 
-SurfaceAnswer AnalyticModel::respond(const SurfaceContact& contact) const noexcept {
-  // Not moved by other models: the point itself, without the rounding of the way there and back.
+SurfaceResponse AnalyticModel::respond(const SurfaceContact& contact) const noexcept {
+  // If no other model moved the god object, uses the point itself, free of rounding.
   const bool alone = contact.pull == god_object_.point_mm - contact.hip;
   return {stiffness_n_per_mm_ * contact.pull,
           alone ? god_object_.point_mm : Vec3(contact.hip + contact.pull)};
 }
 
-/// The tangent plane where the surface is nearest to `at_world`, as tracked from the god object.
+/// The tangent plane at the surface point nearest to `at_world`, tracked from the god object.
 void AnalyticModel::planes_near(const Memory& memory, const Vec3& at_world, JointPlanes& planes,
                                 FrameCounters& /*counters*/) const noexcept {
   const geometry::SurfacePoint near = surface_->track(memory, pose_.to_local(at_world));
@@ -150,7 +151,7 @@ Description AnalyticRenderer::describe() const {
       "per model and frame {} entries or releases of at most 4096 segment steps and {} sub-steps of at most "
       "300 Newton "
       "steps; not meant to be timed",
-      kMostEvents, kMostSubSteps);
+      kMaxEvents, kMaxSubSteps);
   return description;
 }
 

@@ -1,20 +1,20 @@
-// The exact answer on surfaces known by formula: ground truth.
+// The exact answer on analytic surfaces: ground truth.
 //
-// A constrained god object (Zilles and Salisbury 1995) in double: free until the HIP's segment enters the
-// surface, then the local minimum of the distance to the HIP, tracked along the surface from the entry, until
-// the HIP is back outside as seen from there. The HIP's motion is sub-stepped within a frame, so that the
-// answer is the converged one. It is never timed. Several models touched at once hold the god object together
-// (see frame_shell.h); the model reported is that of the largest force.
+// A constrained god object (Zilles and Salisbury 1995) in double precision. It is free until the HIP's
+// segment enters the surface, then at the local minimum of the distance to the HIP, tracked along the
+// surface, until the HIP is outside again as seen from there. The motion is sub-stepped within a frame, so
+// the answer is converged. It is never timed. Several touched models hold the god object together
+// (frame_loop.h); the frame reports the model of the largest force.
 #pragma once
 
 #include <memory>
 
-#include "toolkit/render/registry.h"
-#include "toolkit/render/shell_renderer.h"
+#include <palpate/registry.h>
+#include "toolkit/render/frame_loop_renderer.h"
 
 namespace palpate::render {
 
-/// The local model of the frame shell.
+/// The local model of the frame loop.
 class AnalyticModel {
  public:
   using Memory = geometry::SurfacePoint;
@@ -22,18 +22,18 @@ class AnalyticModel {
 
   [[nodiscard]] ModelPose& pose() noexcept { return pose_; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return pose_; }
-  void let_go(const Vec3& h) noexcept;
+  void release_contact(const Vec3& h) noexcept;
   void release() noexcept {}
   [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& memory, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept;
-  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) const noexcept;
+  [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact) const noexcept;
   void planes_near(const Memory& memory, const Vec3& at_world, JointPlanes& planes,
                    FrameCounters& counters) const noexcept;
 
  private:
-  /// Follows the HIP's motion to `h`; false when a bound stopped it on the way.
+  /// Follows the HIP's motion to `h`; false if a bound stopped it.
   bool follow(const Vec3& h, FrameCounters& counters) noexcept;
-  /// Tracks in contact; false when it was released, reached_ then tells where.
+  /// Tracks in contact; false on release, at reached_.
   bool stay_in_contact(const Vec3& h, FrameCounters& counters) noexcept;
 
   std::shared_ptr<const geometry::AnalyticSurface> surface_;
@@ -43,12 +43,12 @@ class AnalyticModel {
   bool touching_ = false;
   bool started_ = false;
   geometry::SurfacePoint god_object_;
-  Vec3 reached_ = Vec3::Zero();  ///< where the HIP's motion has been followed to
+  Vec3 reached_ = Vec3::Zero();  ///< the HIP's motion is followed up to here
 };
 
-class AnalyticRenderer final : public ShellRenderer<AnalyticModel> {
+class AnalyticRenderer final : public FrameLoopRenderer<AnalyticModel> {
  public:
-  AnalyticRenderer() : ShellRenderer({}) {}
+  AnalyticRenderer() : FrameLoopRenderer({}) {}
   [[nodiscard]] Description describe() const override;
 
  private:
@@ -57,7 +57,7 @@ class AnalyticRenderer final : public ShellRenderer<AnalyticModel> {
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override;
 };
 
-/// The registry's entry.
+/// The registry entry.
 [[nodiscard]] RendererInfo analytic_renderer_info();
 
 }  // namespace palpate::render

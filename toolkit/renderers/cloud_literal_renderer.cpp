@@ -1,21 +1,21 @@
-#include "toolkit/renderers/cloud_literal_renderer.h"
+#include "toolkit/renderers/renderer_infos.h"
 
 #include <memory>
 
-#include "toolkit/render/shading_decision.h"
-#include "toolkit/render/shell_renderer.h"
+#include "toolkit/render/frame_loop_renderer.h"
+#include "toolkit/render/shading.h"
 #include "toolkit/renderers/literal_model.h"
 
 namespace palpate::render {
 namespace {
 
-class CloudLiteral final : public ShellRenderer<LiteralModel> {
+class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
  public:
-  static constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
-  // Measured, what to expect (see kExpectedOn): tables 7 of reproduce.
+  static constexpr Features kSupportedFeatures = kAllOfRigidSurfaces.without(Feature::kTexture);
+  // Measured estimates (see kReferenceMachine): tables 7 of reproduce.
   static constexpr double kFrameUs = 0.32, kMsPerMillion = 160.0;
 
-  explicit CloudLiteral(const Options& options) : ShellRenderer(options) {}
+  explicit CloudLiteral(const Options& options) : FrameLoopRenderer(options) {}
 
   Description describe() const override {
     return {
@@ -47,13 +47,13 @@ class CloudLiteral final : public ShellRenderer<LiteralModel> {
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
     const Result<PointModelDecision> decided = decide_point_model(input, point_options(), context);
     if (!decided) return decided.error();
-    return said(input, *decided);
+    return explanation(input, *decided);
   }
-  [[nodiscard]] ModelDecisions said(const ModelInput& input, const PointModelDecision& decided) const {
+  [[nodiscard]] ModelDecisions explanation(const ModelInput& input, const PointModelDecision& decided) const {
     const PointDecision& points = decided.points;
     ModelDecisions out;
     out.name = input.name;
-    say_points(*input.cloud, point_options(), points, out);
+    describe_points(*input.cloud, point_options(), points, out);
     out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
     out.frame_us = kFrameUs;
     const bool sampled = literal_options().cells == CellRule::kSampled;
@@ -65,8 +65,8 @@ class CloudLiteral final : public ShellRenderer<LiteralModel> {
                   "cells", options_.text("cells"),
                   sampled ? "those of the sub-segments' starting points, as printed (3.1.3)" : "as given",
                   !sampled});
-    out.decisions.push_back(shading_of(points).said);
-    say_surface(input, decided.surface, kFelt, input.cloud->size(), out);
+    out.decisions.push_back(shading_of(points).explanation);
+    describe_surface(input, decided.surface, kSupportedFeatures, input.cloud->size(), out);
     return out;
   }
 
@@ -77,17 +77,17 @@ class CloudLiteral final : public ShellRenderer<LiteralModel> {
       report.notes.push_back(
           "cells: all that the swept sphere crosses, which no sampling of a segment finds");
     for (const ModelInput& input : scene.models) {
-      Result<PointBody> built = build_point_body(input, o, context, report);
+      Result<PointInstance> built = build_point_body(input, o, context, report);
       if (!built) return std::move(built).error();
       const PointModelDecision decided = built->decided();
       const ShadingDecision shading = shading_of(decided.points);
-      report.decisions.models.push_back(said(input, decided));
-      if (!shading.said.given) report.notes.push_back(note_of(shading.said));
+      report.decisions.models.push_back(explanation(input, decided));
+      if (!shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
       models_.add(std::make_unique<LiteralModel>(std::move(*built), shading.shading, literal));
     }
     return Done{};
   }
-  [[nodiscard]] Combine combine() const override { return Combine::kSum; }
+  [[nodiscard]] ContactCombination combine() const override { return ContactCombination::kSum; }
 };
 
 }  // namespace
@@ -99,7 +99,7 @@ RendererInfo cloud_literal_info() {
   info.summary = "chapter 3 of the thesis as printed, defects included";
   info.source = "El-Far, chapter 3, figures 36 and 42";
   info.role = Role::kLiteral;
-  info.supports = CloudLiteral::kFelt;
+  info.supports = CloudLiteral::kSupportedFeatures;
   info.options = point_model_specs(false);
   for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));

@@ -1,4 +1,4 @@
-#include "toolkit/renderers/cloud_smooth_renderer.h"
+#include "toolkit/renderers/renderer_infos.h"
 
 #include <fmt/format.h>
 
@@ -6,27 +6,27 @@
 #include <memory>
 #include <utility>
 
-#include "toolkit/render/shell_renderer.h"
-#include "toolkit/render/spread_step.h"
+#include "toolkit/render/correction_ramp.h"
+#include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/surface_response.h"
-#include "toolkit/smooth/smooth_contact.h"
-#include "toolkit/smooth/smooth_model.h"
+#include "toolkit/spline_sdf/spline_sdf_contact.h"
+#include "toolkit/spline_sdf/spline_sdf_model.h"
 
 namespace palpate::render {
 namespace {
 
 /// The local model of `cloud-smooth`.
-class SmoothModel {
+class SplineSdfModel {
  public:
   struct Memory {};
-  static constexpr bool kComposed = true;
+  static constexpr bool kTemplatedOnFeatures = true;
 
-  SmoothModel(SmoothBody body, int most_steps) : body_(std::move(body)) {
+  SplineSdfModel(SplineSdfBody body, int most_steps) : body_(std::move(body)) {
     contact_.attach(body_.smooth->grid, body_.smooth->spacing_mm);
     contact_.bound_steps(most_steps);
   }
-  SmoothModel(const SmoothModel&) = delete;  // the contact points into the bricks
-  SmoothModel& operator=(const SmoothModel&) = delete;
+  SplineSdfModel(const SplineSdfModel&) = delete;  // the contact points into the bricks
+  SplineSdfModel& operator=(const SplineSdfModel&) = delete;
 
   [[nodiscard]] ModelPose& pose() noexcept { return body_.pose; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
@@ -38,7 +38,7 @@ class SmoothModel {
     spread_.end();
     state_.release();
   }
-  void let_go(const Vec3& h) noexcept {
+  void release_contact(const Vec3& h) noexcept {
     contact_.start_from(h);
     spread_.end();
     state_.release();
@@ -57,7 +57,7 @@ class SmoothModel {
     return held;
   }
   template <unsigned kFeatures>
-  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
+  [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact) noexcept {
     return state_.respond<kFeatures>(contact, body_.surface.texture, body_.pose.origin_mm);
   }
 
@@ -70,9 +70,9 @@ class SmoothModel {
     return contact;
   }
 
-  /// Linear between the corners of the cell, and the stiffness's gradient along the surface.
+  /// Trilinear in the cell, with the stiffness's gradient along the surface.
   void read_properties(SurfaceContact& contact) const noexcept {
-    const BrickPlace at = contact_.place();
+    const BrickPosition at = contact_.place();
     const CornerProperties& corners = body_.corners[contact_.brick()];
     const int base = (at.cell[0] * kBrickCorners + at.cell[1]) * kBrickCorners + at.cell[2];
     const Vec3 t(static_cast<double>(at.t[0]), static_cast<double>(at.t[1]), static_cast<double>(at.t[2]));
@@ -83,7 +83,7 @@ class SmoothModel {
       const double wx = x != 0 ? t.x() : 1.0 - t.x(), wy = y != 0 ? t.y() : 1.0 - t.y(),
                    wz = z != 0 ? t.z() : 1.0 - t.z();
       const int index = base + (x * kBrickCorners + y) * kBrickCorners + z;
-      const PlaceSurface& corner = corners[static_cast<std::size_t>(index)];
+      const PointSurface& corner = corners[static_cast<std::size_t>(index)];
       const auto k = static_cast<double>(corner.stiffness_n_per_mm);
       stiffness += wx * wy * wz * k;
       still += wx * wy * wz * static_cast<double>(corner.static_friction);
@@ -99,19 +99,19 @@ class SmoothModel {
         (body_.smooth->grid.per_voxel * body_.smooth->grid.per_voxel_of(contact_.level()));
   }
 
-  SmoothBody body_;
-  SmoothContact contact_;
-  SpreadStep spread_;
+  SplineSdfBody body_;
+  SplineSdfContact contact_;
+  CorrectionRamp spread_;
   SurfaceState state_;
 };
 
-class CloudSmooth final : public ShellRenderer<SmoothModel> {
+class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
  public:
-  static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
-  // Measured, what to expect (see kExpectedOn): a torus of a million points at random.
+  static constexpr Features kSupportedFeatures = kAllOfRigidSurfaces | Feature::kJointContact;
+  // Measured estimates (see kReferenceMachine): a torus of a million random points.
   static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
 
-  explicit CloudSmooth(const Options& options) : ShellRenderer(options) {}
+  explicit CloudSmooth(const Options& options) : FrameLoopRenderer(options) {}
 
   Description describe() const override {
     return {"cloud-smooth", "a smooth surface near the points, through their noise",
@@ -119,40 +119,40 @@ class CloudSmooth final : public ShellRenderer<SmoothModel> {
             fmt::format(
                 "a model near the HIP: {} steps of the god object, {} values and {} looks along the HIP's "
                 "segment, {} entries a frame; what is left is done in the next",
-                walk_steps(), kMaxSegmentValues, kMaxSmoothLooks, kMaxSmoothEntries),
+                walk_steps(), kMaxSegmentSamples, kMaxBrickLookups, kMaxEntriesPerFrame),
             options_};
   }
 
  private:
-  [[nodiscard]] SmoothBuild build() const {
+  [[nodiscard]] SplineSdfOptions build() const {
     return {options_.number("detail"), options_.number("voxel"), options_.text("sides") == "both"};
   }
 
   [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
-    const Result<SmoothDecision> decided = decide_smooth(input, build(), context);
+    const Result<SplineSdfDecision> decided = decide_spline_sdf(input, build(), context);
     if (!decided) return decided.error();
-    return said(input, *decided);
+    return explanation(input, *decided);
   }
-  [[nodiscard]] ModelDecisions said(const ModelInput& input, const SmoothDecision& decision) const {
+  [[nodiscard]] ModelDecisions explanation(const ModelInput& input, const SplineSdfDecision& decision) const {
     ModelDecisions out;
     out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
     out.frame_us = kFrameUs;
-    say_smooth(input, build(), decision, kFelt, out);
+    describe_spline_sdf(input, build(), decision, kSupportedFeatures, out);
     return out;
   }
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
-      Result<SmoothBody> built = build_smooth_body(input, build(), context, report);
+      Result<SplineSdfBody> built = build_spline_sdf_body(input, build(), context, report);
       if (!built) return std::move(built).error();
-      report.decisions.models.push_back(said(input, built->decided()));
-      report.notes.push_back(note_of(report.decisions.models.back().decisions.front()));
+      report.decisions.models.push_back(explanation(input, built->decided()));
+      report.notes.push_back(note_text(report.decisions.models.back().decisions.front()));
       report.read_rounding_mm =
           std::max(report.read_rounding_mm,
                    kReadRounding * built->smooth->grid.voxel_mm / built->smooth->grid.per_voxel_of(0));
-      models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps()));
+      models_.add(std::make_unique<SplineSdfModel>(*std::move(built), walk_steps()));
     }
     return Done{};
   }
@@ -166,8 +166,8 @@ RendererInfo cloud_smooth_info() {
   info.summary = "a smooth surface near the points, through their noise; no jumps, no dents";
   info.source = "ours: robust quadrics of growing radius, baked into a B-spline of distance";
   info.role = Role::kOurs;
-  info.supports = CloudSmooth::kFelt;
-  const SmoothBuild standard;
+  info.supports = CloudSmooth::kSupportedFeatures;
+  const SplineSdfOptions standard;
   info.options = {
       {"detail",
        OptionKind::kNumber,

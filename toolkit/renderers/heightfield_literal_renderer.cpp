@@ -1,27 +1,27 @@
-#include "toolkit/renderers/heightfield_literal_renderer.h"
+#include "toolkit/renderers/renderer_infos.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "toolkit/heightfield/heightfield_model.h"
-#include "toolkit/render/roll_back.h"
-#include "toolkit/render/shading_decision.h"
-#include "toolkit/render/shell_renderer.h"
+#include "toolkit/render/frame_loop_renderer.h"
+#include "toolkit/render/literal_friction.h"
+#include "toolkit/render/shading.h"
 
 namespace palpate::render {
 namespace {
 
-/// A column and a row.
+/// Column and row.
 struct Post {
   std::int32_t column = 0, row = 0;
   bool operator==(const Post&) const = default;
 };
 
-constexpr Post kNobody{-1, -1};
+constexpr Post kNoPost{-1, -1};
 constexpr double kLowest = std::numeric_limits<double>::lowest();
 
-/// The eight surface neighbours (4.3.2), row by row.
+/// The eight surface neighbours (section 4.3.2), row by row.
 constexpr std::array<Post, 8> kAround = {
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
 
@@ -29,7 +29,7 @@ constexpr std::array<Post, 8> kAround = {
 class LiteralHeightField {
  public:
   struct Memory {};
-  static constexpr bool kSums = true;
+  static constexpr bool kForcesAddUp = true;
 
   LiteralHeightField(HeightFieldModel model, bool walks, Shading shading)
       : model_(std::move(model)),
@@ -43,35 +43,35 @@ class LiteralHeightField {
         shading_(shading),
         walks_(walks),
         has_holes_(field_.holes > 0),
-        look_up_alone_(!walks && !has_holes_) {}
+        lookup_only_(!walks && !has_holes_) {}
 
   [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
-  void let_go(const Vec3& /*h*/) noexcept { collided_ = in_hole_ = false; }
+  void release_contact(const Vec3& /*h*/) noexcept { collided_ = in_hole_ = false; }
   void release() noexcept {}
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
     const bool held =
-        look_up_alone_ ? find<false, false>(h, status, counters) : find_composed(h, status, counters);
+        lookup_only_ ? find<false, false>(h, status, counters) : find_composed(h, status, counters);
     contact.hip = h;
     contact.pull = answer_.god_object_mm - h;
     return held;
   }
-  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& /*contact*/) const noexcept { return answer_; }
+  [[nodiscard]] SurfaceResponse respond(const SurfaceContact& /*contact*/) const noexcept { return answer_; }
 
  private:
   template <bool kWalks, bool kHoles>
   bool find(const Vec3& h, FrameStatus& status, FrameCounters& counters) noexcept {
-    // 4.2.1: two divisions, a height, a comparison. The boxes stand around their posts.
+    // Section 4.2.1: two divisions, a height, a comparison. Boxes are centred at their posts.
     const double x = h.x() * inverse_x_ + 0.5, y = h.y() * inverse_y_ + 0.5;
-    if (x >= 0.0 && y >= 0.0 && x < end_x_ && y < end_y_ && h.z() >= kLowest) {  // never what is no number
+    if (x >= 0.0 && y >= 0.0 && x < end_x_ && y < end_y_ && h.z() >= kLowest) {  // false for NaN
       const Post post{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)};
       const auto top = static_cast<double>(field_.height_mm[place(post)]);
-      if (h.z() < top) {  // never in a hole
+      if (h.z() < top) {  // false over a hole
         if constexpr (kWalks) {
           if (!collided_) {
             entry_ = post;
-            held_ = kNobody;
+            held_ = kNoPost;
           }
           collided_ = true;
           respond_at(h, status, counters);
@@ -88,14 +88,14 @@ class LiteralHeightField {
     collided_ = false;
     return false;
   }
-  // Apart, so that the look-up alone needs no registers for it.
+  // Not inlined, so that a plain look-up does not pay registers for it.
   [[gnu::noinline]] bool find_composed(const Vec3& h, FrameStatus& status, FrameCounters& counters) noexcept {
     if (!has_holes_) return find<true, false>(h, status, counters);
     return walks_ ? find<true, true>(h, status, counters) : find<false, true>(h, status, counters);
   }
 
-  /// What is printed knows nothing of posts without a point: over one nothing is felt. The HIP came under
-  /// there when it is lower than one of the posts around.
+  /// Counts an entry through a post without a point, over which the printed form feels nothing: the HIP was
+  /// under it if lower than one of the surrounding posts.
   void count_hole(const Post& post, const Vec3& h, FrameCounters& counters) noexcept {
     bool under = false;
     if (std::isnan(field_.height_mm[place(post)]))
@@ -108,7 +108,7 @@ class LiteralHeightField {
     return static_cast<std::size_t>(post.row) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(post.column);
   }
-  /// Local; not a number in z over a hole.
+  /// Local; z is NaN over a hole.
   Vec3 at(const Post& post) const noexcept {
     return {post.column * field_.step_x_mm, post.row * field_.step_y_mm,
             static_cast<double>(field_.height_mm[place(post)])};
@@ -118,8 +118,8 @@ class LiteralHeightField {
            static_cast<std::uint32_t>(post.row) < static_cast<std::uint32_t>(rows_);
   }
 
-  /// 4.3.2: from the entry post downhill in distance over the eight neighbours, to the post nearest to the
-  /// HIP around there.
+  /// Section 4.3.2: walks from the entry post over the eight neighbours, downhill in distance, to the post
+  /// locally nearest to the HIP.
   void respond_at(const Vec3& h, FrameStatus& status, FrameCounters& counters) noexcept {
     Post god = entry_;
     double nearest_sq = (at(god) - h).squaredNorm();
@@ -138,9 +138,9 @@ class LiteralHeightField {
     }
     if ((model_.surface.features & kFriction) != 0)
       held_ = god =
-          held_ == kNobody
+          held_ == kNoPost
               ? god
-              : roll_back(
+              : roll_back_friction(
                     god, held_, h, model_.surface.static_friction(static_cast<std::uint32_t>(place(held_))),
                     columns_ + rows_, [this](const Post& p) { return at(p); },
                     [this](const Post& p, auto&& use) { around(p, use); });
@@ -158,7 +158,7 @@ class LiteralHeightField {
     }
   }
 
-  /// Section 3.4 over the god object and its two neighbours nearest to the HIP: the pull.
+  /// Section 3.4 over the god object and its two neighbours nearest to the HIP; returns the pull.
   Vec3 shaded(const Vec3& h, const Post& god) const noexcept {
     const Vec3 g = at(god);
     Vec3 first = g, second = g;
@@ -182,7 +182,7 @@ class LiteralHeightField {
   [[gnu::always_inline]] void answer(const Post& post, const Vec3& god, const Vec3& pull) noexcept {
     const double stiffness =
         (model_.surface.features & kVaried) != 0
-            ? static_cast<double>(model_.surface.of_place[place(post)].stiffness_n_per_mm)
+            ? static_cast<double>(model_.surface.by_point[place(post)].stiffness_n_per_mm)
             : model_.surface.stiffness_n_per_mm;
     answer_ = {stiffness * pull, god};
   }
@@ -195,22 +195,22 @@ class LiteralHeightField {
   Shading shading_;
   bool walks_;
   bool has_holes_;
-  bool look_up_alone_;
+  bool lookup_only_;
 
   bool collided_ = false;
-  bool in_hole_ = false;  ///< under the surface over a post without a point
-  Post entry_;            ///< where the first collision was detected
-  Post held_ = kNobody;   ///< with friction, the god object of the frame before
-  SurfaceAnswer answer_;  ///< of the last touch
+  bool in_hole_ = false;    ///< under the surface at a post without a point
+  Post entry_;              ///< post of the first collision
+  Post held_ = kNoPost;     ///< last god object, with friction
+  SurfaceResponse answer_;  ///< of the last touch
 };
 
-class HeightFieldLiteral final : public ShellRenderer<LiteralHeightField> {
+class HeightFieldLiteral final : public FrameLoopRenderer<LiteralHeightField> {
  public:
-  static constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
-  // Measured, what to expect (see kExpectedOn): table 12 of reproduce.
-  static constexpr double kWalkUs = 2.7, kLookUpUs = 0.039, kMsPerMillion = 45.0;
+  static constexpr Features kSupportedFeatures = kAllOfRigidSurfaces.without(Feature::kTexture);
+  // Measured estimates (see kReferenceMachine): table 12 of reproduce.
+  static constexpr double kWalkUs = 2.7, kLookupUs = 0.039, kMsPerMillion = 45.0;
 
-  explicit HeightFieldLiteral(const Options& options) : ShellRenderer(options) {}
+  explicit HeightFieldLiteral(const Options& options) : FrameLoopRenderer(options) {}
 
   Description describe() const override {
     return {
@@ -226,25 +226,26 @@ class HeightFieldLiteral final : public ShellRenderer<LiteralHeightField> {
   [[nodiscard]] ShadingDecision shading_of(const HeightFieldDecision& decision) const {
     if (walks()) return decide_literal_shading(options_.text("shading"), decision.lattice.plan_resolution_mm);
     ShadingDecision none;
-    none.said = {"shading", "none", "the box top over the HIP is looked up, no point is walked to"};
+    none.explanation = {"shading", "none", "the box top over the HIP is looked up, no point is walked to"};
     return none;
   }
 
   Result<ModelDecisions> decide_model(const ModelInput& input,
                                       const PrepareContext& /*context*/) const override {
-    const Result<HeightFieldDecision> decided = decide_heights(input, {});
+    const Result<HeightFieldDecision> decided = decide_heightfield(input, {});
     if (!decided) return decided.error();
-    return said(input, *decided);
+    return explanation(input, *decided);
   }
-  [[nodiscard]] ModelDecisions said(const ModelInput& input, const HeightFieldDecision& decision) const {
+  [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
+                                           const HeightFieldDecision& decision) const {
     ModelDecisions out;
     out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(decision.lattice.posts());
-    out.frame_us = walks() ? kWalkUs : kLookUpUs;
-    say_heights(input, {}, decision, kFelt, out);
+    out.frame_us = walks() ? kWalkUs : kLookupUs;
+    describe_heightfield(input, {}, decision, kSupportedFeatures, out);
     out.decisions.push_back(walks()
                                 ? Decision{"response", "walk", "from the entry cell on, as printed (4.3.2)"}
                                 : Decision{"response", "lookup", "as given", true});
-    out.decisions.push_back(shading_of(decision).said);
+    out.decisions.push_back(shading_of(decision).explanation);
     return out;
   }
 
@@ -253,13 +254,13 @@ class HeightFieldLiteral final : public ShellRenderer<LiteralHeightField> {
       Result<HeightFieldModel> built = build_height_field_model(input, {}, context, report);
       if (!built) return std::move(built).error();
       const ShadingDecision shading = shading_of(built->decided());
-      report.decisions.models.push_back(said(input, built->decided()));
-      if (walks() && !shading.said.given) report.notes.push_back(note_of(shading.said));
+      report.decisions.models.push_back(explanation(input, built->decided()));
+      if (walks() && !shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
       models_.add(std::make_unique<LiteralHeightField>(*std::move(built), walks(), shading.shading));
     }
     return Done{};
   }
-  [[nodiscard]] Combine combine() const override { return Combine::kSum; }
+  [[nodiscard]] ContactCombination combine() const override { return ContactCombination::kSum; }
   [[nodiscard]] bool walks() const { return options_.text("response") == "walk"; }
 };
 
@@ -272,7 +273,7 @@ RendererInfo heightfield_literal_info() {
   info.source = "El-Far, chapter 4";
   info.role = Role::kLiteral;
   info.geometry = Geometry::kHeights;
-  info.supports = HeightFieldLiteral::kFelt;
+  info.supports = HeightFieldLiteral::kSupportedFeatures;
   info.options = {
       {"response",
        OptionKind::kChoice,

@@ -1,4 +1,4 @@
-#include "toolkit/renderers/heightfield_renderer.h"
+#include "toolkit/renderers/renderer_infos.h"
 
 #include <fmt/format.h>
 
@@ -6,32 +6,30 @@
 #include <cmath>
 
 #include "toolkit/cloud/height_field_holes.h"
-#include "toolkit/geometry/held_place.h"
+#include "toolkit/geometry/god_object_check.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
-#include "toolkit/heightfield/heightfield_descent.h"
 #include "toolkit/heightfield/heightfield_model.h"
-#include "toolkit/render/shell_renderer.h"
+#include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
 namespace {
 
-/// Newton steps of the short way; a cell without twist needs one, and one more where the guess was in the
-/// next cell.
+/// Newton steps of the fast path. A cell without twist needs one, and one more if the guess was in the next
+/// cell.
 constexpr int kQuickSolves = 4;
-/// What the last Newton step may leave, as a share of a cell: with posts 0.1 mm apart 2e-8 mm, a hundredth of
-/// what single-precision heights of 10 mm are rounded by.
+/// Largest remaining error of the last Newton step in cells: 2e-8 mm for posts 0.1 mm apart, a hundredth of
+/// the float rounding of heights of 10 mm.
 constexpr double kQuickError = 0x1p-22;
-/// A step changes the Hessian by at most about so many times its twist.
+/// A step changes the Hessian by at most about this multiple of its twist.
 constexpr double kHessianChange = 4.0;
-/// The nearest point is never farther off than where it was before, but for rounding.
+/// The nearest point is never farther than before, except for rounding.
 constexpr double kNoFarther = 1.0 + 0x1p-40;
-/// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
+/// Entries that one frame follows: the HIP leaves one flank and meets the next. The rest waits.
 constexpr int kMaxEntries = 4;
-/// Nearer to the next post than to this one.
+/// Closer to the next post than to this one.
 constexpr double kMiddle = 0.5;
-/// A HIP farther off than so many posts, or than so many mm, is beside the field; its cell could not be
-/// counted.
+/// A HIP farther away than this, in posts or in mm, is off the field; its cell index would overflow.
 constexpr double kFarPosts = 0x1p40;
 constexpr double kFarMm = 1e150;
 
@@ -51,7 +49,7 @@ bool is_share(double s) noexcept {
 class HeightFieldSurface {
  public:
   struct Memory {};
-  static constexpr bool kComposed = true;
+  static constexpr bool kTemplatedOnFeatures = true;
 
   HeightFieldSurface(HeightFieldModel model, bool nearest_post)
       : model_(std::move(model)), sheet_(model_.field()), nearest_post_(nearest_post) {}
@@ -63,9 +61,9 @@ class HeightFieldSurface {
   [[nodiscard]] unsigned features() const noexcept { return model_.surface.features; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.grid->box_mm; }
   [[nodiscard]] bool touching() const noexcept { return contact_; }
-  void let_go(const Vec3& h) noexcept {
+  void release_contact(const Vec3& h) noexcept {
     contact_ = false;
-    unlooked_ = 0;
+    frames_since_check_ = 0;
     state_.release();
     started_ = is_finite(h);
     if (started_) start(sheet_.plan(h));
@@ -78,8 +76,8 @@ class HeightFieldSurface {
     const PlanPoint plan = sheet_.plan(h);
     const bool held = (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
     if (held) contact = contact_at<kFeatures>(h);
-    if (held && ++unlooked_ >= geometry::kLookEvery) [[unlikely]] {
-      unlooked_ = 0;
+    if (held && ++frames_since_check_ >= geometry::kCheckPeriodFrames) [[unlikely]] {
+      frames_since_check_ = 0;
       if (correct(plan, h, contact.pull, status, counters)) {
         if (!contact_) return false;
         contact = contact_at<kFeatures>(h);
@@ -88,40 +86,42 @@ class HeightFieldSurface {
     return held;
   }
   template <unsigned kFeatures>
-  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
+  [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact) noexcept {
     return state_.respond<kFeatures>(contact, model_.surface.texture, model_.field().origin_mm);
   }
 
  private:
-  /// The rule of geometry/held_place.h: compares the place held with the surface above or below the HIP.
-  /// Whether that changed it.
+  /// The rule of geometry/god_object_check.h: compares the held place with the surface above or below the
+  /// HIP. True if that changed it.
   bool correct(const PlanPoint& plan, const Vec3& h, const Vec3& pull, FrameStatus& status,
                FrameCounters& counters) noexcept {
     const double far = pull.norm(), spacing = std::min(sheet_.step_x, sheet_.step_y);
-    if (!(far > geometry::kNextToSpacings * spacing)) return false;
-    Foot under;
-    const auto look = [&](const Vec3& place) noexcept -> geometry::Surroundings {
+    if (!(far > geometry::kAdjacentSpacings * spacing)) return false;
+    CellPosition under;
+    const auto look = [&](const Vec3& place) noexcept -> geometry::NearestSurface {
       const PlanPoint at = sheet_.plan(place);
       if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < sheet_.last_column && at.y < sheet_.last_row)) return {};
       under = {static_cast<std::int32_t>(at.x), static_cast<std::int32_t>(at.y), at.x - std::floor(at.x),
                at.y - std::floor(at.y)};
-      const Patch patch = sheet_.patch(under.column, under.row);
+      const BilinearPatch patch = sheet_.patch(under.column, under.row);
       const Vec3 normal(-(patch.b + patch.d * under.t) * sheet_.inverse_x,
                         -(patch.c + patch.d * under.s) * sheet_.inverse_y, 1.0);
       const double size = normal.norm();
       return {patch.exists(), (at.z - patch.height(under.s, under.t)) / size, normal / size};
     };
-    switch (geometry::judge_held_place(h, h + pull, pull / far, spacing, geometry::kMuchNearer, look)) {
-      case geometry::HeldPlace::kKeep:
+    const Vec3 outward = pull / far;
+    switch (geometry::check_god_object(look(h), h, h + pull, outward, outward, spacing,
+                                       geometry::kMuchNearerShare, look)) {
+      case geometry::GodObjectVerdict::kKeep:
         return false;
-      case geometry::HeldPlace::kMove: {
-        int moves = kMaxSheetMoves;
+      case geometry::GodObjectVerdict::kMove: {
+        int moves = kMaxDescentMoves;
         (void)look(h);
         foot_ = under;
         (void)stay(plan, moves, status, counters);
         return true;
       }
-      case geometry::HeldPlace::kFree:
+      case geometry::GodObjectVerdict::kFree:
         break;
     }
     contact_ = false;
@@ -135,11 +135,11 @@ class HeightFieldSurface {
     side_ = is_near(h) ? side_of(sheet_, h) : SheetSide::kNowhere;
   }
 
-  /// In contact, the way nearly all frames go: the god object moved as the HIP did, and one or two Newton
-  /// steps mend it. False, with nothing changed, where it left the cells around, is held by a crease or a
-  /// rim, is not below a convex distance, or came out.
+  /// The fast path for most contact frames: moves the god object with the HIP and corrects it by one or two
+  /// Newton steps. False, with nothing changed, if it left the neighbouring cells, a crease or rim holds it,
+  /// the distance is not convex, or it came out.
   [[gnu::always_inline]] bool follow_quickly(const PlanPoint& h, FrameCounters& counters) noexcept {
-    // The way from the HIP to the god object changes as it did from the last frame to this one.
+    // Extrapolates the vector from the HIP to the god object by its last change.
     double x = h.x + lead_x_ + turn_x_, y = h.y + lead_y_ + turn_y_;
     const double enough = kQuickError * std::min(sheet_.x_sq, sheet_.y_sq);
     std::int32_t last_column = -1, last_row = -1;
@@ -147,26 +147,26 @@ class HeightFieldSurface {
       if (!(x >= 0.0 && y >= 0.0 && x < sheet_.last_column && y < sheet_.last_row)) return false;
       const auto column = static_cast<std::int32_t>(x), row = static_cast<std::int32_t>(y);
       if (!is_beside(column, foot_.column) || !is_beside(row, foot_.row)) return false;
-      // To and fro: a crease holds the god object.
+      // Oscillation: a crease holds the god object.
       if (column == last_column && row == last_row) return false;
-      const Patch patch = sheet_.patch(column, row);
+      const BilinearPatch patch = sheet_.patch(column, row);
       const double hs = h.x - column, ht = h.y - row;
       double s = x - column, t = y - row;
-      const DistanceJet jet(sheet_, patch, s, t, hs, ht, h.z);
+      const DistanceDerivatives jet(sheet_, patch, s, t, hs, ht, h.z);
       const double det = jet.determinant();
-      if (!(det > 0.0)) return false;  // holes too
+      if (!(det > 0.0)) return false;  // also false over holes
       const double scale = 1.0 / det;
       const double ds = (jet.hst * jet.gt - jet.htt * jet.gs) * scale;
       const double dt = (jet.hst * jet.gs - jet.hss * jet.gt) * scale;
       s += ds;
       t += dt;
       if (is_share(s) && is_share(t)) {
-        // What the step leaves of the gradient is the twist's; the Hessian is at least about a step squared.
+        // The step's remaining gradient comes from the twist; the Hessian is at least about a step squared.
         const double twist = std::abs(patch.d) * (std::abs(jet.zs) + std::abs(jet.zt));
         const double size = std::abs(ds) + std::abs(dt);
         if (twist * (size * size) <= enough) return accept({column, row, s, t}, patch, h, counters);
-        // Once more with the same Hessian, which the first step has changed by as little.
-        const DistanceJet now(sheet_, patch, s, t, hs, ht, h.z);
+        // Reuses the Hessian, which the first step changed equally little.
+        const DistanceDerivatives now(sheet_, patch, s, t, hs, ht, h.z);
         const double more_s = (jet.hst * now.gt - jet.htt * now.gs) * scale;
         const double more_t = (jet.hst * now.gs - jet.hss * now.gt) * scale;
         s += more_s;
@@ -184,7 +184,7 @@ class HeightFieldSurface {
     return false;
   }
 
-  [[gnu::always_inline]] bool accept(const Foot& foot, const Patch& patch, const PlanPoint& h,
+  [[gnu::always_inline]] bool accept(const CellPosition& foot, const BilinearPatch& patch, const PlanPoint& h,
                                      FrameCounters& counters) noexcept {
     const PlanPoint god{foot.column + foot.s, foot.row + foot.t, patch.height(foot.s, foot.t)};
     if (!(h.z < god.z) || !(sheet_.distance_sq(god, h) <= sheet_.distance_sq(god_, h) * kNoFarther))
@@ -197,8 +197,8 @@ class HeightFieldSurface {
     return true;
   }
 
-  [[gnu::always_inline]] void set_god(const Foot& foot, const Patch& patch, const PlanPoint& god,
-                                      const PlanPoint& h) noexcept {
+  [[gnu::always_inline]] void set_god(const CellPosition& foot, const BilinearPatch& patch,
+                                      const PlanPoint& god, const PlanPoint& h) noexcept {
     foot_ = foot;
     god_ = god;
     patch_ = patch;
@@ -207,7 +207,8 @@ class HeightFieldSurface {
     turn_x_ = turn_y_ = 0.0;
   }
 
-  /// Everything else: descent over cells, leaving, the free HIP's segment. Whether it ends in contact.
+  /// The general path: descent over cells, leaving, the free HIP's segment. Returns whether it ends in
+  /// contact.
   [[gnu::noinline]] bool update(const PlanPoint& h, FrameStatus& status, FrameCounters& counters) noexcept {
     if (!is_near(h) || !started_) {
       contact_ = false;
@@ -215,7 +216,7 @@ class HeightFieldSurface {
       start(h);
       return false;
     }
-    int moves = kMaxSheetMoves, looks = kMaxSegmentLooks;
+    int moves = kMaxDescentMoves, looks = kMaxCrossingTests;
     bool from_sheet = contact_;
     if (contact_ && stay(h, moves, status, counters)) return true;
     for (int entry = 0; entry < kMaxEntries; ++entry) {
@@ -227,7 +228,7 @@ class HeightFieldSurface {
       side_ = crossing.side;
       if (crossing.cut) status = FrameStatus::kBoundHit;
       if (!crossing.hit) {
-        counters.cells_visited += static_cast<std::uint64_t>(kMaxSegmentLooks - looks);
+        counters.cells_visited += static_cast<std::uint64_t>(kMaxCrossingTests - looks);
         return false;
       }
       foot_ = crossing.foot;
@@ -239,8 +240,8 @@ class HeightFieldSurface {
     return false;
   }
 
-  /// In contact: brings the god object to its minimum. False when the HIP came out there: above the sheet,
-  /// its way from the god object is still to be tested, or past the rim, and then it is nowhere.
+  /// In contact: moves the god object to its minimum. False if the HIP came out: above the sheet, with its
+  /// way from the god object still to test, or past the rim, on no side.
   bool stay(const PlanPoint& h, int& moves, FrameStatus& status, FrameCounters& counters) noexcept {
     const int before = moves;
     const Descent end = descend(sheet_, foot_, h, moves);
@@ -282,10 +283,10 @@ class HeightFieldSurface {
             Vec3(column * sheet_.step_x, row * sheet_.step_y, static_cast<double>(sheet_.height[post])) -
             local;
     }
-    if ((kFeatures & kVaried) != 0 && !model_.surface.of_place.empty()) {
+    if ((kFeatures & kVaried) != 0 && !model_.surface.by_point.empty()) {
       read_stiffness(contact);
-      contact.static_friction = static_cast<double>(model_.surface.of_place[post].static_friction);
-      contact.dynamic_friction = static_cast<double>(model_.surface.of_place[post].dynamic_friction);
+      contact.static_friction = static_cast<double>(model_.surface.by_point[post].static_friction);
+      contact.dynamic_friction = static_cast<double>(model_.surface.by_point[post].dynamic_friction);
     } else {
       contact.stiffness_n_per_mm = model_.surface.stiffness_n_per_mm;
       contact.static_friction = model_.surface.friction.static_coefficient;
@@ -294,59 +295,59 @@ class HeightFieldSurface {
     return contact;
   }
 
-  /// Bilinear between the posts as the heights are, and its gradient along the surface.
+  /// Bilinear between posts, with the gradient along the surface.
   void read_stiffness(SurfaceContact& contact) const noexcept {
-    const PlaceSurface* const low =
+    const PointSurface* const low =
         &model_.surface
-             .of_place[static_cast<std::size_t>(foot_.row) * static_cast<std::size_t>(sheet_.columns) +
+             .by_point[static_cast<std::size_t>(foot_.row) * static_cast<std::size_t>(sheet_.columns) +
                        static_cast<std::size_t>(foot_.column)];
-    const PlaceSurface* const up = low + sheet_.columns;
-    const auto k = [](const PlaceSurface& place) { return static_cast<double>(place.stiffness_n_per_mm); };
+    const PointSurface* const up = low + sheet_.columns;
+    const auto k = [](const PointSurface& place) { return static_cast<double>(place.stiffness_n_per_mm); };
     const double a = k(low[0]), b = k(low[1]) - a, c = k(up[0]) - a, d = k(up[1]) - k(up[0]) - b;
-    contact.stiffness_n_per_mm = Patch{a, b, c, d}.height(foot_.s, foot_.t);
+    contact.stiffness_n_per_mm = BilinearPatch{a, b, c, d}.height(foot_.s, foot_.t);
     const Vec3 plan((b + d * foot_.t) * sheet_.inverse_x, (c + d * foot_.s) * sheet_.inverse_y, 0.0);
     const Vec3 normal(-(patch_.b + patch_.d * foot_.t) * sheet_.inverse_x,
                       -(patch_.c + patch_.d * foot_.s) * sheet_.inverse_y, 1.0);
-    // The tangent that does along the surface what the plan's gradient does in the plan.
+    // Tangent along the surface that corresponds to the plan's gradient.
     contact.stiffness_gradient = plan - normal * (plan.dot(normal) / normal.squaredNorm());
   }
 
   HeightFieldModel model_;
-  HeightSheet sheet_;
+  HeightFieldView sheet_;
   bool nearest_post_;
 
   SurfaceState state_;
-  int unlooked_ = 0;  ///< frames in contact since the HIP's own surroundings were looked at
+  int frames_since_check_ = 0;  ///< contact frames since the last check of the HIP's surroundings
   bool started_ = false;
   bool contact_ = false;
-  Foot foot_;                             ///< of the god object, in contact
-  PlanPoint god_;                         ///< the same as a point
-  Patch patch_;                           ///< of its cell
+  CellPosition foot_;                     ///< god object, in contact
+  PlanPoint god_;                         ///< god object as a point
+  BilinearPatch patch_;                   ///< patch of its cell
   double lead_x_ = 0.0, lead_y_ = 0.0;    ///< from the HIP to the god object, posts
-  double turn_x_ = 0.0, turn_y_ = 0.0;    ///< by how much that changed in the last frame
-  PlanPoint tested_to_;                   ///< free: the path has been tested up to here
-  SheetSide side_ = SheetSide::kNowhere;  ///< of tested_to_
+  double turn_x_ = 0.0, turn_y_ = 0.0;    ///< its change in the last frame
+  PlanPoint tested_to_;                   ///< free: end of the tested path
+  SheetSide side_ = SheetSide::kNowhere;  ///< side of tested_to_
 };
 
-class HeightFieldRenderer final : public ShellRenderer<HeightFieldSurface> {
+class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
  public:
-  static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
-  // Measured, what to expect (see kExpectedOn): bench_frame at 1,002,001 posts, and table 12 of reproduce.
+  static constexpr Features kSupportedFeatures = kAllOfRigidSurfaces | Feature::kJointContact;
+  // Measured estimates (see kReferenceMachine): bench_frame at 1,002,001 posts, table 12 of reproduce.
   static constexpr double kFrameUs = 0.10, kMsPerMillion = 45.0;
 
-  explicit HeightFieldRenderer(const Options& options) : ShellRenderer(options) {}
+  explicit HeightFieldRenderer(const Options& options) : FrameLoopRenderer(options) {}
 
   Description describe() const override {
     return {
         "heightfield", "chapter 4 made right", "El-Far, chapter 4; bilinear surface and side ours",
         fmt::format("a model near the HIP: {} moves of the god object over cells, {} cells or blocks of the "
                     "HIP's segment, {} entries a frame; what is left is done in the next",
-                    kMaxSheetMoves, kMaxSegmentLooks, kMaxEntries),
+                    kMaxDescentMoves, kMaxCrossingTests, kMaxEntries),
         options_};
   }
 
  private:
-  [[nodiscard]] HeightFieldBuild build() const {
+  [[nodiscard]] HeightFieldOptions build() const {
     const bool fills = options_.text("holes") == "fill";
     return {fills, !fills, kBlendResolutions};
   }
@@ -354,15 +355,16 @@ class HeightFieldRenderer final : public ShellRenderer<HeightFieldSurface> {
 
   Result<ModelDecisions> decide_model(const ModelInput& input,
                                       const PrepareContext& /*context*/) const override {
-    const Result<HeightFieldDecision> decided = decide_heights(input, build());
+    const Result<HeightFieldDecision> decided = decide_heightfield(input, build());
     if (!decided) return decided.error();
-    return said(input, *decided);
+    return explanation(input, *decided);
   }
-  [[nodiscard]] ModelDecisions said(const ModelInput& input, const HeightFieldDecision& decision) const {
+  [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
+                                           const HeightFieldDecision& decision) const {
     ModelDecisions out;
     out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(decision.lattice.posts());
     out.frame_us = kFrameUs;
-    say_heights(input, build(), decision, kFelt, out);
+    describe_heightfield(input, build(), decision, kSupportedFeatures, out);
     out.decisions.push_back(
         nearest_post()
             ? Decision{"shading", "nearest", "as given: the god object is the post next to it", true}
@@ -374,7 +376,7 @@ class HeightFieldRenderer final : public ShellRenderer<HeightFieldSurface> {
     for (const ModelInput& input : scene.models) {
       Result<HeightFieldModel> built = build_height_field_model(input, build(), context, report);
       if (!built) return std::move(built).error();
-      report.decisions.models.push_back(said(input, built->decided()));
+      report.decisions.models.push_back(explanation(input, built->decided()));
       models_.add(std::make_unique<HeightFieldSurface>(*std::move(built), nearest_post()));
     }
     return Done{};
@@ -390,7 +392,7 @@ RendererInfo heightfield_info() {
   info.source = "El-Far, chapter 4; bilinear surface and side are ours";
   info.role = Role::kOurs;
   info.geometry = Geometry::kHeights;
-  info.supports = HeightFieldRenderer::kFelt;
+  info.supports = HeightFieldRenderer::kSupportedFeatures;
   info.options = {
       {"shading",
        OptionKind::kChoice,

@@ -4,22 +4,22 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/swept_sphere.h"
-#include "toolkit/partition/cell_walk.h"
-#include "toolkit/render/roll_back.h"
+#include "toolkit/render/literal_friction.h"
+#include "toolkit/search/grid_traversal.h"
 
 namespace palpate::render {
 namespace {
 
-using partition::Cell;
+using search::Cell;
 
-/// The god object sphere clears the box's corner by this share of the half diagonal (the printed "small
-/// margin").
+/// Clearance of the god object sphere from the box's corner, as a share of the half diagonal (the printed
+/// "small margin").
 constexpr double kSphereMargin = 1e-3;
-/// A HIP that moved less than this share of the box per axis rests (the printed "small value"): below it a
-/// move is less than a hundredth of the box test's own meaning.
+/// A HIP that moves less than this share of the box per axis rests (the printed "small value"); such moves
+/// are a hundredth of the box test's precision.
 constexpr double kRestShare = 1e-4;
-/// More sub-segments than this cannot be told apart: 2^53, the whole numbers of a double.
-constexpr double kMostPieces = 9007199254740992.0;
+/// 2^53, the integer range of a double; more sub-segments are indistinguishable.
+constexpr double kMaxPieces = 9007199254740992.0;
 constexpr std::uint32_t kNone = ~std::uint32_t{0};
 
 [[nodiscard]] bool same(const Cell& a, const Cell& b) noexcept {
@@ -28,7 +28,7 @@ constexpr std::uint32_t kNone = ~std::uint32_t{0};
 
 }  // namespace
 
-void LiteralModel::let_go(const Vec3& h) noexcept {
+void LiteralModel::release_contact(const Vec3& h) noexcept {
   previous_ = h;
   collided_ = false;
 }
@@ -37,9 +37,9 @@ bool LiteralModel::touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/
                          FrameStatus& status, FrameCounters& counters) noexcept {
   const Vec3 before = previous_;
   previous_ = h;
-  // Figure 42. Either branch begins with figure 36, whose segment runs from the old HIP to this one.
+  // Figure 42. Both branches begin with figure 36, with the segment from the old HIP to this one.
   if (collided_) {
-    // Then the figure tests the way to the sphere; the text, at t3, the way to the god object.
+    // The figure then tests the way to the sphere; the text, at t3, the way to the god object.
     if (crosses(before, h, counters)) {
       const Vec3 g = model_.points[god_].at();
       const Vec3 aim = options_.text_form ? g : Vec3(g + sphere_radius(god_) * last_direction_);
@@ -62,14 +62,14 @@ bool LiteralModel::touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/
 void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status,
                           FrameCounters& counters) noexcept {
   int steps = kMaxWalkSteps;
-  WalkEnd end = walk(model_, from, h, steps, [](std::uint32_t) {});
+  WalkResult end = walk(model_, from, h, steps, [](std::uint32_t) {});
   counters.walk_steps += static_cast<std::uint64_t>(kMaxWalkSteps - steps);
   if (steps == 0) status = FrameStatus::kBoundHit;
   // Section 3.5.2, then 3.4, then figure 46: friction moves the god object, shading reads the points around
-  // it, deformation scales the force of the rigid surface there. There is one god object, the moved one: the
-  // next frame's walk starts from it, and the sphere shares its point.
+  // it, deformation scales the rigid force there. The moved god object is the only one: the next walk starts
+  // from it, and the sphere shares its point.
   if (collided_ && (body_.surface.features & kFriction) != 0) {
-    const std::uint32_t rolled = roll_back(
+    const std::uint32_t rolled = roll_back_friction(
         end.place, god_, h, body_.surface.static_friction(god_), kMaxWalkSteps,
         [this](std::uint32_t p) { return model_.points[p].at(); },
         [this](std::uint32_t p, auto&& use) {
@@ -77,7 +77,7 @@ void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status
         });
     if (rolled != end.place) {
       end.place = rolled;
-      end.look_around(model_, h);
+      end.load_neighbours(model_, h);
     }
   }
   god_ = end.place;
@@ -85,14 +85,14 @@ void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status
   const Vec3 g = model_.points[god_].at();
   Vec3 pull = g - h;
   const double length = pull.norm();
-  // The sphere's side comes from the last contact: the direction of its pull.
+  // The sphere's side is the direction of the last contact's pull.
   if (length > 0.0) last_direction_ = pull / length;
   if (shading_ != Shading::kNone) {
     const NearestTwo two = nearest_two(model_, end);
     pull = shaded_vector(shading_, h, g, model_.points[two.first].at(), model_.points[two.second].at());
   }
   const double stiffness = (body_.surface.features & kVaried) != 0
-                               ? static_cast<double>(body_.surface.of_place[god_].stiffness_n_per_mm)
+                               ? static_cast<double>(body_.surface.by_point[god_].stiffness_n_per_mm)
                                : body_.surface.stiffness_n_per_mm;
   answer_ = {stiffness * pull, g};
 }
@@ -101,41 +101,40 @@ double LiteralModel::sphere_radius(std::uint32_t place) const noexcept {
   return model_.half_box(place).norm() * (1.0 + kSphereMargin);
 }
 
-/// Calls test(place) for the points of the cells the rule selects, until it returns true.
+/// Calls test(place) for points of the rule's cells until it returns true.
 template <class Test>
 bool LiteralModel::any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters,
                                 Test&& test) const noexcept {
   const auto in_cell = [&](const Cell& cell) {
     ++counters.cells_visited;
-    const partition::PlaceRange range = model_.grid.find(cell);
+    const search::IndexRange range = model_.grid.find(cell);
     for (std::uint32_t place = range.begin; place < range.end; ++place)
       if (test(place)) return true;
     return false;
   };
   if (options_.cells != CellRule::kSampled || model_.sphere_mm > 0.0) {
     Vec3 reach = options_.cells == CellRule::kAdjacent ? model_.largest_half_box_mm : Vec3(Vec3::Zero());
-    reach += Vec3::Constant(model_.sphere_mm);  // a swept sphere crosses cells as a volume
+    reach += Vec3::Constant(model_.sphere_mm);  // a swept sphere crosses cells with its volume
     return !visit_cells(model_.grid, a, b, reach, [&](const Cell& cell) { return !in_cell(cell); });
   }
   if (options_.count_missed) count_missed(a, b, counters);
   return any_sampled(a, b, in_cell);
 }
 
-/// Calls test(cell) for the cells that section 3.1.3 lists until it returns true: those of the starting
-/// points of sub-segments at most one cell long, and that of the last one's end, which the segment crosses
-/// too.
+/// Calls test(cell), until it returns true, for the cells of section 3.1.3: those at the starts of
+/// sub-segments at most one cell long, and that at the end of the last one.
 template <class Test>
 bool LiteralModel::any_sampled(const Vec3& a, const Vec3& b, Test&& test) const noexcept {
   const Vec3 d = b - a;
   const double pieces = std::max(1.0, std::ceil(d.norm() / model_.grid.cell_mm()));
-  if (!(pieces < kMostPieces)) return false;
-  // A HIP outside the cloud's box may be far from all cells: the part of the segment inside it is all that is
-  // sampled, so the count is bounded by the grid.
+  if (!(pieces < kMaxPieces)) return false;
+  // Samples only the part of the segment inside the cloud's box, so the grid bounds the count for a far HIP
+  // too.
   const double most = 4.0 * static_cast<double>(model_.grid.last_cell() + 2);
   double t0 = 0.0, t1 = 1.0;
   if (pieces > most && !clip(a, d, t0, t1)) return false;
   const double first = std::floor(t0 * pieces), last = std::min(std::ceil(t1 * pieces), first + most);
-  Cell before{-1, -1, -1};  // holds no point
+  Cell before{-1, -1, -1};  // no such cell
   for (double i = first; i <= last; ++i) {
     const Cell cell = model_.grid.cell_of(i == pieces ? b : Vec3(a + (i / pieces) * d));
     if (same(cell, before)) continue;
@@ -145,7 +144,7 @@ bool LiteralModel::any_sampled(const Vec3& a, const Vec3& b, Test&& test) const 
   return false;
 }
 
-/// The part [t0, t1] of a + t d inside the grid's cells.
+/// The part [t0, t1] of a + t d inside the grid.
 bool LiteralModel::clip(const Vec3& a, const Vec3& d, double& t0, double& t1) const noexcept {
   const Vec3 low = model_.grid.lattice().low_mm;
   const double side = static_cast<double>(model_.grid.last_cell() + 1) * model_.grid.cell_mm();
@@ -161,7 +160,7 @@ bool LiteralModel::clip(const Vec3& a, const Vec3& d, double& t0, double& t1) co
   return t0 <= t1;
 }
 
-/// Cells crossed that hold points and that the printed sampling does not look into.
+/// Counts crossed cells with points that the printed sampling skips.
 void LiteralModel::count_missed(const Vec3& a, const Vec3& b, FrameCounters& counters) const noexcept {
   visit_cells(model_.grid, a, b, Vec3::Zero(), [&](const Cell& cell) {
     if (!model_.grid.find(cell).empty())
@@ -174,7 +173,7 @@ bool LiteralModel::resting(const Vec3& a, const Vec3& b) const noexcept {
   return ((b - a).cwiseAbs().array() < kRestShare * model_.largest_half_box_mm.array()).all();
 }
 
-/// Section 3.1.1.2's test, or the swept sphere of 3.1.4.
+/// The test of section 3.1.1.2, or the swept sphere of 3.1.4.
 bool LiteralModel::touches(const geometry::SegmentProbe& probe, std::uint32_t place,
                            FrameCounters& counters) const noexcept {
   const Vec3 centre = model_.points[place].at(), half = model_.half_box(place);
@@ -185,7 +184,7 @@ bool LiteralModel::touches(const geometry::SegmentProbe& probe, std::uint32_t pl
   return true;
 }
 
-/// Whether the segment crosses any vertex's box.
+/// True if the segment crosses any vertex AABB.
 bool LiteralModel::crosses(const Vec3& a, Vec3 b, FrameCounters& counters) const noexcept {
   if (resting(a, b)) b = a;
   const geometry::SegmentProbe probe(a, b);

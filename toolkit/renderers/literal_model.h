@@ -1,5 +1,4 @@
-// One model of `cloud-literal`: figures 36 and 42 and section 3.5 to the letter, defects included. Internal
-// to render.
+// One model of `cloud-literal`: figures 36 and 42 and section 3.5 to the letter, with their defects.
 #pragma once
 
 #include <cstdint>
@@ -12,36 +11,36 @@
 
 namespace palpate::render {
 
-/// Which cells a segment looks into.
+/// The cells that a segment searches.
 enum class CellRule : std::uint8_t {
-  kSampled,   ///< section 3.1.3 as printed: the cells of the sub-segments' starting points
+  kSampled,   ///< as printed (section 3.1.3): cells at the starts of sub-segments
   kCrossed,   ///< every cell the segment crosses
-  kAdjacent,  ///< and those whose boxes can reach into it (3.1.4's first remedy)
+  kAdjacent,  ///< also those whose boxes can reach into it (first remedy of 3.1.4)
 };
 
 struct LiteralOptions {
   CellRule cells = CellRule::kSampled;
-  bool text_form = false;     ///< the exit test of 3.2.4's text instead of the figure's
-  bool count_missed = false;  ///< count the cells that the printed sampling skips
+  bool text_form = false;     ///< uses the exit test of section 3.2.4's text, not the figure's
+  bool count_missed = false;  ///< counts cells that the printed sampling skips
 };
 
-/// Belongs to one thread. Work per update as printed: cells crossed times points a cell, not bounded; walks
+/// Belongs to one thread. Work per update as printed: cells crossed times points per cell, unbounded; walks
 /// of at most kMaxWalkSteps moves.
 class LiteralModel {
  public:
-  LiteralModel(PointBody body, Shading shading, const LiteralOptions& options) noexcept
+  LiteralModel(PointInstance body, Shading shading, const LiteralOptions& options) noexcept
       : body_(std::move(body)), model_(*body_.points), shading_(shading), options_(options) {}
 
-  // A local model of the frame shell. The thesis does not say how several contacts combine.
+  // A local model of the frame loop. The thesis does not say how several contacts combine.
   struct Memory {};
-  static constexpr bool kSums = true;
+  static constexpr bool kForcesAddUp = true;
   [[nodiscard]] ModelPose& pose() noexcept { return body_.pose; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
-  void let_go(const Vec3& h) noexcept;
-  void release() noexcept {}  // friction rolls the god object back; what it remembers is the contact itself
+  void release_contact(const Vec3& h) noexcept;
+  void release() noexcept {}  // friction rolls the god object back and keeps no other state
   [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& memory, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept;
-  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& /*contact*/) const noexcept { return answer_; }
+  [[nodiscard]] SurfaceResponse respond(const SurfaceContact& /*contact*/) const noexcept { return answer_; }
 
  private:
   void answer(const Vec3& h, std::uint32_t from, FrameStatus& status, FrameCounters& counters) noexcept;
@@ -59,15 +58,15 @@ class LiteralModel {
   [[nodiscard]] std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before,
                                               FrameCounters& counters) const noexcept;
 
-  PointBody body_;
+  PointInstance body_;
   const PointModel& model_;
   Shading shading_;
   LiteralOptions options_;
   Vec3 previous_ = Vec3::Zero();
   Vec3 last_direction_ = Vec3::UnitZ();
-  std::uint32_t god_ = 0;  ///< of the last contact frame, where friction left it
+  std::uint32_t god_ = 0;  ///< of the last contact frame, after friction
   bool collided_ = false;
-  SurfaceAnswer answer_;  ///< of the last touch
+  SurfaceResponse answer_;  ///< of the last touch
 };
 
 }  // namespace palpate::render

@@ -1,12 +1,7 @@
-#include "toolkit/renderers/toolkit_renderers.h"
+#include <palpate/registry.h>
 
 #include "toolkit/renderers/analytic_renderer.h"
-#include "toolkit/renderers/brute_force_renderer.h"
-#include "toolkit/renderers/cloud_literal_renderer.h"
-#include "toolkit/renderers/cloud_renderer.h"
-#include "toolkit/renderers/cloud_smooth_renderer.h"
-#include "toolkit/renderers/heightfield_literal_renderer.h"
-#include "toolkit/renderers/heightfield_renderer.h"
+#include "toolkit/renderers/renderer_infos.h"
 
 namespace palpate::render {
 

@@ -1,4 +1,4 @@
-#include "toolkit/scene/cleaning.h"
+#include <palpate/cleaning.h>
 
 #include <fmt/format.h>
 
@@ -6,12 +6,13 @@
 #include <cassert>
 #include <numeric>
 
-#include "toolkit/cloud/part.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/try.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/partition/point_search.h"
-#include "toolkit/scene/scene.h"
+#include <palpate/clock.h>
+#include <palpate/result.h>
+#include <palpate/scene.h>
+#include "toolkit/cloud/cloud_subset.h"
+#include "toolkit/core/message_text.h"
+#include "toolkit/search/knn.h"
+#include "toolkit/search/point_search.h"
 
 namespace palpate::scene {
 namespace {
@@ -20,17 +21,17 @@ std::string choices_of(const std::vector<CleaningStep>& steps) {
   return "choose from " + (steps.empty() ? "none in this program" : joined(names_of(steps)));
 }
 
-/// Points without a source of their own take that of the nearest input point.
-void find_sources(const cloud::Cloud& cloud, StepOutput& output) {
-  const std::size_t first = output.from.size() - output.placed_mm.size();
-  if (std::find(output.from.begin() + static_cast<std::ptrdiff_t>(first), output.from.end(), kFromNearest) ==
-      output.from.end())
+/// Points without a source take the nearest input point's.
+void find_sources(const cloud::Cloud& cloud, CleaningStepOutput& output) {
+  const std::size_t first = output.from.size() - output.new_points_mm.size();
+  if (std::find(output.from.begin() + static_cast<std::ptrdiff_t>(first), output.from.end(),
+                kNearestInputPoint) == output.from.end())
     return;
-  const partition::PointSearch points(cloud);
+  const search::PointSearch points(cloud);
   for (std::size_t i = first; i < output.from.size(); ++i)
-    if (output.from[i] == kFromNearest)
+    if (output.from[i] == kNearestInputPoint)
       output.from[i] =
-          static_cast<std::uint32_t>(points.nearest(cloud.origin_mm + output.placed_mm[i - first]));
+          static_cast<std::uint32_t>(points.nearest(cloud.origin_mm + output.new_points_mm[i - first]));
 }
 
 bool is_in_order(const std::vector<std::uint32_t>& from, std::size_t input) {
@@ -40,13 +41,13 @@ bool is_in_order(const std::vector<std::uint32_t>& from, std::size_t input) {
   return true;
 }
 
-Result<cloud::Cloud> apply(const cloud::Cloud& input, const StepOutput& output) {
+Result<cloud::Cloud> apply(const cloud::Cloud& input, const CleaningStepOutput& output) {
   std::vector<Vec3> points;
   points.reserve(output.from.size());
-  const std::size_t first = output.from.size() - output.placed_mm.size();
+  const std::size_t first = output.from.size() - output.new_points_mm.size();
   for (std::size_t i = 0; i < output.from.size(); ++i)
     points.push_back(i < first ? input.point_mm(output.from[i])
-                               : Vec3(input.origin_mm + output.placed_mm[i - first]));
+                               : Vec3(input.origin_mm + output.new_points_mm[i - first]));
   Result<cloud::Cloud> made = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
   if (!made) return made;
   for (const cloud::Property& property : input.properties)
@@ -55,8 +56,8 @@ Result<cloud::Cloud> apply(const cloud::Cloud& input, const StepOutput& output) 
   return made;
 }
 
-std::string change(std::string_view step, std::size_t before, const StepOutput& output) {
-  const std::size_t moved = output.placed_mm.size(), after = output.from.size();
+std::string change(std::string_view step, std::size_t before, const CleaningStepOutput& output) {
+  const std::size_t moved = output.new_points_mm.size(), after = output.from.size();
   std::string text = after < before ? fmt::format("{}: {} of {} points removed", step, before - after, before)
                      : after > before ? fmt::format("{}: {} points added to {}", step, after - before, before)
                      : moved > 0      ? fmt::format("{}: {} points moved", step, moved)
@@ -113,9 +114,8 @@ Result<CleanedCloud> Cleaning::run(const cloud::Cloud& cloud, std::span<const Na
     if (progress.cancelled()) return Error{"stopped while cleaning", {}, {}, 0};
     const Stopwatch watch;
     const cloud::Cloud& before = cleaned.cloud;
-    PALPATE_ASSIGN(
-        StepOutput output,
-        found->run({before, step.options, neighbourhood::mean_spacing_mm(before), threads, progress}));
+    PALPATE_ASSIGN(CleaningStepOutput output,
+                   found->run({before, step.options, search::mean_spacing_mm(before), threads, progress}));
     if (output.from.empty())
       return Error{fmt::format("{} would remove every one of {} points", step.name, before.size()),
                    "give it wider limits; lengths are in spacings",

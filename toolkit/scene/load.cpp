@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/cloud/generate.h"
+#include <palpate/generate.h>
+#include <palpate/result.h>
+#include <palpate/scene.h>
 #include "toolkit/cloud/mesh_samples.h"
-#include "toolkit/cloud/spread.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/try.h"
-#include "toolkit/scene/scene.h"
 #include "toolkit/scene/surface_sources.h"
 
 namespace palpate::scene {
@@ -50,7 +50,7 @@ Status load_generated(const SceneModel& model, double scale, render::ModelInput&
   return Done{};
 }
 
-/// The points of all views behind those of the first, with the columns that all of them have.
+/// Appends the points of all views to the first, with the columns common to all.
 Status add_views(const SceneModel& model, const io::Readers& readers, const io::ReadOptions& read,
                  Progress& progress, io::ReadModel& got) {
   std::vector<Vec3> points;
@@ -81,7 +81,7 @@ Status add_views(const SceneModel& model, const io::Readers& readers, const io::
   PALPATE_ASSIGN(cloud::Cloud merged, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
   merged.properties = std::move(properties);
   got.cloud = std::move(merged);
-  got.mesh = nullptr;  // of one view alone
+  got.mesh = nullptr;  // of a single view
   got.format += fmt::format(", {} views merged", model.views.size() + 1);
   return Done{};
 }
@@ -118,7 +118,7 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   return Done{};
 }
 
-/// Points in the faces take the place of the file's own; the faces are the truth, and nobody else's.
+/// Replaces the file's points by samples of its faces, which are the hidden truth.
 Status take_samples(const SceneModel& model, Progress& progress, render::ModelInput& input,
                     Provenance& provenance, std::shared_ptr<const geometry::TriangleMesh>& truth) {
   if (input.original_mesh == nullptr)
@@ -137,7 +137,7 @@ Status take_samples(const SceneModel& model, Progress& progress, render::ModelIn
   return Done{};
 }
 
-/// What the command line wishes of files does nothing where there is none that it is for.
+/// An Error for command-line options that apply to no file.
 Status check_wishes(const SceneFile& scene, const LoadOptions& options) {
   const bool files = std::any_of(scene.models.begin(), scene.models.end(),
                                  [](const SceneModel& model) { return !model.generate; });
@@ -162,13 +162,13 @@ Status check_wishes(const SceneFile& scene, const LoadOptions& options) {
   return Done{};
 }
 
-/// The steps of all models, complete, before anything is read.
+/// Checks and completes the steps of all models before reading.
 Result<std::vector<std::vector<NamedOptions>>> checked_steps(const SceneFile& scene,
                                                              const Cleaning& cleaning) {
   std::vector<std::vector<NamedOptions>> steps;
   for (const SceneModel& model : scene.models) {
     std::vector<NamedOptions>& own = steps.emplace_back();
-    for (const SceneClean& clean : model.clean) {
+    for (const SceneCleaningStep& clean : model.clean) {
       Result<NamedOptions> step = cleaning.check(clean.step);
       if (!step) return std::move(step).error().in_file(scene.path, clean.line);
       own.push_back(*std::move(step));
@@ -177,7 +177,7 @@ Result<std::vector<std::vector<NamedOptions>>> checked_steps(const SceneFile& sc
   return steps;
 }
 
-/// The file's own faces are left behind: they are those of the points before.
+/// Drops the file's faces, which belong to the uncleaned points.
 Status clean_model(const std::vector<NamedOptions>& steps, const Cleaning& cleaning, int threads,
                    Progress& progress, render::ModelInput& input, Provenance& provenance) {
   PALPATE_ASSIGN(CleanedCloud cleaned, cleaning.run(*input.cloud, steps, threads, progress));
@@ -188,11 +188,11 @@ Status clean_model(const std::vector<NamedOptions>& steps, const Cleaning& clean
   return Done{};
 }
 
-/// What a file's points make doubtful about the file, or its unit.
+/// Warns of doubts about the file or its unit.
 void add_doubts(const cloud::Cloud& cloud, Provenance& provenance) {
-  // Smaller than what a hand can feel over: a coin is 20 mm across.
+  // Smaller models can hardly be explored by a hand (a coin is 20 mm).
   constexpr double kTinyMm = 1.0;
-  if (const std::optional<std::string> why = cloud::why_no_surface(cloud))
+  if (const std::optional<std::string> why = cloud::degeneracy_of(cloud))
     provenance.warnings.push_back(fmt::format("The model is no surface: {}.", *why));
   const double size = cloud.box_mm().extent_mm().maxCoeff();
   const bool file_in_mm = provenance.format != "generated" && provenance.unit == io::Unit::kMillimetre;

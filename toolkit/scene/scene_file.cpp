@@ -5,11 +5,12 @@
 #include <filesystem>
 #include <optional>
 
-#include "toolkit/cloud/generate.h"
+#include <palpate/generate.h>
+#include <palpate/result.h>
 #include "toolkit/cloud/mesh_samples.h"
+#include "toolkit/control/virtual_coupling.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/core/try.h"
-#include "toolkit/scene/toml_reading.h"
+#include "toolkit/scene/scene_fields.h"
 
 namespace palpate::scene {
 namespace {
@@ -19,7 +20,7 @@ constexpr const char* kOfFile = "a [[model]] with a file";
 constexpr const char* kOfScan = "a [[model]] with a scan";
 constexpr const char* kOfGenerator = "a [[model]] with a generator";
 
-Status read_unit(const toml::node& node, SceneModel& model, const InFile& in_file) {
+Status read_unit(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
   PALPATE_ASSIGN(const std::string name, text(node, "unit", in_file));
   const Result<io::Unit> unit = io::parse_unit(name);
   if (!unit) return in_file.at(node, unit.error().what, unit.error().remedy);
@@ -27,12 +28,12 @@ Status read_unit(const toml::node& node, SceneModel& model, const InFile& in_fil
   return Done{};
 }
 
-Status read_no_data(const toml::node& node, SceneModel& model, const InFile& in_file) {
+Status read_no_data(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
   PALPATE_ASSIGN(model.no_data, number(node, "no_data", in_file, NumberRange{}));
   return Done{};
 }
 
-Status read_sample(const toml::node& node, SceneModel& model, const InFile& in_file) {
+Status read_sample(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
   PALPATE_ASSIGN(const std::string spelt, text(node, "sample", in_file));
   const Result<NamedOptions> named = parse_named_options(spelt);
   if (!named) return in_file.at(node, named.error().what, named.error().remedy);
@@ -42,8 +43,8 @@ Status read_sample(const toml::node& node, SceneModel& model, const InFile& in_f
   return Done{};
 }
 
-/// The fields of a model whose kind tells where its points come from; with the options of `generator`, of
-/// the kind `generated`, or of all generators where it is null.
+/// The fields of a model of each kind of source; with the options of `generator` for the kind `generated`, or
+/// of all generators if null.
 Fields model_fields(SceneModel& model, const cloud::Generator* generator, const std::string& generated) {
   Fields fields = pose_fields(model.world_from_model);
   fields.push_back(field("scale", model.scale, kScales));
@@ -51,22 +52,22 @@ Fields model_fields(SceneModel& model, const cloud::Generator* generator, const 
   fields.push_back(field("scan", model.scan).of({kOfScan}));
   fields.push_back(field("generate", model.name).of({generated}));
   const auto of_files = [&fields](Field one) { fields.push_back(std::move(one).of({kOfFile, kOfScan})); };
-  of_files({"unit", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
+  of_files({"unit", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) {
               return read_unit(node, model, in_file);
             }});
-  fields.push_back({"sample", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
+  fields.push_back({"sample", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) {
                       return read_sample(node, model, in_file);
                     }});
   of_files(field("post_mm", model.post_mm, kLengthsMm));
   of_files(field("vertical_mm", model.vertical_mm, kLengthsMm));
-  of_files({"no_data", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
+  of_files({"no_data", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) {
               return read_no_data(node, model, in_file);
             }});
   of_files(list(
       "view", model.views, [](SceneView& view, const std::string&) { return view_fields(view); }, {},
       "model.view"));
   const Field::Read option = [&model](const toml::node& node, const std::string& key,
-                                      const InFile& in_file) -> Status {
+                                      const TomlFile& in_file) -> Status {
     PALPATE_ASSIGN(std::string value, option_text(node, key, in_file));
     model.generate->options.set(key, std::move(value));
     return Done{};
@@ -87,7 +88,7 @@ std::string nearest_generator(std::string_view wrong, const std::string& otherwi
   return did_you_mean(wrong, known, otherwise + joined(known));
 }
 
-Result<const cloud::Generator*> generator_of(const toml::node& node, const InFile& in_file) {
+Result<const cloud::Generator*> generator_of(const toml::node& node, const TomlFile& in_file) {
   PALPATE_ASSIGN(const std::string name, text(node, "generate", in_file));
   const cloud::Generator* generator = cloud::find_generator(name);
   if (generator != nullptr) return generator;
@@ -100,7 +101,7 @@ std::string base_name(const std::string& path) {
   return name.substr(0, name.find('.', 1));
 }
 
-Status read_model(const toml::table& table, SceneModel& model, const InFile& in_file) {
+Status read_model(const toml::table& table, SceneModel& model, const TomlFile& in_file) {
   model.line = static_cast<std::int64_t>(table.source().begin.line);
   const toml::node *file = table.get("cloud"), *scan = table.get("scan"), *generate = table.get("generate");
   if ((file != nullptr) + (generate != nullptr) + (scan != nullptr) != 1)
@@ -119,20 +120,20 @@ Status read_model(const toml::table& table, SceneModel& model, const InFile& in_
   if (file != nullptr) model.name = base_name(model.cloud);
   if (scan != nullptr) model.name = model.scan;
   if (generator == nullptr) return Done{};
-  // A wrong value is found here, where the line is known.
+  // Checks values here, where the line is known.
   const Result<Options> checked = cloud::complete_options(*generator, model.generate->options);
   if (!checked) return in_file.at(table, checked.error().what, checked.error().remedy);
   return Done{};
 }
 
-Status read_models(const toml::node& node, SceneFile& scene, const InFile& in_file) {
+Status read_models(const toml::node& node, SceneFile& scene, const TomlFile& in_file) {
   PALPATE_ASSIGN(const auto tables, tables_of(node, "model", in_file));
   for (const toml::table* table : tables)
     PALPATE_TRY(read_model(*table, scene.models.emplace_back(), in_file));
   return Done{};
 }
 
-Status read_renderer(const toml::node& node, SceneFile& scene, const InFile& in_file) {
+Status read_renderer(const toml::node& node, SceneFile& scene, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, table_of(node, "renderer", in_file));
   NamedOptions renderer;
   for (const auto& [key, value] : *table) {
@@ -144,7 +145,7 @@ Status read_renderer(const toml::node& node, SceneFile& scene, const InFile& in_
       renderer.options.set(name, std::move(option));
   }
   if (renderer.name.empty())
-    return in_file.at(node, "[renderer] needs 'name'", "`palpate renderers` lists them");
+    return in_file.at(node, "[renderer] needs 'name'", "`palpate list renderers` lists them");
   scene.renderer = std::move(renderer);
   scene.renderer_line = static_cast<std::int64_t>(node.source().begin.line);
   return Done{};
@@ -156,7 +157,7 @@ Fields coupling_fields(control::Coupling& coupling) {
           field("damping_n_s_per_mm", coupling.damping_n_s_per_mm)};
 }
 
-Status read_coupling(const toml::node& node, SceneFile& scene, const InFile& in_file) {
+Status read_coupling(const toml::node& node, SceneFile& scene, const TomlFile& in_file) {
   const toml::table* table = node.as_table();
   if (table == nullptr)
     return in_file.at(node, "'coupling' must be a table",
@@ -174,8 +175,8 @@ Fields passivity_fields(control::PassivityOptions& passivity) {
                 "leave it out for the default")};
 }
 
-/// true, false, or a table with the limit of its damping.
-Status read_passivity(const toml::node& node, SceneFile& scene, const InFile& in_file) {
+/// true, false, or a table with the damping limit.
+Status read_passivity(const toml::node& node, SceneFile& scene, const TomlFile& in_file) {
   control::PassivityOptions passivity;
   const std::optional<bool> on = node.value_exact<bool>();
   if (const toml::table* table = node.as_table())
@@ -187,12 +188,11 @@ Status read_passivity(const toml::node& node, SceneFile& scene, const InFile& in
   return Done{};
 }
 
-/// A field that `read` takes whole.
+/// A field read as a whole by `read`.
 Field whole_field(std::string key, SceneFile& scene,
-                  Status (*read)(const toml::node&, SceneFile&, const InFile&)) {
-  return {std::move(key), [&scene, read](const toml::node& node, const std::string&, const InFile& in_file) {
-            return read(node, scene, in_file);
-          }};
+                  Status (*read)(const toml::node&, SceneFile&, const TomlFile&)) {
+  return {std::move(key), [&scene, read](const toml::node& node, const std::string&,
+                                         const TomlFile& in_file) { return read(node, scene, in_file); }};
 }
 
 Fields control_fields(SceneFile& scene) {
@@ -201,13 +201,13 @@ Fields control_fields(SceneFile& scene) {
   return {field("force_limit_n", scene.force_limit_n, kForcesN, kNoLimit),
           whole_field("coupling", scene, &read_coupling),
           field("rate_limit_n_per_s", filter.rate_limit_n_per_s, kForceRatesNPerS, kNoLimit),
-          field("turn_limit_deg_per_s", filter.turn_limit_deg_per_s, kTurnsDegPerS, kNoLimit),
+          field("turn_limit_deg_per_s", filter.turn_limit_deg_per_s, kAngularSpeedsDegPerS, kNoLimit),
           choice("filter", filter.form,
                  {{"per-time", control::FilterForm::kPerTime}, {"literal", control::FilterForm::kLiteral}}),
           whole_field("passivity", scene, &read_passivity)};
 }
 
-Status read_control(const toml::node& node, SceneFile& scene, const InFile& in_file) {
+Status read_control(const toml::node& node, SceneFile& scene, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, table_of(node, "control", in_file));
   PALPATE_TRY(read_fields(*table, control_fields(scene), "[control]", {}, in_file));
   if (const toml::node* filter = table->get("filter"); filter != nullptr && !scene.control.filter.any())
@@ -219,7 +219,7 @@ Fields simulation_fields(SceneFile& scene) {
   return {field("rate_hz", scene.simulation_hz, kRatesHz)};
 }
 
-Status read_simulation(const toml::node& node, SceneFile& scene, const InFile& in_file) {
+Status read_simulation(const toml::node& node, SceneFile& scene, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, table_of(node, "simulation", in_file));
   PALPATE_TRY(read_fields(*table, simulation_fields(scene), "[simulation]", {}, in_file));
   const bool moves = std::any_of(scene.models.begin(), scene.models.end(),
@@ -235,12 +235,12 @@ Fields view_fields(SceneFile& scene) {
                  {{"z", "z"}, {"y", "y"}, {"x", "x"}, {"-z", "-z"}, {"-y", "-y"}, {"-x", "-x"}})};
 }
 
-Status read_view(const toml::node& node, SceneFile& scene, const InFile& in_file) {
+Status read_view(const toml::node& node, SceneFile& scene, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, table_of(node, "view", in_file));
   return read_fields(*table, view_fields(scene), "[view]", {}, in_file);
 }
 
-/// In the order of reading: the simulation asks whether a model moves.
+/// In reading order: the simulation depends on moving models.
 Fields scene_fields(SceneFile& scene) {
   return {whole_field("model", scene, &read_models),
           whole_field("renderer", scene, &read_renderer),
@@ -255,7 +255,7 @@ Fields scene_fields(SceneFile& scene) {
 Result<SceneFile> from_table(const toml::table& root, const std::string& path) {
   SceneFile scene;
   scene.path = path;
-  PALPATE_TRY(read_fields(root, scene_fields(scene), "the scene", {}, InFile{path}));
+  PALPATE_TRY(read_fields(root, scene_fields(scene), "the scene", {}, TomlFile{path}));
   if (scene.models.empty())
     return Error{"the scene has no model",
                  "add [[model]] with cloud = \"file.ply\" or generate = \"sinusoid\"", path, 1};
@@ -272,7 +272,7 @@ Result<SceneFile> parse_scene(std::string_view contents, const std::string& path
     return from_table(toml::parse(contents, path), path);
   } catch (const toml::parse_error& error) {
     return Error{fmt::format("{} (column {})", error.description(), error.source().begin.column),
-                 "the file must be TOML; docs/scene.md has an example", path,
+                 "the file must be TOML; docs/reference/scene-keys.md has an example", path,
                  static_cast<std::int64_t>(error.source().begin.line)};
   }
 }
@@ -285,7 +285,7 @@ std::vector<TableKeys> scene_keys() {
       if (one.read) keys.keys.push_back(one.key);
     all.push_back(std::move(keys));
   };
-  // Nothing is read: the fields are bound to what is thrown away.
+  // Nothing is read: the fields are bound to a temporary.
   SceneFile scene;
   SceneModel model;
   SceneView view;
@@ -295,7 +295,7 @@ std::vector<TableKeys> scene_keys() {
   control::PassivityOptions passivity;
   add("", scene_fields(scene));
   Fields of_models = model_fields(model, nullptr, kOfGenerator);
-  // The options of generators are theirs.
+  // Generators' options are listed elsewhere.
   std::erase_if(of_models, [](const Field& one) {
     return one.key != "generate" && one.kinds == std::vector<std::string>{kOfGenerator};
   });

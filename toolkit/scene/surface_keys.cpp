@@ -3,7 +3,7 @@
 #include <limits>
 #include <numbers>
 
-#include "toolkit/scene/toml_reading.h"
+#include "toolkit/scene/scene_fields.h"
 
 namespace palpate::scene {
 namespace {
@@ -14,7 +14,7 @@ constexpr const char* kFrictionMap = "friction = { image = \"mu.pfm\", tile_mm =
 /// `plain`, or { column = "name" } of the file.
 Field or_column(Field plain, std::string& column) {
   plain.read = [read = std::move(plain.read), &column](const toml::node& node, const std::string& key,
-                                                       const InFile& in_file) -> Status {
+                                                       const TomlFile& in_file) -> Status {
     const toml::table* table = node.as_table();
     if (table == nullptr || table->get("column") == nullptr) return read(node, key, in_file);
     return read_fields(*table, {field("column", column)}, "'" + key + "'", {}, in_file);
@@ -25,7 +25,7 @@ Field or_column(Field plain, std::string& column) {
 template <class To>
 Field share_field(std::string key, To& to) {
   return {std::move(key),
-          [&to](const toml::node& node, const std::string& name, const InFile& in_file) -> Status {
+          [&to](const toml::node& node, const std::string& name, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const double value, number(node, name, in_file));
             if (!(value >= 0.0 && value < 1.0))
               return in_file.at(node, fmt::format("'{}' must be at least 0 and below 1", name));
@@ -35,7 +35,7 @@ Field share_field(std::string key, To& to) {
 }
 
 /// A number (both coefficients), or { static = .., dynamic = .. }.
-Result<surface::Friction> friction(const toml::node& node, const InFile& in_file) {
+Result<surface::Friction> friction(const toml::node& node, const TomlFile& in_file) {
   surface::Friction both;
   if (const toml::table* table = node.as_table()) {
     const Fields fields = {
@@ -51,7 +51,7 @@ Result<surface::Friction> friction(const toml::node& node, const InFile& in_file
   return both;
 }
 
-Result<FrictionMap> friction_map(const toml::table& table, const InFile& in_file) {
+Result<FrictionMap> friction_map(const toml::table& table, const TomlFile& in_file) {
   FrictionMap map;
   const Fields fields = {file("image", map.image).must(kFrictionMap),
                          field("tile_mm", map.tile_mm, kLengthsMm).must(kFrictionMap),
@@ -63,7 +63,7 @@ Result<FrictionMap> friction_map(const toml::table& table, const InFile& in_file
   return map;
 }
 
-Status read_friction(const toml::node& node, SceneModel& model, const InFile& in_file) {
+Status read_friction(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
   const toml::table* table = node.as_table();
   if (table != nullptr && table->get("image") != nullptr) {
     PALPATE_ASSIGN(model.sources.friction_map, friction_map(*table, in_file));
@@ -78,24 +78,24 @@ Status read_friction(const toml::node& node, SceneModel& model, const InFile& in
   return Done{};
 }
 
-Status read_axis(const toml::node& node, const std::string& key, const InFile& in_file, Vec3& axis) {
+Status read_axis(const toml::node& node, const std::string& key, const TomlFile& in_file, Vec3& axis) {
   PALPATE_TRY(read_value(node, key, axis, in_file));
   if (!(axis.norm() > 0.0)) return in_file.at(node, fmt::format("'{}' must not be 0", key));
   axis.normalize();
   return Done{};
 }
 
-/// What a texture of each kind is called, in the order of TextureKind from kGrating on.
+/// Names of the texture kinds, in the order of TextureKind from kGrating on.
 const std::vector<std::string>& texture_kinds() {
   static const std::vector<std::string> kKinds = {
       "a texture of kind \"grating\"", "a texture of kind \"noise\"", "a texture of kind \"image\""};
   return kKinds;
 }
 
-Status read_texture(const toml::node& node, SceneModel& model, const InFile& in_file) {
+Status read_texture(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, table_of(node, "model.surface.texture", in_file));
   const Fields fields = texture_fields(model);
-  // Which keys there may be goes by the kind, the first of them.
+  // The allowed keys depend on the kind, which is read first.
   const toml::node* kind = table->get("kind");
   if (kind == nullptr)
     return in_file.at(node, "[model.surface.texture] needs 'kind'", "choose from grating, noise, image");
@@ -105,12 +105,12 @@ Status read_texture(const toml::node& node, SceneModel& model, const InFile& in_
   return read_fields(*table, fields, called, called, in_file);
 }
 
-/// A range [low, high] of one axis of a region; without the key: everything.
+/// A region's range [low, high] on one axis; default: everything.
 Field range_field(std::string key, int axis, geometry::Aabb& box) {
   box.low_mm[axis] = -std::numeric_limits<double>::infinity();
   box.high_mm[axis] = std::numeric_limits<double>::infinity();
   return {std::move(key),
-          [axis, &box](const toml::node& node, const std::string& name, const InFile& in_file) -> Status {
+          [axis, &box](const toml::node& node, const std::string& name, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const auto range, numbers<2>(node, name, in_file));
             if (!(range[0] <= range[1]))
               return in_file.at(node, fmt::format("'{}' must be [low, high]", name));
@@ -120,7 +120,7 @@ Field range_field(std::string key, int axis, geometry::Aabb& box) {
           }};
 }
 
-Status read_region(const toml::table& table, SceneRegion& region, const InFile& in_file) {
+Status read_region(const toml::table& table, SceneRegion& region, const TomlFile& in_file) {
   region.line = static_cast<std::int64_t>(table.source().begin.line);
   PALPATE_TRY(read_fields(table, region_fields(region), "a [[model.region]]", {}, in_file));
   if (!region.stiffness_n_per_mm && !region.friction && !region.deformation)
@@ -129,7 +129,7 @@ Status read_region(const toml::table& table, SceneRegion& region, const InFile& 
   return Done{};
 }
 
-Result<SceneMotion> read_motion(const toml::table& table, const InFile& in_file) {
+Result<SceneMotion> read_motion(const toml::table& table, const TomlFile& in_file) {
   SceneMotion motion;
   PALPATE_TRY(read_fields(table, motion_fields(motion), "[model.motion]", {}, in_file));
   motion.turn_rad_s *= std::numbers::pi / 180.0;
@@ -151,16 +151,17 @@ Fields texture_fields(SceneModel& model) {
   using enum surface::TextureEffect;
   surface::Texture& texture = model.surface.texture;
   const std::vector<std::string>& kinds = texture_kinds();
-  return {
-      choice("kind", texture.kind, {{"grating", kGrating}, {"noise", kNoise}, {"image", kImage}}),
-      choice("effect", texture.effect, {{"god-object", kGodObject}, {"force", kForce}}),
-      field("depth_mm", texture.depth_mm, kLengthsMm).must("depth_mm = 0.1"),
-      field("wavelength_mm", texture.wavelength_mm, kLengthsMm).must("wavelength_mm = 2.0"),
-      Field{"axis", [&texture](const toml::node& node, const std::string& key,
-                               const InFile& in_file) { return read_axis(node, key, in_file, texture.axis); }}
-          .of({kinds[0]}),
-      field("seed", texture.seed).of({kinds[1]}),
-      file("image", model.sources.texture_image).must("image = \"bark.pfm\"").of({kinds[2]})};
+  return {choice("kind", texture.kind, {{"grating", kGrating}, {"noise", kNoise}, {"image", kImage}}),
+          choice("effect", texture.effect, {{"god-object", kGodObject}, {"force", kForce}}),
+          field("depth_mm", texture.depth_mm, kLengthsMm).must("depth_mm = 0.1"),
+          field("wavelength_mm", texture.wavelength_mm, kLengthsMm).must("wavelength_mm = 2.0"),
+          Field{"axis",
+                [&texture](const toml::node& node, const std::string& key, const TomlFile& in_file) {
+                  return read_axis(node, key, in_file, texture.axis);
+                }}
+              .of({kinds[0]}),
+          field("seed", texture.seed).of({kinds[1]}),
+          file("image", model.sources.texture_image).must("image = \"bark.pfm\"").of({kinds[2]})};
 }
 
 Fields dent_fields(surface::Dent& dent) {
@@ -175,7 +176,7 @@ Fields region_fields(SceneRegion& region) {
           range_field("z_mm", 2, region.box_mm),
           field("stiffness_n_per_mm", region.stiffness_n_per_mm, kStiffnessesNPerMm),
           {"friction",
-           [&region](const toml::node& node, const std::string&, const InFile& in_file) -> Status {
+           [&region](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
              PALPATE_ASSIGN(region.friction, friction(node, in_file));
              return Done{};
            }},
@@ -184,7 +185,7 @@ Fields region_fields(SceneRegion& region) {
 
 Fields motion_fields(SceneMotion& motion) {
   return {field("velocity_mm_s", motion.velocity_mm_s, kSpeedsMmPerS),
-          field("turn_deg_s", motion.turn_rad_s, kTurnsDegPerS),
+          field("turn_deg_s", motion.turn_rad_s, kAngularSpeedsDegPerS),
           field("about_mm", motion.about_mm, kLengthsMm), field("start_s", motion.start_s, kTimesS),
           field("stop_s", motion.stop_s)};
 }
@@ -194,17 +195,17 @@ Fields surface_fields(SceneModel& model) {
   return {or_column(field("stiffness_n_per_mm", surface.stiffness_n_per_mm, kStiffnessesNPerMm),
                     model.sources.stiffness_column),
           {"friction", [&model](const toml::node& node, const std::string&,
-                                const InFile& in_file) { return read_friction(node, model, in_file); }},
+                                const TomlFile& in_file) { return read_friction(node, model, in_file); }},
           or_column(share_field("deformation", surface.deformation), model.sources.deformation_column),
           {"texture", [&model](const toml::node& node, const std::string&,
-                               const InFile& in_file) { return read_texture(node, model, in_file); }},
+                               const TomlFile& in_file) { return read_texture(node, model, in_file); }},
           inner("dent", dent_fields(surface.dent), {}, "model.surface.dent"),
           {"damping", nullptr},
           {"damping_n_s_per_mm", nullptr}};
 }
 
 Field surface_field(SceneModel& model) {
-  return {"surface", [&model](const toml::node& node, const std::string&, const InFile& in_file) -> Status {
+  return {"surface", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const toml::table* table, table_of(node, "model.surface", in_file));
             model.sources.line = static_cast<std::int64_t>(node.source().begin.line);
             return read_fields(*table, surface_fields(model), "[model.surface]", {}, in_file);
@@ -212,7 +213,7 @@ Field surface_field(SceneModel& model) {
 }
 
 Field regions_field(SceneModel& model) {
-  return {"region", [&model](const toml::node& node, const std::string&, const InFile& in_file) -> Status {
+  return {"region", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const auto tables, tables_of(node, "model.region", in_file));
             for (const toml::table* table : tables)
               PALPATE_TRY(read_region(*table, model.regions.emplace_back(), in_file));
@@ -221,7 +222,7 @@ Field regions_field(SceneModel& model) {
 }
 
 Field motion_field(SceneModel& model) {
-  return {"motion", [&model](const toml::node& node, const std::string&, const InFile& in_file) -> Status {
+  return {"motion", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const toml::table* table, table_of(node, "model.motion", in_file));
             PALPATE_ASSIGN(model.motion, read_motion(*table, in_file));
             return Done{};

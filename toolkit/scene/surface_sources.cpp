@@ -6,7 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/try.h"
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 
 namespace palpate::scene {
 namespace {
@@ -32,7 +33,7 @@ Status fill_column(const cloud::Cloud& cloud, const std::string& name, std::vect
       0};
 }
 
-/// A height image of any format that is read as a model: its posts, lowest value 0, highest 65535.
+/// Reads a height image of any model format: its posts, lowest 0, highest 65535.
 Result<surface::TextureImage> read_image(const std::string& path, const io::Readers& readers,
                                          std::uint64_t max_bytes, Progress& progress) {
   io::ReadOptions options;
@@ -73,19 +74,19 @@ Status fill_map(const FrictionMap& map, const cloud::Cloud& cloud, const Result<
   return Done{};
 }
 
-/// `value` for all, where there are no values yet.
+/// Fills missing values with `value`.
 void widen(std::vector<float>& values, std::size_t n, double value) {
   if (values.empty()) values.assign(n, static_cast<float>(value));
 }
 
-/// How many points the region has.
+/// Returns the number of points in the region.
 std::size_t fill_region(const SceneRegion& region, const surface::Surface& base, const cloud::Cloud& cloud,
                         PointProperties& p) {
   const std::size_t n = cloud.size();
   if (region.stiffness_n_per_mm) widen(p.stiffness_n_per_mm, n, base.stiffness_n_per_mm);
   if (region.deformation) widen(p.deformation, n, base.deformation);
   if (region.friction) {
-    // A column or map of one coefficient meant both.
+    // A single coefficient's column or map serves as both.
     if (p.dynamic_friction.empty() && !p.static_friction.empty()) p.dynamic_friction = p.static_friction;
     widen(p.static_friction, n, base.friction.static_coefficient);
     widen(p.dynamic_friction, n, base.friction.dynamic_coefficient);

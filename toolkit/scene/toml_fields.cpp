@@ -12,13 +12,13 @@ bool is_of(const Field& field, const std::string& kind) {
   return field.kinds.empty() || std::find(field.kinds.begin(), field.kinds.end(), kind) != field.kinds.end();
 }
 
-/// A kind in a message: a word in quotes, or a phrase as it is.
+/// A kind in a message: a word in quotes, a phrase unchanged.
 std::string called(const std::string& kind) {
   return kind.find(' ') == std::string::npos ? fmt::format("the kind \"{}\"", kind) : kind;
 }
 
 Status check_key(const toml::key& key, const Fields& fields, const std::string& where,
-                 const std::string& kind, const InFile& in_file) {
+                 const std::string& kind, const TomlFile& in_file) {
   const std::string name(key.str());
   const Field* other = nullptr;
   for (const Field& field : fields) {
@@ -43,7 +43,7 @@ Status check_key(const toml::key& key, const Fields& fields, const std::string& 
 
 }  // namespace
 
-std::string InFile::beside(const std::string& name) const {
+std::string TomlFile::beside(const std::string& name) const {
   return (std::filesystem::path(file).parent_path() / name).lexically_normal().string();
 }
 
@@ -59,7 +59,7 @@ Field Field::of(std::vector<std::string> only) && {
 }
 
 Status read_fields(const toml::table& table, const Fields& fields, const std::string& where,
-                   const std::string& kind, const InFile& in_file) {
+                   const std::string& kind, const TomlFile& in_file) {
   for (const auto& [key, node] : table) PALPATE_TRY(check_key(key, fields, where, kind, in_file));
   for (const Field& field : fields) {
     if (!is_of(field, kind)) continue;
@@ -72,7 +72,7 @@ Status read_fields(const toml::table& table, const Fields& fields, const std::st
   return Done{};
 }
 
-Result<double> number(const toml::node& node, const std::string& key, const InFile& in_file,
+Result<double> number(const toml::node& node, const std::string& key, const TomlFile& in_file,
                       const NumberRange& range, const std::string& remedy) {
   const std::optional<double> value = node.is_number() ? node.value<double>() : std::nullopt;
   if (!value || !std::isfinite(*value))
@@ -82,13 +82,13 @@ Result<double> number(const toml::node& node, const std::string& key, const InFi
   return *value;
 }
 
-Result<std::string> text(const toml::node& node, const std::string& key, const InFile& in_file) {
+Result<std::string> text(const toml::node& node, const std::string& key, const TomlFile& in_file) {
   const std::optional<std::string> value = node.value_exact<std::string>();
   if (!value || value->empty()) return in_file.at(node, fmt::format("'{}' must be a text in quotes", key));
   return *value;
 }
 
-Result<std::string> option_text(const toml::node& node, const std::string& key, const InFile& in_file) {
+Result<std::string> option_text(const toml::node& node, const std::string& key, const TomlFile& in_file) {
   if (const auto value = node.value_exact<std::string>()) return *value;
   if (const auto value = node.value_exact<bool>()) return std::string(*value ? "true" : "false");
   if (const auto value = node.value_exact<std::int64_t>()) return fmt::format("{}", *value);
@@ -96,7 +96,8 @@ Result<std::string> option_text(const toml::node& node, const std::string& key, 
   return in_file.at(node, fmt::format("'{}' must be a text, a number, true or false", key));
 }
 
-Result<const toml::table*> table_of(const toml::node& node, const std::string& name, const InFile& in_file) {
+Result<const toml::table*> table_of(const toml::node& node, const std::string& name,
+                                    const TomlFile& in_file) {
   const toml::table* table = node.as_table();
   if (table == nullptr)
     return in_file.at(node, fmt::format("'{}' must be a table, written [{}]", name, name));
@@ -104,7 +105,7 @@ Result<const toml::table*> table_of(const toml::node& node, const std::string& n
 }
 
 Result<std::vector<const toml::table*>> tables_of(const toml::node& node, const std::string& name,
-                                                  const InFile& in_file) {
+                                                  const TomlFile& in_file) {
   const toml::array* list = node.as_array();
   if (list == nullptr || list->empty() || !list->is_homogeneous(toml::node_type::table))
     return in_file.at(node, fmt::format("'{}' must be a list of tables", name.substr(name.rfind('.') + 1)),
@@ -116,7 +117,7 @@ Result<std::vector<const toml::table*>> tables_of(const toml::node& node, const 
 
 Field file(std::string key, std::string& into) {
   return {std::move(key),
-          [&into](const toml::node& node, const std::string& name, const InFile& in_file) -> Status {
+          [&into](const toml::node& node, const std::string& name, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const std::string given, text(node, name, in_file));
             into = in_file.beside(given);
             return Done{};
@@ -127,7 +128,7 @@ Field inner(std::string key, Fields fields, std::string kind, std::string name) 
   if (name.empty()) name = key;
   return {std::move(key),
           [fields = std::move(fields), kind = std::move(kind), name = std::move(name)](
-              const toml::node& node, const std::string&, const InFile& in_file) -> Status {
+              const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const toml::table* table, table_of(node, name, in_file));
             return read_fields(*table, fields, "[" + name + "]", kind, in_file);
           }};

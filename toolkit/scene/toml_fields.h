@@ -1,6 +1,5 @@
-// Tables of a TOML file read by the list of their fields: what is no field, of the wrong kind or missing is
-// refused with line and column. For scene and for what else reads TOML files of its own: the only header that
-// sees toml++.
+// Reads TOML tables by lists of fields; unknown, wrong or missing keys are Errors with line and column. For
+// scene and other TOML readers; the only header that includes toml++.
 #pragma once
 
 #include <fmt/format.h>
@@ -16,17 +15,16 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/core/options.h"
+#include <palpate/options.h>
+#include <palpate/result.h>
+#include <palpate/vec.h>
+#include "toolkit/core/message_text.h"
 #include "toolkit/core/physical_ranges.h"
-#include "toolkit/core/result.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/vec.h"
-#include "toolkit/core/words.h"
 
 namespace palpate::scene {
 
-/// Errors that name the file, and the line and column of a node of it.
-struct InFile {
+/// Makes Errors with file, line and column of a node.
+struct TomlFile {
   const std::string& file;
 
   [[nodiscard]] Error at(const toml::source_region& source, std::string what, std::string remedy = {}) const {
@@ -36,50 +34,51 @@ struct InFile {
   [[nodiscard]] Error at(const toml::node& node, std::string what, std::string remedy = {}) const {
     return at(node.source(), std::move(what), std::move(remedy));
   }
-  /// A path in a file is relative to that file.
+  /// Resolves a path relative to the file.
   [[nodiscard]] std::string beside(const std::string& name) const;
 };
 
-/// One key of a table: how its value is read and where it goes.
+/// One key of a table, its reader and its target.
 struct Field {
-  using Read = std::function<Status(const toml::node&, const std::string& key, const InFile&)>;
+  using Read = std::function<Status(const toml::node&, const std::string& key, const TomlFile&)>;
   std::string key;
-  Read read;  ///< none: the key belongs to a later version
+  Read read;  ///< empty: the key belongs to a later version
   bool needed = false;
-  std::string example{};             ///< of what is needed: what to write
-  std::vector<std::string> kinds{};  ///< of the table that have it; empty: all of them
+  std::string example{};             ///< for required fields: an example
+  std::vector<std::string> kinds{};  ///< kinds of table that have it; empty: all
 
-  /// The same field, refused where it is missing.
+  /// Makes the field required.
   [[nodiscard]] Field must(std::string write = {}) &&;
-  /// The same field, of these kinds alone.
+  /// Restricts the field to these kinds.
   [[nodiscard]] Field of(std::vector<std::string> only) &&;
 };
 using Fields = std::vector<Field>;
 
-/// Reads `table`, called `where` in messages, which is of this kind (empty: there are none): every field in
-/// the order of `fields`. Refused are keys that no field has, with the nearest known one; those of other
-/// kinds, which would do nothing; those of later versions; and fields that are needed and missing.
+/// Reads `table` of a kind (empty: none), called `where` in messages; fields in the order of `fields`.
+/// Errors: unknown keys (with the nearest known one), keys of other kinds or later versions, missing required
+/// fields.
 [[nodiscard]] Status read_fields(const toml::table& table, const Fields& fields, const std::string& where,
-                                 const std::string& kind, const InFile& in_file);
+                                 const std::string& kind, const TomlFile& in_file);
 
 /// Values of one type.
 inline constexpr NumberRange kAnyNumber{};
 inline constexpr NumberRange kAboveZero{0.0, 1e300, true};
 inline constexpr NumberRange kNotNegative{0.0, 1e300, false};
-[[nodiscard]] Result<double> number(const toml::node& node, const std::string& key, const InFile& in_file,
+[[nodiscard]] Result<double> number(const toml::node& node, const std::string& key, const TomlFile& in_file,
                                     const NumberRange& range = kAnyNumber, const std::string& remedy = {});
-[[nodiscard]] Result<std::string> text(const toml::node& node, const std::string& key, const InFile& in_file);
-/// A value of an option, as the text that the command line would have.
+[[nodiscard]] Result<std::string> text(const toml::node& node, const std::string& key,
+                                       const TomlFile& in_file);
+/// An option's value as its command-line text.
 [[nodiscard]] Result<std::string> option_text(const toml::node& node, const std::string& key,
-                                              const InFile& in_file);
+                                              const TomlFile& in_file);
 [[nodiscard]] Result<const toml::table*> table_of(const toml::node& node, const std::string& name,
-                                                  const InFile& in_file);
+                                                  const TomlFile& in_file);
 /// The tables of a list, written [[name]]; at least one.
 [[nodiscard]] Result<std::vector<const toml::table*>> tables_of(const toml::node& node,
                                                                 const std::string& name,
-                                                                const InFile& in_file);
+                                                                const TomlFile& in_file);
 template <std::size_t n>
-Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const InFile& in_file,
+Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const TomlFile& in_file,
                                       const NumberRange& range = kAnyNumber) {
   const toml::array* array = node.as_array();
   if (array == nullptr || array->size() != n)
@@ -91,9 +90,9 @@ Result<std::array<double, n>> numbers(const toml::node& node, const std::string&
   return values;
 }
 
-/// How a value of each type is read into what takes it by assignment.
+/// Reads a value of each type into a target.
 template <class T>
-Status read_value(const toml::node& node, const std::string& key, T& into, const InFile& in_file) {
+Status read_value(const toml::node& node, const std::string& key, T& into, const TomlFile& in_file) {
   if constexpr (std::is_same_v<T, std::string>) {
     PALPATE_ASSIGN(into, text(node, key, in_file));
   } else if constexpr (std::is_same_v<T, bool>) {
@@ -115,7 +114,7 @@ Status read_value(const toml::node& node, const std::string& key, T& into, const
 }
 template <class T>
 Status read_value(const toml::node& node, const std::string& key, std::vector<T>& into,
-                  const InFile& in_file) {
+                  const TomlFile& in_file) {
   const toml::array* array = node.as_array();
   if (array == nullptr) return in_file.at(node, fmt::format("'{}' must be a list", key));
   for (const toml::node& one : *array) PALPATE_TRY(read_value(one, key, into.emplace_back(), in_file));
@@ -125,7 +124,7 @@ Status read_value(const toml::node& node, const std::string& key, std::vector<T>
 /// Fields that write to `into`, which must outlive them.
 template <class T>
 [[nodiscard]] Field field(std::string key, T& into) {
-  return {std::move(key), [&into](const toml::node& node, const std::string& name, const InFile& in_file) {
+  return {std::move(key), [&into](const toml::node& node, const std::string& name, const TomlFile& in_file) {
             return read_value(node, name, into, in_file);
           }};
 }
@@ -134,7 +133,7 @@ template <class T>
 [[nodiscard]] Field field(std::string key, T& into, const NumberRange& range, std::string remedy = {}) {
   return {std::move(key),
           [&into, range, remedy = std::move(remedy)](const toml::node& node, const std::string& name,
-                                                     const InFile& in_file) -> Status {
+                                                     const TomlFile& in_file) -> Status {
             if constexpr (std::is_same_v<T, Vec3> || std::is_same_v<T, std::optional<Vec3>>) {
               PALPATE_ASSIGN(const auto v, numbers<3>(node, name, in_file, symmetric(range)));
               into = Vec3(v[0], v[1], v[2]);
@@ -144,12 +143,12 @@ template <class T>
             return Done{};
           }};
 }
-/// The one of `choices` that a text names.
+/// A choice among `choices` by text.
 template <class T>
 [[nodiscard]] Field choice(std::string key, T& into, std::vector<std::pair<std::string, T>> choices) {
   return {std::move(key),
           [&into, choices = std::move(choices)](const toml::node& node, const std::string& name,
-                                                const InFile& in_file) -> Status {
+                                                const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const std::string given, text(node, name, in_file));
             std::vector<std::string> known;
             for (const auto& one : choices) {
@@ -163,18 +162,18 @@ template <class T>
                               did_you_mean(given, known, "choose from " + joined(known)));
           }};
 }
-/// A path, resolved against the file that says it.
+/// A path, resolved against the file.
 [[nodiscard]] Field file(std::string key, std::string& into);
-/// A table inside, "[path]"; `name` is its full name where that is longer.
+/// A nested table "[path]"; `name` is its full name if longer.
 [[nodiscard]] Field inner(std::string key, Fields fields, std::string kind = {}, std::string name = {});
-/// A list of tables, "[[model]]": each becomes a T, by the fields that fields_of(T&, kind) names of it.
+/// A list of tables "[[model]]": each becomes a T, read by fields_of(T&, kind).
 template <class T, class FieldsOf>
 [[nodiscard]] Field list(std::string key, std::vector<T>& into, FieldsOf fields_of, std::string kind = {},
                          std::string name = {}) {
   if (name.empty()) name = key;
   return {std::move(key),
           [&into, fields_of = std::move(fields_of), kind = std::move(kind), name = std::move(name)](
-              const toml::node& node, const std::string&, const InFile& in_file) -> Status {
+              const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
             PALPATE_ASSIGN(const auto tables, tables_of(node, name, in_file));
             for (const toml::table* table : tables)
               PALPATE_TRY(read_fields(*table, fields_of(into.emplace_back(), kind), "a [[" + name + "]]",

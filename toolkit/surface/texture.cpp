@@ -1,4 +1,4 @@
-#include "toolkit/surface/texture.h"
+#include <palpate/surface.h>
 
 #include <Eigen/Geometry>
 
@@ -10,12 +10,12 @@
 namespace palpate::surface {
 namespace {
 
-/// The noise is a sum of plane waves along the six axes of an icosahedron. Any line sees them shortened
-/// alike: their squared cosines with it sum to 2, a third each on average.
+/// The noise sums plane waves along the six axes of an icosahedron. The squared cosines of any line with them
+/// sum to 2, so every line sees the same mean shortening.
 constexpr int kWaves = 6;
 using WaveDirections = std::array<Vec3, kWaves>;
 
-/// Turned by a quaternion of square roots of primes, so that no wave stands square to a model's axis or plane
+/// Rotated by a quaternion of square roots of primes, so no wave is perpendicular to a model axis or plane
 /// and no two look alike along one.
 WaveDirections wave_directions() noexcept {
   const double golden = 0.5 * (1.0 + std::sqrt(5.0));
@@ -35,14 +35,14 @@ WaveDirections wave_directions() noexcept {
 }
 const WaveDirections kWaveDirections = wave_directions();
 
-/// Waves a mm along each direction: a line sees a third of their square, and crossings of a sum of waves come
-/// at the root of the mean square of what it sees (Rice 1944).
+/// Waves per mm along each direction. A line sees a third of their square, and crossings of a sum of waves
+/// occur at the root of the mean square (Rice 1944).
 double waves_per_mm(const Texture& t) noexcept {
   return std::numbers::sqrt3 / t.wavelength_mm;
 }
 
-/// One period of a wave that rises from 0 in its middle (x = 0) to 1 at its ends (x = -1 and 1): the function
-/// of Wyvill, McPheeters and Wyvill (1986), within 0.002 of a cosine, and a potential whose slope is exact.
+/// One period of a wave that rises from 0 at x = 0 to 1 at x = -1 and 1: the function of Wyvill, McPheeters
+/// and Wyvill (1986). Within 0.002 of a cosine; its slope is exact, so it is a potential.
 struct Wave {
   double value, slope;
 };
@@ -51,11 +51,10 @@ Wave wave(double x) noexcept {
   return {square * (22.0 + square * (-17.0 + 4.0 * square)) / 9.0,
           x * (44.0 + square * (-68.0 + 24.0 * square)) / 9.0};
 }
-/// Its steepest, at x^2 = 0.2535, where 120 x^4 - 204 x^2 + 44 = 0.
+/// The steepest slope, at x^2 = 0.2535, where 120 x^4 - 204 x^2 + 44 = 0.
 constexpr double kSteepestWave = 1.5835;
 
-/// Where each wave begins, in waves: ten bits of a mixed seed each (the finaliser of splitmix64, Steele et
-/// al. 2014).
+/// Phase of each wave: ten bits of the mixed seed (finaliser of splitmix64, Steele et al. 2014).
 std::uint64_t mixed(std::uint64_t seed) noexcept {
   std::uint64_t h = seed + 0x9E3779B97F4A7C15u;
   h = (h ^ (h >> 30)) * 0xBF58476D1CE4E5B9u;
@@ -64,8 +63,8 @@ std::uint64_t mixed(std::uint64_t seed) noexcept {
 }
 constexpr int kPhaseBits = 10;
 
-/// The distance to the nearest whole number; 0 where doubles have no fractions. Adding a number of 2^52
-/// rounds to whole ones: as std::round, but for halves, and without a call.
+/// Distance to the nearest integer; 0 where doubles have no fractions. Adding 2^52 rounds to integers like
+/// std::round (except halves) without a call.
 double off_whole(double x) noexcept {
   constexpr double kWhole = 0x1.8p52;
   return std::abs(x) < 0x1p51 ? x - ((x + kWhole) - kWhole) : 0.0;
@@ -87,7 +86,7 @@ Relief noise(const Texture& t, const Vec3& p) noexcept {
   return {t.depth_mm / kWaves * value, (2.0 * per_mm * t.depth_mm / kWaves) * slope};
 }
 
-/// All waves at their steepest at once, each on the side that adds most to the others.
+/// The sum when all waves are steepest at once with the worst signs.
 double steepest_noise(const Texture& t) noexcept {
   double most_sq = 0.0;
   for (unsigned sides = 0; sides < 1u << kWaves; ++sides) {
@@ -108,7 +107,7 @@ Relief grating(const Texture& t, const Vec3& p) noexcept {
 struct Pixel {
   double depth, du, dv;  ///< in pixels
 };
-/// Bilinear between the pixels' middles.
+/// Bilinear between pixel centres.
 Pixel pixel(const TextureImage& image, double u, double v) noexcept {
   const double columns = image.columns, rows = image.rows;
   u -= columns * std::floor(u / columns);
@@ -125,7 +124,7 @@ Pixel pixel(const TextureImage& image, double u, double v) noexcept {
           (1.0 - b) * (d10 - d00) + b * (d11 - d01), (1.0 - a) * (d01 - d00) + a * (d11 - d10)};
 }
 
-/// Laid on along each axis; the squares of the normal's coordinates sum to 1 and blend the three.
+/// Triplanar image: the squared normal components sum to 1 and blend the three projections.
 Relief picture(const Texture& t, const Vec3& p, const Vec3& normal) noexcept {
   const double per_mm = t.image->columns / t.wavelength_mm;
   Relief sum;

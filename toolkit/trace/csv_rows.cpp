@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include <palpate/options.h>
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 
 namespace palpate::trace {
 
@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::string_view kGzip = "\x1f\x8b", kXz =
                                                    "\xfd"
-                                                   "7zXZ";  // how compressed files begin
+                                                   "7zXZ";  // first bytes of compressed files
 
 }  // namespace
 
@@ -67,7 +67,7 @@ bool LineReader::next_any(std::string_view& line) {
   return line_ > 1 || without_mark(line);
 }
 
-/// What is left to the front, and more behind it.
+/// Moves the rest to the front and reads more.
 void LineReader::refill() {
   std::copy(rest_.begin(), rest_.end(), buffer_->begin());
   const Result<std::size_t> got =
@@ -96,15 +96,15 @@ bool LineReader::without_mark(std::string_view& first_line) {
   return mark.ok();
 }
 
-Result<TableForm> form_of(const LineReader& reader, std::string_view row) {
-  Result<TableForm> form = TableForm::of(row);
+Result<CsvDialect> form_of(const LineReader& reader, std::string_view row) {
+  Result<CsvDialect> form = CsvDialect::of(row);
   if (!form) return reader.error(form.error().what, form.error().remedy);
   return form;
 }
 
-Result<double> finite_number(const LineReader& reader, TableForm& form, std::string_view text,
+Result<double> finite_number(const LineReader& reader, CsvDialect& form, std::string_view text,
                              std::string_view place, std::string_view remedy) {
-  const std::optional<std::string_view> pointed = form.with_point(text);
+  const std::optional<std::string_view> pointed = form.with_decimal_point(text);
   const Result<double> value = parse_number(pointed.value_or(text));
   if (!value || !std::isfinite(*value))
     return reader.error(fmt::format("{} {} is not a finite number", place, shown(text)), std::string(remedy));
@@ -113,8 +113,8 @@ Result<double> finite_number(const LineReader& reader, TableForm& form, std::str
 
 namespace {
 
-/// Fields as finite numbers; exactly as many as `values` has. `fields` has room for one more.
-Status parse_row(const LineReader& reader, TableForm& form, std::string_view line, std::span<double> values,
+/// Parses fields as finite numbers; exactly as many as `values` holds. `fields` has room for one more.
+Status parse_row(const LineReader& reader, CsvDialect& form, std::string_view line, std::span<double> values,
                  std::span<std::string_view> fields) {
   const std::size_t count = form.split(line, fields);
   for (std::size_t i = 0; i < std::min(count, values.size()); ++i) {
@@ -122,7 +122,7 @@ Status parse_row(const LineReader& reader, TableForm& form, std::string_view lin
                                             "write numbers with a decimal point and no blanks"));
   }
   if (count > values.size()) {
-    const std::string readings = both_comma_readings(line);
+    const std::string readings = comma_readings(line);
     return reader.error(
         fmt::format("the row has more than {} fields{}{}", values.size(), readings.empty() ? "" : ": ",
                     readings),
@@ -134,10 +134,10 @@ Status parse_row(const LineReader& reader, TableForm& form, std::string_view lin
   return Done{};
 }
 
-/// The header with commas, as spreadsheets of countries with decimal commas do not write it.
+/// The header with commas; spreadsheets with decimal commas write semicolons.
 std::string with_commas(std::string_view header) {
   std::string text(header);
-  if (TableForm::of_names(header).separator() == ';') std::replace(text.begin(), text.end(), ';', ',');
+  if (CsvDialect::of_header(header).separator() == ';') std::replace(text.begin(), text.end(), ';', ',');
   return text;
 }
 
@@ -161,11 +161,11 @@ Status read_rows(LineReader& reader, std::string_view header, std::string_view o
                         fmt::format("the first line must be {}{}", header, or_else));
   std::vector<double> values(1 + static_cast<std::size_t>(std::count(header.begin(), header.end(), ',')));
   std::vector<std::string_view> fields(values.size() + 1);
-  std::optional<TableForm> form;
+  std::optional<CsvDialect> form;
   while (reader.next(line)) {
     if (!form) {
       PALPATE_ASSIGN(form, form_of(reader, line));
-      if (form->separator() == ' ') form = TableForm::of_names(header);
+      if (form->separator() == ' ') form = CsvDialect::of_header(header);
     }
     PALPATE_TRY(parse_row(reader, *form, line, values, fields));
     PALPATE_TRY(row(values));

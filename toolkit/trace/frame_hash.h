@@ -1,14 +1,14 @@
-// The hash of a force trace, frame by frame, for traces that are never whole in memory.
+// The hash of a force trace, computed frame by frame.
 #pragma once
 
 #include <string>
 
+#include <palpate/renderer.h>
 #include "toolkit/core/hash.h"
-#include "toolkit/render/renderer.h"
 
 namespace palpate::trace {
 
-/// FNV-1a-64 over contact, force and god object of every frame that is added; trace_hash() is one of these.
+/// FNV-1a-64 over contact, force and god object of every added frame; used by trace_hash().
 class FrameHash {
  public:
   void add(const render::Frame& frame) noexcept {

@@ -2,31 +2,32 @@
 #include <cmath>
 #include <cstddef>
 
-#include "toolkit/core/bootstrap.h"
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/trace/passes.h"
+#include "toolkit/core/bootstrap_interval.h"
+#include "toolkit/core/percentiles.h"
+#include "toolkit/trace/timed_passes.h"
 
 namespace palpate::trace {
 namespace {
 
 constexpr double kMicrosecondsPerNs = 1e-3;
 
-/// Which stretches belong to a set, and to which of its episodes.
+/// The stretches of a set, and their episodes.
 struct Set {
   std::vector<std::size_t> stretches;
-  std::vector<std::size_t> episode;  ///< of each of `stretches`
+  std::vector<std::size_t> episode;  ///< per stretch
   std::size_t episodes = 0;
 };
 
 enum class Kind { kContact, kFree, kAll };
 
-Set set_of(const std::vector<Stretch>& stretches, Kind kind) {
+Set set_of(const std::vector<FrameSpan>& stretches, Kind kind) {
   Set set;
   bool touched = false;
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     const bool contact = stretches[i].contact;
     if (kind != Kind::kAll && contact != (kind == Kind::kContact)) continue;
-    // Of all frames, what is free after a contact stretch belongs to it, and before the first one to that.
+    // Over all frames, a free stretch belongs to the preceding contact stretch, the first one to the
+    // following.
     if (kind != Kind::kAll || set.episodes == 0 || (contact && touched)) ++set.episodes;
     touched = touched || contact;
     set.stretches.push_back(i);
@@ -35,21 +36,21 @@ Set set_of(const std::vector<Stretch>& stretches, Kind kind) {
   return set;
 }
 
-/// Time of each pass and episode, ns, and frames of each episode.
+/// Time per pass and episode, ns, and frames per episode.
 struct Sums {
   std::vector<std::vector<double>> ns;
   std::vector<double> frames;
 };
 
-Sums sums_of(const PassTimes& times, const Set& set, std::int64_t StretchTime::*clock) {
+Sums sums_of(const PassTimes& times, const Set& set, std::int64_t FrameSpanTime::*clock) {
   Sums sums;
   sums.frames.assign(set.episodes, 0.0);
-  sums.ns.assign(times.by_stretch.size(), std::vector<double>(set.episodes, 0.0));
+  sums.ns.assign(times.by_span.size(), std::vector<double>(set.episodes, 0.0));
   for (std::size_t k = 0; k < set.stretches.size(); ++k) {
-    const Stretch& stretch = times.stretches[set.stretches[k]];
+    const FrameSpan& stretch = times.stretches[set.stretches[k]];
     sums.frames[set.episode[k]] += static_cast<double>(stretch.end - stretch.begin);
     for (std::size_t pass = 0; pass < sums.ns.size(); ++pass)
-      sums.ns[pass][set.episode[k]] += static_cast<double>(times.by_stretch[pass][set.stretches[k]].*clock);
+      sums.ns[pass][set.episode[k]] += static_cast<double>(times.by_span[pass][set.stretches[k]].*clock);
   }
   return sums;
 }
@@ -83,7 +84,7 @@ std::optional<Interval> mean_interval(const Sums& sums) {
   return ns;
 }
 
-/// A percentile of frames, over draws of episodes.
+/// A percentile of frames over draws of episodes.
 std::optional<Interval> percentile_interval(const std::vector<std::int64_t>& frame_ns, const PassTimes& times,
                                             const Set& set, double percent) {
   struct Timed {
@@ -93,11 +94,11 @@ std::optional<Interval> percentile_interval(const std::vector<std::int64_t>& fra
   std::vector<Timed> sorted;
   std::vector<std::uint64_t> frames(set.episodes);
   for (std::size_t k = 0; k < set.stretches.size(); ++k) {
-    const Stretch& stretch = times.stretches[set.stretches[k]];
+    const FrameSpan& stretch = times.stretches[set.stretches[k]];
     frames[set.episode[k]] += stretch.end - stretch.begin;
     for (std::size_t i = stretch.begin; i < stretch.end; ++i) sorted.push_back({frame_ns[i], set.episode[k]});
   }
-  // From the longest down: the upper percentiles are reached after few of them.
+  // Descending: upper percentiles are reached early.
   std::sort(sorted.begin(), sorted.end(), [](const Timed& a, const Timed& b) {
     return a.ns != b.ns ? a.ns > b.ns : a.episode < b.episode;
   });
@@ -120,7 +121,7 @@ FrameStatistics statistics_of(const PassTimes& times, const Set& set,
   std::uint64_t frames = 0;
   std::uint32_t worst_ns = 0;
   for (const std::size_t s : set.stretches) {
-    const Stretch& stretch = times.stretches[s];
+    const FrameSpan& stretch = times.stretches[s];
     frames += stretch.end - stretch.begin;
     const auto begin = static_cast<std::ptrdiff_t>(stretch.begin),
                end = static_cast<std::ptrdiff_t>(stretch.end);
@@ -132,7 +133,7 @@ FrameStatistics statistics_of(const PassTimes& times, const Set& set,
   if (frames == 0) {
     s.clock_overhead_ns = times.clock_overhead_ns;
   } else {
-    const Sums wall = sums_of(times, set, &StretchTime::wall_ns);
+    const Sums wall = sums_of(times, set, &FrameSpanTime::wall_ns);
     const double mean = median_mean_ns(wall);
     const RunTime run{std::llround(mean * static_cast<double>(frames)), frames};
     s = frame_statistics(std::move(own), std::span(&run, 1), times.clock_overhead_ns);
@@ -140,10 +141,10 @@ FrameStatistics statistics_of(const PassTimes& times, const Set& set,
     constexpr double kMedian = 50.0, kTail = 99.9;
     s.p50_interval_us = percentile_interval(frame_ns, times, set, kMedian);
     s.p999_interval_us = percentile_interval(frame_ns, times, set, kTail);
-    s.cpu_mean_us = median_mean_ns(sums_of(times, set, &StretchTime::cpu_ns)) * kMicrosecondsPerNs;
+    s.cpu_mean_us = median_mean_ns(sums_of(times, set, &FrameSpanTime::cpu_ns)) * kMicrosecondsPerNs;
     s.worst_us = std::max(static_cast<double>(worst_ns) * kMicrosecondsPerNs, *s.max_us);
   }
-  s.passes = times.by_stretch.size();
+  s.passes = times.by_span.size();
   s.clocked_passes = times.by_frame.size();
   s.episodes = set.episodes;
   return s;

@@ -1,14 +1,14 @@
-#include "toolkit/trace/replay.h"
+#include <palpate/replay.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "toolkit/core/clock.h"
-#include "toolkit/core/nearest_rank.h"
-#include "toolkit/core/try.h"
-#include "toolkit/trace/course.h"
-#include "toolkit/trace/passes.h"
+#include <palpate/clock.h>
+#include <palpate/result.h>
+#include "toolkit/core/percentiles.h"
+#include "toolkit/trace/path_run.h"
+#include "toolkit/trace/timed_passes.h"
 
 namespace palpate::trace {
 namespace {
@@ -24,12 +24,12 @@ double mean_us_of(std::int64_t total_ns, std::uint64_t frames) {
   return static_cast<double>(total_ns) * kUsPerNs / static_cast<double>(frames);
 }
 
-// One pass of each kind over the frames that the renderer itself calls contact.
-Status time_once(Passes& passes, ReplayReport& report) {
+// One pass of each kind over the frames that the renderer reports in contact.
+Status time_once(TimedPasses& passes, ReplayReport& report) {
   const std::vector<std::uint8_t> contact = contact_of(report.trace.frames);
   PassTimes times;
-  times.stretches = stretches_of(contact);
-  PALPATE_TRY(passes.time_stretches(times.stretches, times.by_stretch.emplace_back(times.stretches.size())));
+  times.stretches = frame_spans_of(contact);
+  PALPATE_TRY(passes.time_spans(times.stretches, times.by_span.emplace_back(times.stretches.size())));
   PALPATE_TRY(passes.time_frames(times.by_frame.emplace_back(report.trace.frames.size())));
   times.clock_overhead_ns = measure_clock_overhead_ns();
   PassStatistics statistics = pass_statistics(times, report.trace.frames);
@@ -79,7 +79,7 @@ FrameStatistics frame_statistics(std::vector<std::int64_t> times, std::span<cons
   s.deadline_misses_5khz = longer_than(kDeadline5KhzNs);
   s.deadline_misses_10khz = longer_than(kDeadline10KhzNs);
   const std::int64_t total_ns = std::accumulate(times.begin(), times.end(), std::int64_t{0});
-  // A mean of equal numbers may round to the next one beyond them: the clamps take that back, no more.
+  // A mean of equal numbers may round beyond them; the clamps only undo that.
   s.mean_clocked_us = std::clamp(mean_us_of(total_ns, times.size()), *s.min_us, longest_us);
   RunTime all;
   for (const RunTime& run : runs) {
@@ -124,7 +124,7 @@ Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, rende
   ForceTrace trace;
   trace.label = renderer.describe().name;
   trace.frames.reserve(path.size());
-  Course course(renderer, path, simulation);
+  PathRun course(renderer, path, simulation);
   course.restart();
   for (std::size_t i = 0; i < path.size(); ++i) {
     course.advance(i);
@@ -140,7 +140,7 @@ Result<ReplayReport> measure(HapticRenderer& renderer, const ProbePath& path, co
   report.trace_hash = trace_hash(report.trace);
   report.counters = renderer.counters();
   if (!options.timed) return report;
-  Passes passes(renderer, path, options.simulation, report.trace.frames);
+  TimedPasses passes(renderer, path, options.simulation, report.trace.frames);
   PALPATE_TRY(time_once(passes, report));
   const std::vector<std::uint8_t> contact = contact_of(report.trace.frames);
   struct Wanted {

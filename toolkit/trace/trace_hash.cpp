@@ -1,6 +1,6 @@
+#include <palpate/trace.h>
 #include "toolkit/core/hash.h"
 #include "toolkit/trace/frame_hash.h"
-#include "toolkit/trace/trace.h"
 
 namespace palpate::trace {
 

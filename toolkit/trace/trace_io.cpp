@@ -1,4 +1,4 @@
-#include "toolkit/trace/trace_io.h"
+#include <palpate/trace.h>
 
 #include <fmt/format.h>
 
@@ -10,10 +10,10 @@
 #include <string_view>
 #include <utility>
 
+#include <palpate/options.h>
+#include <palpate/result.h>
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 #include "toolkit/trace/csv_rows.h"
 
 namespace palpate::trace {
@@ -22,14 +22,13 @@ namespace {
 constexpr std::size_t kPathFields = 4;
 constexpr std::size_t kTraceFields = 12;
 constexpr std::size_t kReferenceFields = 17;
-constexpr const char* kOtherColumns =
-    ", or say where the numbers stand, as in --traj-columns t=0,x=1,y=2,z=3";
+constexpr const char* kOtherColumns = ", or say where the numbers stand, as in FILE:t=0:x=1:y=2:z=3";
 
-/// Longest line of a .traj file, in columns.
-constexpr std::size_t kMostColumns = 2048;
+/// Most columns of a .traj line.
+constexpr std::size_t kMaxColumns = 2048;
 
-/// The numbers of a .traj line that `columns` asks for, by column.
-Status parse_traj_line(const LineReader& reader, TableForm& form, std::span<const std::string_view> fields,
+/// Reads the columns that `columns` names from a .traj line.
+Status parse_traj_line(const LineReader& reader, CsvDialect& form, std::span<const std::string_view> fields,
                        std::span<const int> columns, std::span<double> values) {
   const char* const remedy = "check which columns hold what, counted from 0";
   for (std::size_t i = 0; i < columns.size(); ++i) {
@@ -60,7 +59,7 @@ Status check_columns(const TrajColumns& c, const std::string& file) {
   return Done{};
 }
 
-/// Whether the file's first line names the column of a second reference.
+/// True if the first line has the second reference's column.
 Result<bool> is_compared(const std::string& file, std::uint64_t max_bytes) {
   PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   std::string_view line;
@@ -116,7 +115,7 @@ Status write_trace_csv(const ProbePath& path, const ForceTrace& trace, const std
 
 Result<PathAndTrace> read_trace_csv(const std::string& file, std::uint64_t max_bytes) {
   PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
-  // Nanoseconds beyond this are no frame times, and doubles no longer count them exactly: 2^53.
+  // Larger values are no frame times, and doubles no longer count them exactly: 2^53.
   constexpr double kLargestNs = 9007199254740992.0;
   PathAndTrace both;
   both.path.name = file;
@@ -203,10 +202,10 @@ Result<TrajRecording> read_traj(const std::string& file, const TrajColumns& colu
   ProbePath& path = recording.path;
   path.name = file;
   std::string_view line;
-  std::vector<std::string_view> fields(kMostColumns);
-  std::optional<TableForm> form;
+  std::vector<std::string_view> fields(kMaxColumns);
+  std::optional<CsvDialect> form;
   std::size_t names = 0;
-  const auto cut = [&](const TableForm& by) {
+  const auto cut = [&](const CsvDialect& by) {
     const std::size_t count = by.split(line, fields);
     for (std::size_t i = 0; i < count; ++i) fields[i] = trimmed(fields[i]);
     return std::span<const std::string_view>(fields).first(count);
@@ -215,12 +214,12 @@ Result<TrajRecording> read_traj(const std::string& file, const TrajColumns& colu
     line = trimmed(line);
     if (line.empty() || line.front() == '#' || line.front() == '%') continue;
     if (!form) {
-      if (const auto words = cut(TableForm::of_names(line)); names == 0 && names_columns(words)) {
+      if (const auto words = cut(CsvDialect::of_header(line)); names == 0 && is_header_row(words)) {
         names = words.size();
         continue;
       }
       PALPATE_ASSIGN(form, form_of(reader, line));
-      if (const std::string readings = both_comma_readings(line);
+      if (const std::string readings = comma_readings(line);
           form->separator() == ',' && !readings.empty() && cut(*form).size() == 2 * names)
         return reader.error(fmt::format("twice as many columns as names: {}", readings),
                             "separate columns by semicolons, or write decimal points");

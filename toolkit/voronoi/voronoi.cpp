@@ -7,10 +7,11 @@
 #include <numeric>
 #include <vector>
 
+#include <palpate/registry.h>
+#include <palpate/result.h>
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/try.h"
-#include "toolkit/neighbourhood/builders.h"
-#include "toolkit/neighbourhood/knn_kernels.h"
+#include "toolkit/search/knn_kernels.h"
+#include "toolkit/search/neighbour_builders.h"
 
 #include <CGAL/Delaunay_triangulation_3.h>
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -20,8 +21,8 @@
 namespace palpate::voronoi {
 namespace {
 
-using neighbourhood::kNeighbours;
-using neighbourhood::NeighbourTable;
+using search::kNeighbours;
+using search::NeighbourTable;
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Vertex = CGAL::Triangulation_vertex_base_with_info_3<std::uint32_t, Kernel>;
 using Cell = CGAL::Delaunay_triangulation_cell_base_3<Kernel>;
@@ -123,7 +124,7 @@ NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, co
     VoronoiReport& part = parts[begin / kPointsPerChunk];
     for (auto self = static_cast<std::uint32_t>(begin); self < end; ++self) {
       const Vec3 p = cloud.local_mm(self);
-      neighbourhood::BestEight best;
+      search::NearestEight best;
       std::size_t found = 0;
       const auto offer = [&](std::uint32_t place) {
         const auto first = places.members.first(place), last = places.members.last(place);
@@ -171,21 +172,22 @@ Result<Links> natural_links(std::span<const Vec3> points) {
 }
 
 void register_voronoi() {
-  neighbourhood::Builder builder;
+  search::NeighbourBuilder builder;
   builder.name = "voronoi";
   builder.summary = "the nearest eight of those whose Voronoi cells touch";
   builder.source = "section 3.2.2.3, CGAL";
-  builder.build = [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<neighbourhood::Built> {
+  builder.build = [](const cloud::Cloud& cloud, const Options&,
+                     int threads) -> Result<search::NeighbourBuild> {
     VoronoiReport r;
     PALPATE_ASSIGN(NeighbourTable table, voronoi(cloud, threads, &r));
-    neighbourhood::Built built{std::move(table), {}};
+    search::NeighbourBuild built{std::move(table), {}};
     built.notes.push_back(fmt::format("{:.2f} natural neighbours on average, fewer than eight at {} points",
                                       2.0 * static_cast<double>(r.natural) / static_cast<double>(r.places),
                                       r.fewer_than_eight));
     return built;
   };
   builder.one_thread = true;
-  neighbourhood::add_builder(std::move(builder));
+  search::add_neighbour_builder(std::move(builder));
 }
 
 }  // namespace palpate::voronoi

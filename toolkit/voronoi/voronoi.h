@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
-#include "toolkit/core/result.h"
-#include "toolkit/neighbourhood/neighbour_table.h"
+#include <palpate/cloud.h>
+#include <palpate/result.h>
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::voronoi {
 
@@ -26,8 +26,8 @@ struct VoronoiReport {
 /// but for ties. Points at one place share a cell and are neighbours at distance 0. Flat clouds, lines and
 /// single points are fine. O(n) in practice on surfaces, O(n^2) at worst, on one thread (the choice of eight
 /// on all); needs about 400 bytes a point meanwhile. An Error where memory runs out.
-[[nodiscard]] Result<neighbourhood::NeighbourTable> voronoi(const cloud::Cloud& cloud, int threads,
-                                                            VoronoiReport* report = nullptr);
+[[nodiscard]] Result<search::NeighbourTable> voronoi(const cloud::Cloud& cloud, int threads,
+                                                     VoronoiReport* report = nullptr);
 
 /// Which points' Voronoi cells touch, both ways: row i is ends[begin[i] .. begin[i + 1]), in CGAL's order.
 struct Links {
@@ -44,9 +44,5 @@ struct Links {
 /// ends at the point nearest to it. Points must be finite; of several at one place only one is linked. Cost
 /// and errors as for voronoi().
 [[nodiscard]] Result<Links> natural_links(std::span<const Vec3> points);
-
-/// Adds the builder "voronoi" to neighbourhood::builders(). Call before renderers are registered, which list
-/// the builders' names.
-void register_voronoi();
 
 }  // namespace palpate::voronoi

@@ -1,5 +1,5 @@
-// The plug-in of Force Dimension's DHD library: omega, delta, sigma, lambda, and the Novint Falcon, which it
-// drives without a firmware file of one's own. Its calls wait for the USB, so they have a thread.
+// Plug-in for Force Dimension's DHD library: omega, delta, sigma, lambda, and the Novint Falcon, without a
+// firmware file. The library's calls wait for USB, so they have a thread.
 #include <dhdc.h>
 
 #include <array>
@@ -17,11 +17,11 @@ using palpate::device::copy_plugin_text;
 using palpate::device::PluginExchange;
 
 constexpr double kMmPerM = 1000.0;
-// The library's calls take as long as the USB does. Where they do not wait at all, this does.
+// The library's calls take as long as USB; this is the pause if they do not wait.
 constexpr std::chrono::microseconds kDhdRest{200};
 constexpr int kMostWrong = 3;
 
-/// What a maker's sheet says, from its public pages and cautious: half of the workspace that is advertised.
+/// Cautious values from the makers' pages: half of the advertised workspace.
 struct DhdModel {
   const char* begins;
   double force_max_n, half_mm, resolution_mm, stiffness_n_per_mm;
@@ -29,7 +29,7 @@ struct DhdModel {
 constexpr std::array kDhdModels = {
     DhdModel{"omega", 12.0, 40.0, 0.01, 14.5}, DhdModel{"delta", 20.0, 80.0, 0.03, 14.5},
     DhdModel{"sigma", 20.0, 45.0, 0.01, 14.5}, DhdModel{"lambda", 20.0, 60.0, 0.01, 14.5},
-    DhdModel{"", 8.0, 40.0, 0.06, 3.0}};  // the Falcon, and what is not known
+    DhdModel{"", 8.0, 40.0, 0.06, 3.0}};  // the Falcon, and unknown devices
 
 const DhdModel& model_of(const std::string& name) {
   for (const DhdModel& model : kDhdModels)
@@ -52,8 +52,9 @@ class DhdDevice {
     static_cast<void>(dhdEnableForce(0, id));
     static_cast<void>(dhdClose(id));
   }
-  PluginExchange& exchange() noexcept { return exchange_; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
+
+  PluginExchange exchange;
 
  private:
   void run() {
@@ -65,26 +66,23 @@ class DhdDevice {
       const bool read = dhdGetPosition(&m[0], &m[1], &m[2], id) >= 0;
       for (int axis = 0; axis < 3; ++axis) state.position_mm[axis] = kMmPerM * m[axis];
       state.buttons = static_cast<std::uint32_t>(dhdGetButtonMask(id));
-      const Vec3 force_n = exchange_.force();
+      const Vec3 force_n = exchange.force();
       const bool sent = dhdSetForce(force_n.x(), force_n.y(), force_n.z(), id) >= 0;
       wrong = read && sent ? 0 : wrong + 1;
       constexpr std::uint32_t kGone = 3;
       if (wrong >= kMostWrong) state.status = kGone;
-      if (read || wrong >= kMostWrong) exchange_.state(state);
+      if (read || wrong >= kMostWrong) exchange.state(state);
       std::this_thread::sleep_for(kDhdRest);
     }
   }
 
   int id_;
   std::string name_;
-  PluginExchange exchange_;
   std::atomic<bool> ending_{false};
   std::thread thread_;
 };
 
-DhdDevice& dhd_of(void* device) {
-  return *static_cast<DhdDevice*>(device);
-}
+using DhdCalls = palpate::device::PluginCalls<DhdDevice>;
 
 int32_t dhd_look(char* text, uint32_t size) {
   const int count = dhdGetDeviceCount();
@@ -113,7 +111,7 @@ void dhd_close(void* device) {
 
 int32_t dhd_limits(void* device, palpate_plugin_limits* limits) {
   constexpr double kRateHz = 1000.0;
-  const DhdModel& model = model_of(dhd_of(device).name());
+  const DhdModel& model = model_of(DhdCalls::device_of(device).name());
   *limits = {};
   limits->force_max_n = model.force_max_n;
   for (int axis = 0; axis < 3; ++axis) {
@@ -127,23 +125,8 @@ int32_t dhd_limits(void* device, palpate_plugin_limits* limits) {
   return 0;
 }
 
-int32_t dhd_read(void* device, palpate_plugin_state* state) {
-  dhd_of(device).exchange().read(*state);
-  return 0;
-}
-
-int32_t dhd_send(void* device, const double force_n[3]) {
-  dhd_of(device).exchange().send(force_n);
-  return 0;
-}
-
-int32_t dhd_zero(void* device) {
-  dhd_of(device).exchange().zero();
-  return 0;
-}
-
 int32_t dhd_facts(void* device, char* text, uint32_t size) {
-  copy_plugin_text("model=" + dhd_of(device).name() + "\n", text, size);
+  copy_plugin_text("model=" + DhdCalls::device_of(device).name() + "\n", text, size);
   return 0;
 }
 
@@ -155,9 +138,9 @@ constexpr palpate_plugin kDhdPlugin = {PALPATE_PLUGIN_ABI,
                                        dhd_open,
                                        dhd_close,
                                        dhd_limits,
-                                       dhd_read,
-                                       dhd_send,
-                                       dhd_zero,
+                                       DhdCalls::read,
+                                       DhdCalls::send,
+                                       DhdCalls::zero,
                                        dhd_facts};
 
 }  // namespace

@@ -1,5 +1,5 @@
-// The plug-in of 3D Systems' OpenHaptics HD library: Touch, Touch X, Phantom. The library has a servo thread
-// of its own, which calls us.
+// Plug-in for 3D Systems' OpenHaptics HD library: Touch, Touch X, Phantom. The library's own servo thread
+// calls it.
 #include <HD/hd.h>
 
 #include <atomic>
@@ -17,7 +17,7 @@ using palpate::Vec3;
 using palpate::device::copy_plugin_text;
 using palpate::device::PluginExchange;
 
-/// Whether the library has noted an error since it was asked last; its text.
+/// Whether the library noted an error since the last call; gives its text.
 bool failed_now(std::string& why) {
   const HDErrorInfo info = hdGetError();
   if (info.errorCode == HD_SUCCESS) return false;
@@ -35,7 +35,7 @@ struct TouchDevice {
   std::atomic<bool> ending{false};
 };
 
-/// In the library's thread, every millisecond.
+/// Called in the library's thread, every millisecond.
 HDCallbackCode HDCALLBACK touch_frame(void* data) {
   TouchDevice& touch = *static_cast<TouchDevice*>(data);
   palpate_plugin_state state{{0.0, 0.0, 0.0}, 0, 0, 1, 0, 0};
@@ -87,7 +87,7 @@ void touch_close(void* device) {
 }
 
 int32_t touch_look(char* text, uint32_t size) {
-  // The library cannot list; it reads its configuration from there.
+  // The library cannot list devices; it reads its configuration from this folder.
   if (std::getenv("GTDD_HOME") == nullptr) {
     copy_plugin_text("GTDD_HOME is not set: name the folder of the device's configuration", text, size);
     return -1;
@@ -121,32 +121,15 @@ void* touch_open(uint32_t /*index*/, char* text, uint32_t size) {
   return touch.release();
 }
 
-TouchDevice& touch_of(void* device) {
-  return *static_cast<TouchDevice*>(device);
-}
+using TouchCalls = palpate::device::PluginCalls<TouchDevice>;
 
 int32_t touch_limits(void* device, palpate_plugin_limits* limits) {
-  *limits = touch_of(device).limits;
-  return 0;
-}
-
-int32_t touch_read(void* device, palpate_plugin_state* state) {
-  touch_of(device).exchange.read(*state);
-  return 0;
-}
-
-int32_t touch_send(void* device, const double force_n[3]) {
-  touch_of(device).exchange.send(force_n);
-  return 0;
-}
-
-int32_t touch_zero(void* device) {
-  touch_of(device).exchange.zero();
+  *limits = TouchCalls::device_of(device).limits;
   return 0;
 }
 
 int32_t touch_facts(void* device, char* text, uint32_t size) {
-  const TouchDevice& touch = touch_of(device);
+  const TouchDevice& touch = TouchCalls::device_of(device);
   copy_plugin_text("model=" + touch.model + "\nserial=" + touch.serial + "\n", text, size);
   return 0;
 }
@@ -155,8 +138,8 @@ constexpr palpate_plugin kTouchPlugin = {PALPATE_PLUGIN_ABI, sizeof(palpate_plug
                                          "openhaptics",      "3D Systems Touch, Touch X, Phantom",
                                          touch_look,         touch_open,
                                          touch_close,        touch_limits,
-                                         touch_read,         touch_send,
-                                         touch_zero,         touch_facts};
+                                         TouchCalls::read,   TouchCalls::send,
+                                         TouchCalls::zero,   touch_facts};
 
 }  // namespace
 

@@ -10,22 +10,22 @@
 #include <filesystem>
 #include <numbers>
 
+#include <palpate/generate.h>
+#include <palpate/paths.h>
+#include <palpate/read_model.h>
+#include <palpate/reference.h>
+#include <palpate/result.h>
 #include "baselines/reference/mesh_reference.h"
-#include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
-#include "toolkit/core/try.h"
-#include "toolkit/geometry/facet_picker.h"
-#include "toolkit/io/read_model.h"
-#include "toolkit/metrics/reference.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/neighbourhood/spacing.h"
-#include "toolkit/trace/paths.h"
+#include "toolkit/geometry/mesh_surface_sampler.h"
+#include "toolkit/search/knn.h"
+#include "toolkit/search/spacing.h"
 
 namespace palpate::felt {
 namespace {
 
 constexpr std::uint64_t kSeed = 11;
-/// Scans are felt at the size of a hand, with so many points, in quick trials fewer.
+/// Scans are scaled to hand size, with so many points, fewer with --quick.
 constexpr double kScanMm = 150.0;
 constexpr std::size_t kScanPoints = 300'000, kQuickScanPoints = 60'000;
 
@@ -34,14 +34,14 @@ void add_point(trace::ProbePath& path, const Vec3& hip) {
   path.hip_mm.push_back(hip);
 }
 
-/// On in a straight line at the probe's speed.
+/// Continues straight at the probe's speed.
 void go_to(trace::ProbePath& path, const Vec3& to) {
   const Vec3 from = path.hip_mm.back();
   const int steps = std::max(1, static_cast<int>(std::ceil((to - from).norm() / (kSpeedMmS * kStepS))));
   for (int i = 1; i <= steps; ++i) add_point(path, from + (to - from) * (static_cast<double>(i) / steps));
 }
 
-/// Down on the wall beside the equator, along it into the mouth, and to the middle, where it waits.
+/// Presses on the wall beside the equator, slides into the mouth and to the centre, and waits.
 trace::ProbePath mouth_path(double radius, double rim_deg) {
   constexpr double kFromDeg = 100.0, kBeyondDeg = 12.0, kPressedMm = 1.0;
   constexpr int kWaitFrames = 500;
@@ -69,7 +69,7 @@ trace::ProbePath mouth_path(double radius, double rim_deg) {
   return path;
 }
 
-/// Down beside the border of a square sheet, along it, and up; on all four sides.
+/// Passes down beside the border of a square sheet, along it, and up; on all four sides.
 trace::ProbePath border_path(double half) {
   constexpr double kBesideMm = 0.6, kBelowMm = 0.2, kAboveMm = 1.0;
   trace::ProbePath path;
@@ -88,8 +88,8 @@ trace::ProbePath border_path(double half) {
   return path;
 }
 
-/// Pressed down beside the ridge of a roof, slid along one face, and up; then across the ridge near its tip.
-/// At places by chance.
+/// Presses beside a roof's ridge, slides along one face, lifts, then crosses the ridge near its tip. At
+/// random places.
 trace::ProbePath ridge_path(double half, std::size_t frames, std::uint64_t seed) {
   constexpr double kAsideMm = 2.5, kAlongMm = 3.0, kTipShare = 0.25;
   Random random(kSeed + seed);
@@ -118,11 +118,11 @@ constexpr double kCornerHalfMm = 12.0;
 constexpr std::size_t kCornerPoints = 60'000, kQuickCornerPoints = 15'000;
 constexpr int kCornerStrokes = 200;
 
-/// A floor, z = 0, and a wall, x = 0, at random; they share no point. The wall goes on below the floor by a
-/// share of its half.
+/// Random points on a floor, z = 0, and a wall, x = 0, without common points. The wall continues below the
+/// floor by a share of its half.
 cloud::Cloud corner_points(double below, std::size_t count, std::uint64_t seed) {
   Random random(kSeed + seed);
-  const double wall = 0.5 * (1.0 + below);  // its area as a part of the floor's
+  const double wall = 0.5 * (1.0 + below);  // its area over the floor's
   std::vector<Vec3> points;
   while (points.size() < count) {
     const bool on_wall = random.uniform() * (1.0 + wall) < wall;
@@ -133,7 +133,7 @@ cloud::Cloud corner_points(double below, std::size_t count, std::uint64_t seed) 
   return cloud::build_cloud(points, cloud::NonFinite::kDrop).value();
 }
 
-/// From the quarter between floor and wall into their corner, along it, and out the way it came.
+/// Enters the corner from the quarter space between floor and wall, slides along it, and returns.
 trace::ProbePath corner_path(std::uint64_t seed) {
   constexpr double kAlongMm = 1.0;
   Random random(kSeed + seed);
@@ -152,7 +152,7 @@ trace::ProbePath corner_path(std::uint64_t seed) {
   return path;
 }
 
-/// Held by both: never behind either.
+/// Both hold the HIP: it is never behind either.
 trace::ReferenceTrace corner_reference(const trace::ProbePath& path) {
   trace::ReferenceTrace reference;
   reference.name = "corner";
@@ -169,7 +169,7 @@ trace::ReferenceTrace corner_reference(const trace::ProbePath& path) {
   return reference;
 }
 
-/// Nothing is there to be touched; distances are to the square |x|, |y| <= half at z = 0.
+/// No contact; distances are to the square |x|, |y| <= half at z = 0.
 trace::ReferenceTrace free_reference(const trace::ProbePath& path, double half) {
   trace::ReferenceTrace reference;
   reference.name = "free";
@@ -185,7 +185,7 @@ trace::ReferenceTrace free_reference(const trace::ProbePath& path, double half) 
 }
 
 Result<trace::ProbePath> weave(const Ground& ground, std::size_t frames, std::uint64_t seed) {
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = ground.surface.get();
   target.cloud = &ground.points();
   target.mesh = ground.mesh.get();
@@ -193,24 +193,24 @@ Result<trace::ProbePath> weave(const Ground& ground, std::size_t frames, std::ui
   target.spacing_mm = ground.spacing_mm;
   const std::string spec = fmt::format("weave:frames={}:speed_mm_s={}:depth_mm={}:clearance_mm={}:seed={}",
                                        frames, kSpeedMmS, kDepthMm, kClearanceMm, 1 + seed);
-  return trace::make_path(parse_named_options(spec).value(), target);
+  return paths::make_path(parse_named_options(spec).value(), target);
 }
 
-/// Points anywhere on the faces, even by area, with noise along the faces' normals.
+/// Random points on the faces, uniform by area, with noise along the normals.
 cloud::Cloud points_on_faces(const geometry::TriangleMesh& mesh, std::size_t count, double noise,
                              std::uint64_t seed) {
-  const geometry::FacetPicker picker(mesh);
+  const geometry::MeshSurfaceSampler picker(mesh);
   const double sigma = noise * std::sqrt(picker.area() / static_cast<double>(count));
   Random random(kSeed + seed);
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < count; ++i) {
-    const geometry::FacetPicker::Pick place = picker.pick(random);
+    const geometry::MeshSurfaceSampler::Pick place = picker.pick(random);
     points.push_back(place.point + random.normal() * sigma * picker.scaled_normal(place.facet).normalized());
   }
   return cloud::build_cloud(points, cloud::NonFinite::kDrop).value();
 }
 
-/// A file of the scans; an Error that gave up where there are no data.
+/// Reads a scan file; Error with gave_up if the data are absent.
 Result<io::ReadModel> read_data(const std::string& file, Progress& progress) {
   const auto absent = [&](const std::string& why) {
     Error error{why, "set PALPATE_DATA to the folder of the scans", file, 0};
@@ -225,11 +225,11 @@ Result<io::ReadModel> read_data(const std::string& file, Progress& progress) {
   io::Readers readers;
   io::add_standard_readers(readers);
   io::ReadOptions options;
-  options.unit = io::Unit::kMillimetre;  // any, but the same for a mesh and its raw points
+  options.unit = io::Unit::kMillimetre;  // any unit, but the same for a mesh and its raw points
   return readers.read(path.string(), options, progress);
 }
 
-/// From a scan's frame to that of a hand's size about the origin.
+/// Transforms a scan to hand size about the origin.
 struct HandFrame {
   Vec3 middle = Vec3::Zero();
   double scale = 1.0;
@@ -249,7 +249,7 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_scan(const std::strin
   return std::shared_ptr<const geometry::TriangleMesh>(std::move(mesh));
 }
 
-/// The raw points that a scan's mesh was made of; in quick trials every so many of them.
+/// Raw points of a scan's mesh; a subset with --quick.
 Result<cloud::Cloud> read_raw(const std::string& file, const HandFrame& frame, bool quick,
                               Progress& progress) {
   PALPATE_ASSIGN(const io::ReadModel read, read_data(file, progress));
@@ -299,7 +299,7 @@ Status add_formula_truth(Ground& ground, const DataSet& set, std::size_t frames)
   return Done{};
 }
 
-/// Distances that differ by less are of one place: far above rounding, far below what is felt.
+/// Distance below which places coincide: far above rounding, far below perception.
 constexpr double kSamePlace = 1e-6;
 
 void find_caught(Ground& ground) {
@@ -339,8 +339,8 @@ Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, P
     ground.surface = made.surface;
     add_model(ground, set.name, std::move(made.cloud));
   }
-  const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(ground.points(), 0);
-  ground.spacing_mm = neighbourhood::describe_spacing(ground.points(), nearest).nearest_mm.p50;
+  const search::NeighbourTable nearest = search::exact_knn(ground.points(), 0);
+  ground.spacing_mm = search::describe_spacing(ground.points(), nearest).nearest_mm.p50;
   if (set.is_scan) PALPATE_TRY(add_scan_truth(ground, frames, set.seed, progress));
   if (ground.surface != nullptr) PALPATE_TRY(add_formula_truth(ground, set, frames));
   PALPATE_TRY(metrics::fill_local_resolution(ground.reference, ground.path, ground.points(), nearest, {}));
@@ -352,10 +352,10 @@ std::vector<trace::ProbePath> closed_loops(const Ground& ground, std::size_t cou
   std::vector<trace::ProbePath> loops;
   if (ground.surface == nullptr || ground.reference.name == "free") return loops;
   constexpr double kTwoPi = 2.0 * std::numbers::pi;
-  constexpr int kPieces = 4096;  // of a loop, to measure its length
+  constexpr int kPieces = 4096;  // for measuring a loop's length
   Random random(kSeed);
   while (loops.size() < count) {
-    // Round the parameters on a closed curve of two frequencies, in and out so often.
+    // Follows a closed curve of two frequencies in parameter space, repeatedly in and out.
     const double u = random.uniform(0.3, 0.7), v = random.uniform(0.3, 0.7),
                  wide = random.uniform(0.02, 0.15);
     const double phase = random.uniform(0.0, kTwoPi), other = random.uniform(0.0, kTwoPi);
@@ -369,7 +369,7 @@ std::vector<trace::ProbePath> closed_loops(const Ground& ground, std::size_t cou
           0.5 * (depth + kClearanceMm) * std::cos(kTwoPi * dips * s) - 0.5 * (depth - kClearanceMm);
       return at.point_mm + lift * at.normal;
     };
-    // Where the normal jumps, the probe goes straight on.
+    // The probe continues straight across jumps of the normal.
     std::vector<Vec3> places = {hip(0.0)};
     std::vector<double> length = {0.0};
     for (int i = 1; i <= kPieces; ++i) {

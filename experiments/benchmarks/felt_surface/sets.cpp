@@ -2,15 +2,15 @@
 
 #include <fmt/format.h>
 
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include <palpate/generate.h>
+#include <palpate/options.h>
+#include <palpate/result.h>
+#include "toolkit/core/message_text.h"
 
 namespace palpate::felt {
 namespace {
 
-/// `points` and `quick_points` go in where the generator's text says "points=@".
+/// `points` and `quick_points` replace the @ of "points=@".
 DataSet generated(std::string name, std::string about, const std::string& text, const std::string& points,
                   const std::string& quick_points, Stroke stroke = Stroke::kWeave) {
   const std::size_t at = text.find('@');
@@ -46,7 +46,7 @@ std::vector<DataSet> round_sets() {
                 "20000"),
       generated("rboxn15", "block, noise .15", "rounded-box:noise=0.15:points=@", "225000", "60000"),
       generated("rboxn30", "block, noise .30", "rounded-box:noise=0.3:points=@", "225000", "60000"),
-      // Gaps of 1.5 and 1.0 spacings: the spacing is the root of 2 x 4 pi r^2 over the points.
+      // Gaps of 1.5 and 1.0 spacings: the spacing is sqrt(2 x 4 pi r^2 / points).
       generated("thin15", "thin shells, gap of 1.5 spacings", "shells:extent_mm=32:gap_mm=0.3:points=@",
                 "160000", "160000"),
       generated("thin10", "thin shells, gap of 1 spacing", "shells:extent_mm=32:gap_mm=0.2:points=@",
@@ -138,7 +138,7 @@ Result<DataSet> choose_set(const std::string& name, std::uint64_t seed) {
                  0};
   }
   set.seed = seed;
-  // A generator that leaves nothing to chance takes no seed, and one that names its own keeps it.
+  // Deterministic generators take no seed; explicit seeds stay.
   const auto by_chance = [](const std::string& text) {
     return text.find("sampling=") != std::string::npos || text.find("noise=") != std::string::npos ||
            text.find("shuffle") != std::string::npos;

@@ -1,4 +1,4 @@
-// The points that felt_surface tries renderers on, none of them the suite's.
+// Point sets of felt_surface, outside the suite.
 #pragma once
 
 #include <cstdint>
@@ -6,40 +6,40 @@
 #include <string_view>
 #include <vector>
 
-#include "toolkit/core/result.h"
+#include <palpate/result.h>
 
 namespace palpate::felt {
 
-/// What the probe does on a set.
+/// The probe's motion on a set.
 enum class Stroke {
-  kWeave,   ///< all over, in and out
-  kMouth,   ///< presses the wall of a ball, slides into its mouth, goes to the middle
-  kRidge,   ///< pressed beside a ridge and slid along and down one face, and across it near its tip; deeper
-            ///< across, a HIP is caught behind a face, and a hair's breadth decides for how long
-  kBorder,  ///< passes beside the border of a sheet, below its plane
-  kCorner,  ///< is pressed into the corner of two sheets that share no point, slides along it, and leaves
+  kWeave,   ///< everywhere, in and out
+  kMouth,   ///< presses a sphere's wall, slides into its mouth and to the centre
+  kRidge,   ///< slides beside a ridge down one face and crosses it near its tip; a deeper crossing would
+            ///< catch the HIP behind a face for a time decided by tiny differences
+  kBorder,  ///< passes beside a sheet's border, below its plane
+  kCorner,  ///< presses into the corner of two sheets without common points, slides along, and leaves
 };
 
 struct DataSet {
   std::string name;
-  std::string about;  ///< for a person
-  /// A generator with its options; of scans the file under PALPATE_DATA; of two sheets how far, in shares of
-  /// the floor's half, the wall goes on below it.
+  std::string about;  ///< description
+  /// A generator with options; for scans the file under PALPATE_DATA; for two sheets the wall's extent below
+  /// the floor in shares of its half.
   std::string generate;
   std::string quick;  ///< the same with fewer points
   Stroke stroke = Stroke::kWeave;
-  bool is_scan = false;  ///< points off the vertices of a scan's own mesh, which is the truth
-  double noise = 0.0;    ///< of scans, in spacings
-  /// Of scans: the file of the raw points under PALPATE_DATA that the mesh was made of, in its frame; they
-  /// are felt instead of points off the mesh.
+  bool is_scan = false;  ///< points off the vertices of a scan's mesh, which is the truth
+  double noise = 0.0;    ///< scans, in spacings
+  /// For scans: file of the mesh's raw points under PALPATE_DATA, in its frame; used instead of points off
+  /// the mesh.
   std::string raw;
-  std::uint64_t seed = 0;  ///< of points and path: 0, the usual ones; else others that nobody looked at
+  std::uint64_t seed = 0;  ///< of points and path; 0: the defaults, else unexamined others
 };
 
 [[nodiscard]] const std::vector<DataSet>& data_sets();
 [[nodiscard]] const DataSet* find_set(std::string_view name);
-/// A set by its name, or one of a generator's text ("torus:points=5000"), which is woven over. With a seed,
-/// other points and paths by chance. Errors: neither.
+/// A named set, or a generator's text ("torus:points=5000") with a weave; with a seed, other random points
+/// and paths. Error: neither.
 [[nodiscard]] Result<DataSet> choose_set(const std::string& name, std::uint64_t seed);
 
 }  // namespace palpate::felt

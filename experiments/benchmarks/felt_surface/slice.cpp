@@ -6,15 +6,15 @@
 #include <cmath>
 #include <optional>
 
-#include "toolkit/cloud/generate.h"
+#include <palpate/generate.h>
+#include <palpate/result.h>
 #include "toolkit/core/atomic_file.h"
-#include "toolkit/core/try.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/message_text.h"
 
 namespace palpate::felt {
 namespace {
 
-/// Where a slice of the plane y = 0 is taken. The probe comes straight along `down` in every column.
+/// A slice of the plane y = 0. The probe moves along `down` in every column.
 struct View {
   std::string name, title, generate;
   Vec3 middle, down;
@@ -56,7 +56,7 @@ const std::vector<View>& views() {
 }
 
 constexpr int kColumns = 280, kSteps = 240;
-/// A felt surface that jumps by more than this part of the width between two columns is drawn with a gap.
+/// Jumps between two columns above this share of the width are drawn as gaps.
 constexpr double kGap = 0.05;
 constexpr double kPixelsWide = 900.0, kLegendPixels = 24.0;
 constexpr std::array kColours = {"#c0392b", "#2471a3", "#7d3c98", "#b9770e", "#117a65", "#5d6d7e"};
@@ -67,11 +67,11 @@ class Canvas {
  public:
   explicit Canvas(const View& view)
       : view_(view), across_(-view.down.z(), 0.0, view.down.x()), scale_(kPixelsWide / view.wide_mm) {
-    // To the right as seen with the probe coming from above.
+    // Rightwards, seen with the probe coming from above.
     if (across_.x() < 0.0) across_ = -across_;
   }
   [[nodiscard]] double pixels_high() const { return view_.high_mm * scale_; }
-  /// The way of the probe in a column, from its free end.
+  /// The probe's path in a column, from its free end.
   [[nodiscard]] Vec3 place(int column, double share_down) const {
     const double x = (static_cast<double>(column) + 0.5) / kColumns - 0.5;
     return view_.middle + x * view_.wide_mm * across_ + (share_down - 0.5) * view_.high_mm * view_.down;
@@ -133,7 +133,7 @@ class Canvas {
   std::string body_, legend_;
 };
 
-/// The god object of the first frame in contact, in every column.
+/// God object of the first contact frame per column.
 Locus touched(render::HapticRenderer& renderer, const Canvas& canvas) {
   Locus locus(kColumns);
   for (int column = 0; column < kColumns; ++column) {

@@ -5,10 +5,10 @@
 #include <ctime>
 #include <limits>
 
+#include <palpate/clock.h>
+#include <palpate/replay.h>
+#include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/clock.h"
-#include "toolkit/core/try.h"
-#include "toolkit/trace/replay.h"
 
 namespace palpate::felt {
 namespace {
@@ -24,7 +24,7 @@ class TimeLimit final : public Progress {
   Stopwatch watch_;
 };
 
-/// Mean over the truth's contact frames, ns: one clock pair around each run of them, as replay.h says.
+/// Mean over the truth's contact frames, ns: one clock pair per run of them, as in replay.h.
 double contact_pass(render::HapticRenderer& renderer, const Ground& ground) {
   const trace::ProbePath& path = ground.path;
   renderer.restart(path.hip_mm.front(), -kStepS);
@@ -52,7 +52,7 @@ double whole_pass(render::HapticRenderer& renderer, const trace::ProbePath& path
   return static_cast<double>(monotonic_ns() - start) / static_cast<double>(path.size());
 }
 
-/// Energy out minus in over each loop, of all its work.
+/// Net generated energy of each loop, relative to its work.
 [[nodiscard]] Status run_loops(render::HapticRenderer& renderer, const std::vector<trace::ProbePath>& loops,
                                Row& row) {
   double generated = 0.0, work = 0.0, worst = 0.0;
@@ -77,8 +77,8 @@ double whole_pass(render::HapticRenderer& renderer, const trace::ProbePath& path
   return Done{};
 }
 
-/// The median over all frames of contact, the RMS over those of true contact that is not caught, and how much
-/// of the error the others have.
+/// The median over all contact frames; the RMS over uncaught true contact; and the caught frames' share of
+/// the error.
 void look_at_errors(const Ground& ground, const trace::ForceTrace& trace, Row& row) {
   std::vector<double> errors;
   double error_sq = 0.0, force_sq = 0.0, caught_sq = 0.0;
@@ -103,10 +103,10 @@ void look_at_errors(const Ground& ground, const trace::ForceTrace& trace, Row& r
   row.median_error_n = *middle;
 }
 
-/// Frames whose error exceeds this share of the largest belong to a mistake.
+/// Frames above this share of the largest error belong to a mistake.
 constexpr double kMistaken = 0.1;
 
-/// Where most of the error is: runs of frames, the worst `most` of them.
+/// Runs of frames with the most error, the worst `most`.
 std::vector<Mistake> worst_mistakes(const Ground& ground, const trace::ForceTrace& trace, std::size_t most) {
   std::vector<Mistake> all;
   double sum = 0.0, largest = 0.0;
@@ -144,7 +144,7 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
   std::size_t free = 0, held = 0;
   for (std::size_t i = 0; i < trace.frames.size(); ++i) {
     const trace::TruthFrame& truth = ground.reference.frames[i];
-    // Where nothing is to be touched at all, nothing may be felt however near.
+    // Without any truth no force may occur, however near.
     const double near_mm = ground.truth == nullptr ? 0.0 : truth.local_resolution_mm;
     if (truth.frame.contact || !(truth.signed_distance_mm > near_mm)) continue;
     ++free;
@@ -159,7 +159,7 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
                          const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
                          const TrialOptions& options, Row& row) {
   if (registry.find(named.name) == nullptr)
-    return Error{"there is no renderer of this name", "see palpate renderers", {}, 0};
+    return Error{"there is no renderer of this name", "see palpate list renderers", {}, 0};
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
                  registry.make(named.name, named.options));
   TimeLimit limit(options.prepare_limit_s);

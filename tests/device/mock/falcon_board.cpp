@@ -1,6 +1,9 @@
 #include "tests/device/mock/falcon_board.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "device/falcon/falcon_device.h"
 
 namespace palpate::device {
 namespace {
@@ -161,6 +164,15 @@ std::optional<std::vector<std::uint8_t>> FalconBoard::in(std::int64_t now_ns) {
     to_host_.pop_front();
   }
   return packet;
+}
+
+std::array<int, 3> falcon_counts_at(const Vec3& device_mm) {
+  const Vec3 place = device_mm + Vec3{0.0, 0.0, kFalconCentreMm};
+  const Vec3 counts = falcon_counts_of_angles(falcon_angles(place).value());
+  std::array<int, 3> rounded{};
+  for (int leg = 0; leg < 3; ++leg)
+    rounded[static_cast<std::size_t>(leg)] = static_cast<int>(std::lround(counts[leg]));
+  return rounded;
 }
 
 std::vector<std::uint8_t> made_up_image(std::size_t blocks, std::size_t words) {

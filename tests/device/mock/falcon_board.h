@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
+#include <palpate/device/link.h>
 #include "device/falcon/falcon_packets.h"
-#include "device/links/control_link.h"
 
 namespace palpate::device {
 
@@ -85,6 +85,9 @@ class FalconBoard {
   std::uint64_t commands_ = 0, refused_ = 0;
   int resets_ = 0;
 };
+
+/// Counts of the legs at a place of the device frame.
+[[nodiscard]] std::array<int, 3> falcon_counts_at(const Vec3& device_mm);
 
 /// An image that any Falcon would take and none could run: for tests.
 [[nodiscard]] std::vector<std::uint8_t> made_up_image(std::size_t blocks = 3, std::size_t words = 200);

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <vector>
 
-#include "device/links/control_link.h"
+#include <palpate/clock.h>
+#include <palpate/device/link.h>
 #include "tests/device/mock/falcon_board.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 

@@ -14,8 +14,8 @@
 #include <thread>
 #include <utility>
 
+#include <palpate/clock.h>
 #include "device/links/hid_link.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 namespace {

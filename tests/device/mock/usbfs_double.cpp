@@ -26,7 +26,7 @@
 #include <thread>
 #include <utility>
 
-#include "toolkit/core/clock.h"
+#include <palpate/clock.h>
 
 namespace palpate::device {
 namespace {

@@ -26,8 +26,8 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/clock.h>
 #include "device/links/usb_link.h"
-#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 namespace {

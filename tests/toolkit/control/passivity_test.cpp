@@ -1,17 +1,78 @@
-// The passivity observer against energies worked out by hand, and the controller against renderers that give
-// energy away.
+// The least renderer to control: an elastic wall, matter below z = 0, made wrong in known ways.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <typeinfo>
 #include <vector>
 
-#include "tests/toolkit/control/wall.h"
+#include <palpate/control.h>
+#include <palpate/renderer.h>
+#include "tests/stepped.h"
+#include "tests/toolkit/messages.h"
+#include "toolkit/control/force_filter.h"
 #include "toolkit/control/passivity.h"
+#include "toolkit/control/virtual_coupling.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::control {
 namespace {
+class Wall final : public render::HapticRenderer {
+ public:
+  double stiffness_n_per_mm = 0.5;
+  double out_stiffness_n_per_mm = 0.5;  ///< on the way out: more than on the way in is energy from nowhere
+  double limit_n = -1.0;                ///< as prepare() saw it
+
+  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
+                                                 const render::PrepareContext& /*context*/) const override {
+    render::Decisions decided;
+    decided.decisions.push_back(render::force_limit_decision(scene.force_limit_n));
+    return decided;
+  }
+  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
+                                                      const render::PrepareContext& /*context*/) override {
+    limit_n = scene.force_limit_n;
+    render::PrepareReport report;
+    report.bytes = 1;
+    report.decisions = decide(scene, {}).value();
+    return report;
+  }
+  void restart(const Vec3& hip_mm, double /*t_s*/) noexcept override {
+    release_contact(hip_mm);
+    counters_ = {};
+  }
+  void release_contact(const Vec3& hip_mm) noexcept override { last_z_mm_ = hip_mm.z(); }
+  [[nodiscard]] render::Frame step(const Vec3& hip_mm, double /*t_s*/) noexcept override {
+    ++counters_.frames;
+    render::Frame frame;
+    frame.god_object_mm = hip_mm;
+    if (!is_finite(hip_mm)) {
+      frame.status = render::FrameStatus::kNonFinite;
+      return frame;
+    }
+    if (hip_mm.z() < 0.0) {
+      frame.contact = true;
+      frame.model = 0;
+      frame.god_object_mm.z() = 0.0;
+      const double k = hip_mm.z() > last_z_mm_ ? out_stiffness_n_per_mm : stiffness_n_per_mm;
+      frame.force_n = render::limited(Vec3(0, 0, -k * hip_mm.z()), limit_n);
+    }
+    last_z_mm_ = hip_mm.z();
+    return frame;
+  }
+  [[nodiscard]] render::FrameCounters counters() const noexcept override { return counters_; }
+  [[nodiscard]] render::Description describe() const override {
+    return {"wall", "a wall", "here", "none", {}};
+  }
+
+ private:
+  double last_z_mm_ = 0.0;
+  render::FrameCounters counters_;
+};
+
+// The passivity observer against energies worked out by hand, and the controller against renderers that give
+// energy away.
 
 constexpr double kPassivityDt = 1e-3;
 constexpr EnergyRule kRules[] = {EnergyRule::kTrapezoid, EnergyRule::kPrinted, EnergyRule::kHold};
@@ -26,7 +87,7 @@ TEST(PassivityObserver, ASpringByHand) {
     EXPECT_DOUBLE_EQ(observer.energy_mj(), in_mj[rule]);
     for (const double z : {-1.0, 0.0}) observer.observe(Vec3(0, 0, z), Vec3(0, 0, -0.5 * z));
     EXPECT_DOUBLE_EQ(observer.energy_mj(), out_mj[rule]);
-    EXPECT_DOUBLE_EQ(observer.least_mj(), std::min(0.0, out_mj[rule]));
+    EXPECT_DOUBLE_EQ(observer.min_energy_mj(), std::min(0.0, out_mj[rule]));
   }
 }
 
@@ -76,7 +137,7 @@ std::vector<Vec3> taps(double step_mm = 0.02) {
 }
 
 struct Outcome {
-  double least_mj = 0.0;
+  double min_energy_mj = 0.0;
   double last_mj = 0.0;
   std::uint64_t damped = 0;
   double most_change_n = 0.0;  ///< of what the controller added
@@ -95,7 +156,7 @@ Outcome run(double out_stiffness, const PassivityOptions& options, EnergyRule ju
     observer.observe(h, force_n);
     outcome.most_change_n = std::max(outcome.most_change_n, (force_n - wanted_n).norm());
   }
-  outcome.least_mj = observer.least_mj();
+  outcome.min_energy_mj = observer.min_energy_mj();
   outcome.last_mj = observer.energy_mj();
   outcome.damped = controller.damped_frames();
   return outcome;
@@ -114,13 +175,13 @@ TEST(PassivityController, TakesBackAllThatAnActiveWallGives) {
   EXPECT_NEAR(off.last_mj, -10.0, 0.3);
   for (const EnergyRule rule : {EnergyRule::kTrapezoid, EnergyRule::kPrinted}) {
     const Outcome on = run(1.0, {rule, kPlenty}, rule);
-    EXPECT_GE(on.least_mj, -1e-12) << "by its own rule nothing is ever given away";
+    EXPECT_GE(on.min_energy_mj, -1e-12) << "by its own rule nothing is ever given away";
     EXPECT_GT(on.damped, 100u);
   }
   // The rule of the printed form counts k dh^2 / 2 too much a step: judged exactly, a little gets away.
   const Outcome printed = run(1.0, {EnergyRule::kPrinted, kPlenty}, EnergyRule::kTrapezoid);
-  EXPECT_LT(printed.least_mj, -1e-3);
-  EXPECT_GT(printed.least_mj, -0.5);
+  EXPECT_LT(printed.min_energy_mj, -1e-3);
+  EXPECT_GT(printed.min_energy_mj, -0.5);
 }
 
 TEST(PassivityController, DampingStaysWithinItsLimit) {
@@ -167,19 +228,143 @@ TEST(PassivityController, KeepsTheForceLimit) {
   }
 }
 
-TEST(PassivityController, NeverNan) {
-  Random random(43);
-  const double odd[] = {0.0,         1e-300, 1e300, 5e-324, 1.7e308, std::numeric_limits<double>::infinity(),
-                        std::nan("")};
-  const auto pick = [&] { return random.below(2) == 0 ? odd[random.below(7)] : random.uniform(-1, 1); };
-  for (const EnergyRule rule : kRules) {
-    PassivityController controller({rule, 0.005});
-    for (int i = 0; i < 20000; ++i) {
-      const Vec3 h(pick(), pick(), pick()), f(pick(), pick(), pick());
-      ASSERT_TRUE(is_finite(controller.control(h, f, pick(), 3.3))) << "seed 43, frame " << i;
-      ASSERT_TRUE(std::isfinite(controller.observer().energy_mj()));
+// Control around a renderer: only what is asked for, in the order written, the force limit last.
+
+constexpr double kWrapDt = 1e-3;
+
+ControlOptions options(bool couple, bool filter, bool passive) {
+  ControlOptions o;
+  if (couple) o.coupling = Coupling{0.5, 0.0};
+  if (filter) o.filter.rate_limit_n_per_s = 50.0;
+  if (passive) o.passivity = PassivityOptions{};
+  return o;
+}
+
+test::Stepped prepared(const ControlOptions& o, double limit_n = 0.0, double out_stiffness = 0.5) {
+  auto wall = std::make_unique<Wall>();
+  wall->out_stiffness_n_per_mm = out_stiffness;
+  test::Stepped renderer(wrap(std::move(wall), o));
+  render::SceneInput scene;
+  scene.force_limit_n = limit_n;
+  EXPECT_TRUE(renderer->prepare(scene, {}));
+  renderer->restart(Vec3(0, 0, 1));
+  return renderer;
+}
+
+TEST(Wrap, NothingAskedForIsTheRendererItself) {
+  auto wall = std::make_unique<Wall>();
+  const render::HapticRenderer* const inner = wall.get();
+  const auto same = wrap(std::move(wall), {});
+  EXPECT_EQ(same.get(), inner);
+  const render::HapticRenderer& r = *same;
+  EXPECT_EQ(typeid(r), typeid(Wall));
+}
+
+/// Every combination against the stages called by hand.
+TEST(Wrap, ComposesWhatIsAskedForInOrder) {
+  for (int set = 1; set < 8; ++set) {
+    const ControlOptions o = options((set & 1) != 0, (set & 2) != 0, (set & 4) != 0);
+    const auto renderer = prepared(o, 0.8, 1.5);
+    Wall wall;
+    wall.out_stiffness_n_per_mm = 1.5;
+    VirtualCoupling coupling(o.coupling.value_or(Coupling{}));
+    ForceFilter filter(o.filter);
+    PassivityController controller(o.passivity.value_or(PassivityOptions{}));
+    wall.restart(Vec3(0, 0, 1), 0.0);
+    Random random(51);
+    double z = 1.0, t_s = 0.0;
+    for (int i = 0; i < 3000; ++i) {
+      // As the renderer counts it: the difference of two times.
+      const double last_s = t_s;
+      t_s += kWrapDt;
+      const double dt_s = t_s - last_s;
+      z = std::clamp(z + random.uniform(-0.1, 0.1), -3.0, 1.0);
+      const Vec3 hip(0.01 * i, 0, z);
+      render::Frame expected = wall.step(hip, t_s);
+      Vec3 f = expected.force_n;
+      if (o.coupling) f = coupling.couple(hip, expected.god_object_mm, f, expected.contact, dt_s);
+      if (o.filter.any()) f = filter.filter(f, dt_s);
+      f = o.passivity ? controller.control(hip, f, dt_s, 0.8) : render::limited(f, 0.8);
+      const render::Frame frame = renderer->step(hip, kWrapDt);
+      ASSERT_EQ(frame.force_n, f) << "set " << set << ", frame " << i;
+      ASSERT_EQ(frame.contact, expected.contact);
+      ASSERT_EQ(frame.god_object_mm, expected.god_object_mm);
+      ASSERT_EQ(frame.model, expected.model);
+      ASSERT_LE(frame.force_n.norm(), 0.8 * (1 + 1e-12));
+    }
+    EXPECT_EQ(renderer->counters().frames, 3000u);
+  }
+}
+
+TEST(Wrap, ANonFiniteHipGivesNoForceAndChangesNothing) {
+  const auto a = prepared(options(true, true, true)), b = prepared(options(true, true, true));
+  for (int i = 0; i < 200; ++i) {
+    const Vec3 hip(0, 0, 0.5 - 0.01 * i);
+    if (i % 7 == 0) {
+      const render::Frame odd = a->step(Vec3(0, std::nan(""), 0), kWrapDt);
+      EXPECT_EQ(odd.status, render::FrameStatus::kNonFinite);
+      EXPECT_EQ(odd.force_n, Vec3::Zero());
+    }
+    ASSERT_EQ(a->step(hip, kWrapDt).force_n, b->step(hip, kWrapDt).force_n) << i;
+  }
+}
+
+TEST(Wrap, RestartGivesTheSameTraceAgain) {
+  const auto renderer = prepared(options(true, true, true), 3.0, 1.0);
+  std::vector<Vec3> first;
+  for (int pass = 0; pass < 2; ++pass) {
+    renderer->restart(Vec3(0, 0, 1));
+    for (int i = 0; i < 500; ++i) {
+      const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kWrapDt).force_n;
+      if (pass == 0)
+        first.push_back(f);
+      else
+        ASSERT_EQ(f, first[static_cast<std::size_t>(i)]) << i;
     }
   }
+}
+
+TEST(Wrap, SaysWhatItDoes) {
+  const auto renderer = prepared(options(true, true, true));
+  const render::Description d = renderer->describe();
+  EXPECT_EQ(d.name, "wall");
+  EXPECT_TRUE(test::contains(d.summary, "virtual coupling of 0.5 N/mm", "50 N/s", "passivity"));
+  auto again = wrap(std::make_unique<Wall>(), options(true, false, false));
+  const auto report = test::value_of(again->prepare({}, {}));
+  ASSERT_EQ(report.notes.size(), 1u);
+  EXPECT_EQ(report.notes[0],
+            "control: virtual coupling of 0.5 N/mm and 0 N s/mm, passive at 1 kHz on a device with more than "
+            "0.00025 N s/mm of damping");
+}
+
+TEST(Wrap, ReportsTheDelayThatEachLimitAdds) {
+  ControlOptions o;
+  o.filter.rate_limit_n_per_s = 100.0;
+  o.filter.turn_limit_deg_per_s = 50.0;
+  const std::vector<std::string> lines = describe(o);
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0],
+            "force changes by at most 100 N/s: a step of 1 N arrives to 63 % in 6 ms and to 95 % in 9 ms");
+  EXPECT_EQ(
+      lines[1],
+      "force turns by at most 50 degrees/s: a step of 10 degrees arrives to 63 % in 125 ms and to 95 % in "
+      "189 ms, a steady change is never caught up with");
+  o.filter = {1e-6, 0.0};
+  EXPECT_TRUE(test::contains(describe(o)[0], "does not arrive"));
+}
+
+TEST(ControlOptions, WrongNumbersAreNamed) {
+  EXPECT_TRUE(check(ControlOptions{}));
+  ControlOptions o = options(true, true, true);
+  EXPECT_TRUE(check(o));
+  o.passivity->damping_limit_n_s_per_mm = 0.0;
+  EXPECT_FALSE(check(o));
+  o = options(true, true, true);
+  o.coupling->damping_n_s_per_mm = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(check(o));
+  o = options(true, true, true);
+  o.filter.turn_limit_deg_per_s = -1.0;
+  EXPECT_FALSE(check(o));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
+#include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/deformation/deformer.h"
 #include "toolkit/deformation/editable.h"
 
@@ -23,26 +24,15 @@ Scene soft_plane() {
   return scene;
 }
 
-/// Both forms of `cloud` have to do the same.
-class Dent : public testing::TestWithParam<const char*> {};
-class Undo : public Dent {};
-class SelfDeforming : public Dent {};
-const auto kSurfaces = testing::Values("cloud", "cloud:surface=vertices");
-INSTANTIATE_TEST_SUITE_P(OnBoth, Dent, kSurfaces);
-INSTANTIATE_TEST_SUITE_P(OnAll, Undo,
-                         testing::Values("cloud", "cloud:surface=vertices", "cloud:partition=octree"));
-INSTANTIATE_TEST_SUITE_P(OnBoth, SelfDeforming, kSurfaces);
-
-TEST_P(Dent, StaysAfterTheProbeAndIsFeltAgain) {
+TEST(Dent, StaysAfterTheProbeAndIsFeltAgain) {
   const Scene scene = soft_plane();
-  const auto renderer = prepared(scene.input, GetParam());
+  const auto renderer = prepared(scene.input, "cloud");
   auto& editable = dynamic_cast<Editable&>(*renderer);
   renderer->restart(Vec3(0, 0, 2));
   const auto press = [&](double depth) {
     (void)renderer->step(Vec3(0, 0, 2), kDt);
     double most = 0.0;
-    bool lost = false;
-    bool touched = false;
+    bool lost = false, touched = false;
     for (int i = 0; i <= 4000; ++i) {
       const double z =
           i < 2000 ? 1.0 - (1.0 + depth) * i / 2000.0 : -depth + (1.0 + depth) * (i - 2000) / 2000.0;
@@ -72,62 +62,57 @@ TEST_P(Dent, StaysAfterTheProbeAndIsFeltAgain) {
 }
 
 /// A plane of points 0.5 mm apart that gives way beyond 0.5 mm, 3 mm around, held down at `depth_mm`.
-test::Stepped dented(const Scene& scene, const std::string& spec, double depth_mm) {
-  auto renderer = prepared(scene.input, spec);
+test::Stepped dented(const Scene& scene, double depth_mm) {
+  auto renderer = prepared(scene.input, "cloud");
   renderer->restart(Vec3(0.1, 0.1, 1));
-  const int frames = static_cast<int>((1.0 + depth_mm) / 0.01);
-  for (int i = 0; i <= frames; ++i)
-    (void)renderer->step(Vec3(0.1, 0.1, 1.0 - (1.0 + depth_mm) * i / frames), kDt);
+  (void)glide(renderer, Vec3(0.1, 0.1, 1), Vec3(0.1, 0.1, -depth_mm),
+              static_cast<int>((1.0 + depth_mm) / 0.01));
   return renderer;
 }
 
 // The surface comes back to where the HIP is now below it. Nothing of the dent's shape may be left: not the
 // place that the god object was at, which may be gone, nor its plane, nor what friction held.
-TEST_P(Undo, UnderTheHandTheSurfaceIsWhereItWas) {
+TEST(Undo, UnderTheHandTheSurfaceIsWhereItWas) {
   Scene scene = soft_plane();
   for (const double friction : {0.0, 0.8})
-    for (const std::string& spec : {std::string(GetParam()), std::string("cloud:partition=octree")})
-      for (const bool all : {false, true})
-        for (const double up_to : {-4.0, -2.0}) {  // in contact with the dent's bottom, and free above it
-          SCOPED_TRACE(testing::Message() << spec << ", friction " << friction << ", at " << up_to << " mm, "
-                                          << (all ? "restore" : "undo"));
-          scene.input.models[0].surface.friction = {friction, friction};
-          const auto renderer = dented(scene, spec, 4.0);
-          auto& editable = dynamic_cast<Editable&>(*renderer);
-          EXPECT_GT(editable.deform_counters(0).inferred, 0u) << "some places are gone after undo";
-          Frame frame;
-          for (int i = 0; i <= 200; ++i)
-            frame = renderer->step(Vec3(0.1 + 0.002 * i, 0.1, -4.0 + (up_to + 4.0) * i / 200.0), kDt);
-          const Vec3 hip(0.5, 0.1, up_to);
-          EXPECT_EQ(frame.contact, up_to < -3.0);
-          if (all)
-            editable.restore(0);
-          else
-            ASSERT_TRUE(editable.undo(0));
-          frame = renderer->step(hip, 0.0);  // no time to give way again
-          ASSERT_TRUE(frame.contact);
-          EXPECT_LT((frame.force_n - Vec3(0, 0, -0.5 * up_to)).norm(), 1e-5) << frame.force_n.transpose();
-          EXPECT_LT((frame.god_object_mm - Vec3(0.5, 0.1, 0)).norm(), 1e-5)
-              << frame.god_object_mm.transpose();
-          EXPECT_EQ(editable.edited(0)->size(), scene.input.models[0].cloud->size());
-          // Out, and in again as on a surface that was never dented.
-          for (int i = 0; i <= 100; ++i)
-            frame = renderer->step(hip + Vec3(0, 0, (1.0 - up_to) * i / 100.0), 0.0);
-          EXPECT_FALSE(frame.contact);
-          const auto fresh = prepared(scene.input, spec);
-          fresh->restart(Vec3(0.5, 0.1, 1));
-          for (int i = 0; i <= 300; ++i) {
-            const Vec3 h(0.5 + 0.01 * i, 0.1, 1.0 - 0.0045 * i);
-            const Frame a = renderer->step(h, kDt), b = fresh->step(h, kDt);
-            ASSERT_EQ(a.contact, b.contact) << i;
-            ASSERT_LT((a.force_n - b.force_n).norm(), 1e-9) << i;
-          }
+    for (const bool all : {false, true})
+      for (const double up_to : {-4.0, -2.0}) {  // in contact with the dent's bottom, and free above it
+        SCOPED_TRACE(testing::Message()
+                     << "friction " << friction << ", at " << up_to << " mm, " << (all ? "restore" : "undo"));
+        scene.input.models[0].surface.friction = {friction, friction};
+        const auto renderer = dented(scene, 4.0);
+        auto& editable = dynamic_cast<Editable&>(*renderer);
+        EXPECT_GT(editable.deform_counters(0).inferred, 0u) << "some places are gone after undo";
+        Frame frame = glide(renderer, Vec3(0.1, 0.1, -4), Vec3(0.5, 0.1, up_to), 200);
+        const Vec3 hip(0.5, 0.1, up_to);
+        EXPECT_EQ(frame.contact, up_to < -3.0);
+        if (all)
+          editable.restore(0);
+        else
+          ASSERT_TRUE(editable.undo(0));
+        frame = renderer->step(hip, 0.0);  // no time to give way again
+        ASSERT_TRUE(frame.contact);
+        EXPECT_LT((frame.force_n - Vec3(0, 0, -0.5 * up_to)).norm(), 1e-5) << frame.force_n.transpose();
+        EXPECT_LT((frame.god_object_mm - Vec3(0.5, 0.1, 0)).norm(), 1e-5) << frame.god_object_mm.transpose();
+        EXPECT_EQ(editable.edited(0)->size(), scene.input.models[0].cloud->size());
+        // Out, and in again as on a surface that was never dented.
+        for (int i = 0; i <= 100; ++i)
+          frame = renderer->step(hip + Vec3(0, 0, (1.0 - up_to) * i / 100.0), 0.0);
+        EXPECT_FALSE(frame.contact);
+        const auto fresh = prepared(scene.input, "cloud");
+        fresh->restart(Vec3(0.5, 0.1, 1));
+        for (int i = 0; i <= 300; ++i) {
+          const Vec3 h(0.5 + 0.01 * i, 0.1, 1.0 - 0.0045 * i);
+          const Frame a = renderer->step(h, kDt), b = fresh->step(h, kDt);
+          ASSERT_EQ(a.contact, b.contact) << i;
+          ASSERT_LT((a.force_n - b.force_n).norm(), 1e-9) << i;
         }
+      }
 }
 
-TEST_P(Undo, OfAModelThatIsFarOrWholeIsHarmless) {
+TEST(Undo, OfAModelThatIsFarOrWholeIsHarmless) {
   const Scene scene = soft_plane();
-  const auto renderer = dented(scene, GetParam(), 2.0);
+  const auto renderer = dented(scene, 2.0);
   auto& editable = dynamic_cast<Editable&>(*renderer);
   for (int i = 0; i <= 1000; ++i) (void)renderer->step(Vec3(0.1, 0.1, -2.0 + 0.1 * i), kDt);
   ASSERT_TRUE(editable.undo(0));
@@ -145,29 +130,27 @@ TEST_P(Undo, OfAModelThatIsFarOrWholeIsHarmless) {
 }
 
 // The broad phase knows the box of the prepared points; a dent leaves it.
-TEST_P(Dent, IsMetFromBelowOutsideOfTheModelsFirstBox) {
+TEST(Dent, IsMetFromBelowOutsideOfTheModelsFirstBox) {
   Scene scene = generated("plane:extent_mm=40:spacing_mm=0.5");
   scene.input.models[0].surface.dent = {0.5, 4.0, 40.0};
-  const auto renderer = prepared(scene.input, GetParam());
-  const auto along = [&](const std::vector<Vec3>& corners) {
-    Frame frame;
-    for (std::size_t leg = 0; leg + 1 < corners.size(); ++leg)
-      for (int i = 1; i <= 1500; ++i)
-        frame = renderer->step(corners[leg] + (corners[leg + 1] - corners[leg]) * (i / 1500.0), kDt);
-    return frame;
-  };
-  renderer->restart(Vec3(0.1, 0.1, 1));
-  Frame frame = along({Vec3(0.1, 0.1, 1), Vec3(0.1, 0.1, -4), Vec3(0.1, 0.1, 5), Vec3(60, 0.1, 5),
-                       Vec3(60, 0.1, -30), Vec3(0.1, 0.1, -30), Vec3(0.1, 0.1, -3.6)});
+  const auto renderer = prepared(scene.input, "cloud");
+  Vec3 at(0.1, 0.1, 1);
+  renderer->restart(at);
+  Frame frame;
+  for (const Vec3& to : {Vec3(0.1, 0.1, -4), Vec3(0.1, 0.1, 5), Vec3(60, 0.1, 5), Vec3(60, 0.1, -30),
+                         Vec3(0.1, 0.1, -30), Vec3(0.1, 0.1, -3.6)}) {
+    frame = glide(renderer, at, to, 1500);
+    at = to;
+  }
   EXPECT_FALSE(frame.contact);
-  frame = along({Vec3(0.1, 0.1, -3.6), Vec3(0.1, 0.1, -2.8)});  // the bottom is at about -3.1
+  frame = glide(renderer, at, Vec3(0.1, 0.1, -2.8), 1500);  // the bottom is at about -3.1
   ASSERT_TRUE(frame.contact);
   EXPECT_LT(frame.force_n.z(), 0.0) << "down";
 }
 
 // At every ratio of radius, depth and spacing: what is in contact pushes, as hard as it is deep, and out of
 // the dent; and the way back is free.
-TEST_P(Dent, ContactPushesHoweverNarrowAndDeep) {
+TEST(Dent, ContactPushesHoweverNarrowAndDeep) {
   Random random(53);
   for (const double spacing : {0.25, 0.5, 1.0})
     for (const double radius : {0.5, 1.0, 2.0, 4.0})
@@ -178,7 +161,7 @@ TEST_P(Dent, ContactPushesHoweverNarrowAndDeep) {
         constexpr double kSpeed = 10.0;
         Scene scene = generated("plane:extent_mm=20:spacing_mm=" + std::to_string(spacing));
         scene.input.models[0].surface.dent = {kYield, radius, 20.0};
-        const auto renderer = prepared(scene.input, GetParam());
+        const auto renderer = prepared(scene.input, "cloud");
         auto& editable = dynamic_cast<Editable&>(*renderer);
         const Vec3 top{random.uniform(), random.uniform(), 0.5}, bottom = top - Vec3(0, 0, 0.5 + depth);
         renderer->restart(top);
@@ -204,16 +187,13 @@ TEST_P(Dent, ContactPushesHoweverNarrowAndDeep) {
         EXPECT_EQ(lost, 0);
         EXPECT_EQ(down, 0);
         EXPECT_EQ(wrong, 0);
-        Frame frame;
-        for (int i = frames; i >= 0; --i)
-          frame = renderer->step(top + (bottom - top) * (static_cast<double>(i) / frames), kDt);
-        EXPECT_FALSE(frame.contact);
+        EXPECT_FALSE(glide(renderer, bottom, top, frames).contact);
       }
 }
 
-TEST_P(Dent, TakesWorkAndGivesNoneBack) {
+TEST(Dent, TakesWorkAndGivesNoneBack) {
   const Scene scene = soft_plane();
-  const auto renderer = prepared(scene.input, GetParam());
+  const auto renderer = prepared(scene.input, "cloud");
   renderer->restart(Vec3(0, 0, 1));
   double work = 0.0, least = 0.0;
   Vec3 before(0, 0, 1), force = Vec3::Zero();
@@ -230,24 +210,22 @@ TEST_P(Dent, TakesWorkAndGivesNoneBack) {
   EXPECT_GT(least, -0.01 * 0.5 * 0.5 * 0.25) << "and none comes out first";
 }
 
-TEST_P(SelfDeforming, ASurfaceThatRisesByItselfMeetsARestingProbe) {
-  // The whole plane rises point by point, a batch a frame, past a probe that never moves: section 3.3.2.1's
-  // case. 41 x 41 points, so that four batches lift all.
-  Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
+/// The points of a plane rise by themselves by `step_mm` at a time, a batch a frame, up to `most_mm`, past a
+/// probe that never moves.
+void expect_met(const std::string& spec, const Vec3& hip, double step_mm, double most_mm, int frames) {
+  Scene scene = generated(spec);
   scene.input.models[0].moves = std::make_shared<MoveQueue>();
   MoveQueue& queue = *scene.input.models[0].moves;
   const cloud::Cloud& cloud = *scene.input.models[0].cloud;
-  const auto renderer = prepared(scene.input, GetParam());
-  const Vec3 hip(0.13, 0.21, 0.6);
+  const auto renderer = prepared(scene.input, "cloud");
   renderer->restart(hip);
   double height = 0.0;
   std::uint32_t next = 0;
   int lost = 0;
-  bool before = false;
   Frame frame;
-  for (int i = 0; i < 1200; ++i) {
-    if (MoveBatch* batch = queue.begin(); batch != nullptr && height < 1.6) {
-      if (next == 0) height += 0.02;
+  for (int i = 0; i < frames; ++i) {
+    if (MoveBatch* batch = queue.begin(); batch != nullptr && height < most_mm) {
+      if (next == 0) height += step_mm;
       for (; batch->count < kMaxBatch && next < cloud.size(); ++next) {
         batch->point[batch->count] = next;
         batch->to_mm[batch->count++] =
@@ -256,40 +234,85 @@ TEST_P(SelfDeforming, ASurfaceThatRisesByItselfMeetsARestingProbe) {
       if (next >= cloud.size()) next = 0;
       queue.publish();
     }
+    const bool before = frame.contact;
     frame = renderer->step(hip, kDt);
     lost += before && !frame.contact;
-    before = frame.contact;
   }
   EXPECT_EQ(lost, 0);
   ASSERT_TRUE(frame.contact);
-  EXPECT_NEAR(frame.force_n.z(), 0.5 * (height - 0.6), 0.01);
+  EXPECT_NEAR(frame.force_n.z(), 0.5 * (height - hip.z()), 0.01);
 }
 
-TEST_P(SelfDeforming, ASurfaceIsMetHoweverFarItMovesFromItsFirstBox) {
-  Scene scene = generated("plane:extent_mm=10:spacing_mm=0.5");
-  scene.input.models[0].moves = std::make_shared<MoveQueue>();
-  MoveQueue& queue = *scene.input.models[0].moves;
-  const cloud::Cloud& cloud = *scene.input.models[0].cloud;
-  ASSERT_LE(cloud.size(), kMaxBatch);
-  const auto renderer = prepared(scene.input, GetParam());
-  const Vec3 hip(0.13, 0.21, 20.0);
-  renderer->restart(hip);
-  double height = 0.0;
-  Frame frame;
-  for (int i = 0; i < 300; ++i) {
-    if (MoveBatch* batch = queue.begin(); batch != nullptr && height < 21.0) {
-      height += 0.1;
-      for (std::uint32_t k = 0; k < cloud.size(); ++k) {
-        batch->point[batch->count] = k;
-        batch->to_mm[batch->count++] =
-            Vec3f(cloud.x_mm[k], cloud.y_mm[k], cloud.z_mm[k] + static_cast<float>(height));
-      }
-      queue.publish();
-    }
-    frame = renderer->step(hip, kDt);
+TEST(SelfDeforming, ASurfaceThatRisesByItselfMeetsARestingProbe) {
+  // Section 3.3.2.1's case. 41 x 41 points, so that four batches lift all.
+  expect_met("plane:extent_mm=20:spacing_mm=0.5", Vec3(0.13, 0.21, 0.6), 0.02, 1.6, 1200);
+}
+
+TEST(SelfDeforming, ASurfaceIsMetHoweverFarItMovesFromItsFirstBox) {
+  expect_met("plane:extent_mm=10:spacing_mm=0.5", Vec3(0.13, 0.21, 20.0), 0.1, 21.0, 300);
+}
+
+// The deformer alone: profiles, what it remembers, calls that make no sense.
+
+struct Sheet {
+  Sheet(const std::string& spec, std::size_t spare, std::size_t journal)
+      : mesh(local_delaunay::LocalDelaunayMesh::build(*generated(spec).input.models[0].cloud, 1)),
+        moving(mesh, tree, surface, spare, 1),
+        deformer(moving, journal) {
+    for (std::uint32_t i = 0; i < moving.built(); ++i)
+      if (mesh.at(i).norm() < mesh.at(middle).norm()) middle = i;
   }
-  ASSERT_TRUE(frame.contact);
-  EXPECT_NEAR(frame.force_n.z(), 0.5 * (height - 20.0), 0.01);
+  [[nodiscard]] std::vector<Vec3> places() const {
+    std::vector<Vec3> all;
+    for (std::uint32_t i = 0; i < moving.built(); ++i) all.push_back(mesh.at(i));
+    return all;
+  }
+  local_delaunay::LocalDelaunayMesh mesh;
+  local_delaunay::BlockBvh tree;
+  SurfaceField surface;  // the same everywhere: no value for each point
+  DeformedLocalDelaunay moving;
+  Deformer deformer;
+  std::uint32_t middle = 0;  ///< the place nearest to the middle of the model
+};
+
+TEST(Deformer, ADentHasItsProfile) {
+  Sheet sheet("plane:extent_mm=20:spacing_mm=0.5", 1000, 10000);
+  const std::vector<Vec3> before = sheet.places();
+  const std::size_t moved = sheet.deformer.press(sheet.middle, Vec3::UnitZ(), 0.3, 2.0);
+  EXPECT_GT(moved, 40u);
+  EXPECT_LE(moved, kMaxMovedPoints);
+  for (std::uint32_t i = 0; i < before.size(); ++i) {
+    const double r_sq = (before[i] - before[sheet.middle]).squaredNorm() / 4.0;
+    const double expected = r_sq < 1.0 ? -0.3 * (1.0 - r_sq) * (1.0 - r_sq) : 0.0;
+    EXPECT_NEAR(sheet.mesh.at(i).z() - before[i].z(), expected, 1e-5) << i;
+  }
+}
+
+TEST(Deformer, OldStrokesAreForgottenNotDamaged) {
+  Sheet sheet("plane:extent_mm=20:spacing_mm=0.5", 0, 150);  // room for about two dents
+  for (int stroke = 0; stroke < 6; ++stroke) {
+    sheet.deformer.begin_stroke();
+    (void)sheet.deformer.press(sheet.middle, Vec3::UnitZ(), 0.01, 2.0);
+  }
+  EXPECT_GT(sheet.deformer.counters().forgotten, 0u);
+  const double before = sheet.mesh.at(sheet.middle).z();
+  ASSERT_TRUE(sheet.deformer.undo());
+  EXPECT_NEAR(sheet.mesh.at(sheet.middle).z() - before, 0.01, 1e-6);
+}
+
+TEST(Deformer, HostileCallsChangeNothing) {
+  Sheet sheet("plane:extent_mm=10:spacing_mm=1", 10, 10);
+  const std::vector<Vec3> before = sheet.places();
+  EXPECT_EQ(sheet.deformer.press(1u << 30, Vec3::UnitZ(), 1.0, 1.0), 0u);
+  EXPECT_EQ(sheet.deformer.press(0, Vec3::UnitZ(), std::nan(""), 1.0), 0u);
+  EXPECT_EQ(sheet.deformer.press(0, Vec3(std::nan(""), 0, 0), 1.0, 1.0), 0u);
+  EXPECT_EQ(sheet.deformer.press(0, Vec3::UnitZ(), -1.0, 1.0), 0u);
+  (void)sheet.deformer.press(0, Vec3::UnitZ(), 1e300, 1.0);
+  MoveBatch batch;
+  batch.count = 0xFFFFFFFFu;
+  batch.point.fill(0xFFFFFFFFu);
+  EXPECT_EQ(sheet.deformer.apply(batch), 0u);
+  EXPECT_EQ(sheet.places(), before);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // The queue that brings edits to renderers on other threads.
-#include "toolkit/render/move_queue.h"
+#include <palpate/motion.h>
 
 #include <gtest/gtest.h>
 

@@ -7,11 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "tests/toolkit/local_delaunay/clouds.h"
 #include "tests/toolkit/renderers/scenes.h"
-#include "tests/toolkit/stars/clouds.h"
-#include "tests/toolkit/stars/sound.h"
 #include "toolkit/core/random.h"
-#include "toolkit/deformation/deformed_stars.h"
+#include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/deformation/deformer.h"
 #include "toolkit/deformation/editable.h"
 
@@ -37,21 +36,21 @@ std::vector<Vec3> random_sheet(double half, double spacing, double z, std::uint6
 }
 
 struct Moving {
-  Moving(const std::vector<Vec3>& points, DeformerRoom room)
-      : mesh(stars::StarMesh::build(stars::cloud_of(points), 2)),
+  Moving(const std::vector<Vec3>& points, DeformerCapacity room)
+      : mesh(local_delaunay::LocalDelaunayMesh::build(local_delaunay::cloud_of(points), 2)),
         moving(mesh, tree, surface, room.spare_points, 2),
         deformer(moving, room.journal_points) {}
-  stars::StarMesh mesh;
-  stars::StarTree tree;
+  local_delaunay::LocalDelaunayMesh mesh;
+  local_delaunay::BlockBvh tree;
   SurfaceField surface;  // the same everywhere: no value for each point
-  DeformedStars moving;
+  DeformedLocalDelaunay moving;
   Deformer deformer;
 };
 
 TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
   for (const std::vector<Vec3>& points :
-       {stars::random_torus(5000, 0.0, 51), stars::random_torus(5000, 0.15, 52), stars::random_roof(4000, 53),
-        stars::density_step(5000, 54)}) {
+       {local_delaunay::random_torus(5000, 0.0, 51), local_delaunay::random_torus(5000, 0.15, 52),
+        local_delaunay::random_roof(4000, 53), local_delaunay::density_step(5000, 54)}) {
     Moving moving(points, {1500, 200000});
     const auto all = [&] {
       std::vector<Vec3> at;
@@ -59,7 +58,7 @@ TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
       return at;
     };
     const std::vector<Vec3> first = all();
-    const std::uint64_t triangles = stars::expect_rings_sound(moving.mesh);
+    const std::uint64_t triangles = local_delaunay::expect_rings_sound(moving.mesh);
     Random random(55);
     for (int round = 0; round < 30; ++round) {
       moving.deformer.begin_stroke();
@@ -80,7 +79,7 @@ TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
         EXPECT_EQ(moving.deformer.apply(batch), 200u);
       }
       const std::uint64_t added = moving.deformer.points() - first.size();
-      const std::uint64_t now = stars::expect_rings_sound(moving.mesh);
+      const std::uint64_t now = local_delaunay::expect_rings_sound(moving.mesh);
       EXPECT_LE(now, triangles + 2 * added);
       EXPECT_GE(now, triangles + added);
       if (round % 3 == 0) continue;
@@ -93,7 +92,7 @@ TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
     while (moving.deformer.undo()) {
     }
     moving.deformer.reset();
-    EXPECT_EQ(stars::expect_rings_sound(moving.mesh), triangles);
+    EXPECT_EQ(local_delaunay::expect_rings_sound(moving.mesh), triangles);
     EXPECT_EQ(all(), first);
   }
 }
@@ -107,16 +106,15 @@ TEST(StarDent, StretchedEdgesGetPoints) {
   for (int i = 0; i < 600; ++i) (void)moving.deformer.press(middle, Vec3::UnitZ(), 0.01, 2.5);  // 6 mm deep
   EXPECT_GT(moving.deformer.counters().inferred, 50u);
   double longest = 0.0, deepest = 0.0;
-  for (std::uint32_t i = 0; i < moving.mesh.size(); ++i)
-    moving.mesh.for_triangles_of(i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t) {
-      const Vec3 p = moving.mesh.at(a), q = moving.mesh.at(b);
-      if (std::max(p.head<2>().norm(), q.head<2>().norm()) > 2.5) return;
-      longest = std::max(longest, (p - q).norm());
-      deepest = std::min({deepest, p.z(), q.z()});
-    });
+  local_delaunay::each_triangle(moving.mesh, [&](std::uint32_t a, std::uint32_t b, std::uint32_t) {
+    const Vec3 p = moving.mesh.at(a), q = moving.mesh.at(b);
+    if (std::max(p.head<2>().norm(), q.head<2>().norm()) > 2.5) return;
+    longest = std::max(longest, (p - q).norm());
+    deepest = std::min({deepest, p.z(), q.z()});
+  });
   EXPECT_LT(deepest, -5.9);
   EXPECT_LT(longest, 5.0 * 0.4) << "the walls are stretched more than fivefold";
-  stars::expect_rings_sound(moving.mesh);
+  local_delaunay::expect_rings_sound(moving.mesh);
 }
 
 /// Held at a depth until nothing changes: the surface bears what its yield says, however the points lie.
@@ -141,7 +139,7 @@ TEST(StarDent, GivesWayDownToItsYield) {
 // Pressed and dragged over a body of random points: what pushes is the surface as it is now, outwards, and
 // never for longer than the probe is in it.
 TEST(StarDent, IsFeltWhereThePointsAre) {
-  const std::vector<Vec3> points = stars::random_torus(20000, 0.0, 59);
+  const std::vector<Vec3> points = local_delaunay::random_torus(20000, 0.0, 59);
   const double spacing = std::sqrt(4.0 * std::numbers::pi * std::numbers::pi * 300.0 / 20000.0);
   const SceneInput scene = yielding(points, {0.4, 3.0, 30.0});
   const auto renderer = prepared(scene, "cloud");
@@ -153,11 +151,10 @@ TEST(StarDent, IsFeltWhereThePointsAre) {
                  along = random.uniform(0.2, 0.6);
     const auto at = [&](double out, double way) {
       const double w = v + along * way;
-      return Vec3((30 + out * std::cos(w)) * std::cos(u), (30 + out * std::cos(w)) * std::sin(u),
-                  out * std::sin(w));
+      return local_delaunay::on_torus(u, w, out);
     };
     if (run == 0) renderer->restart(at(11.0, 0.0));
-    renderer->let_go(at(11.0, 0.0));
+    renderer->release_contact(at(11.0, 0.0));
     constexpr int kFrames = 1500;
     for (int i = 0; i <= kFrames; ++i) {
       const double t = static_cast<double>(i) / kFrames;
@@ -268,7 +265,7 @@ Felt felt(const std::vector<Vec3>& points, double scale, int threads) {
 }
 
 TEST(StarDent, IsTheSameForAnyThreadsAndScale) {
-  const std::vector<Vec3> points = stars::random_torus(20000, 0.0, 64);
+  const std::vector<Vec3> points = local_delaunay::random_torus(20000, 0.0, 64);
   const Felt once = felt(points, 1.0, 1);
   EXPECT_GT(std::count(once.contact.begin(), once.contact.end(), true), 500);
   for (const auto& [scale, threads] : {std::pair{1.0, 3}, std::pair{0x1p-10, 2}, std::pair{0x1p20, 2}}) {
@@ -283,11 +280,12 @@ TEST(StarDent, NewPointsHaveTheStiffnessBetween) {
   const std::vector<Vec3> points = random_sheet(10.0, 0.4, 0.0, 65);
   Moving moving(points, {1000, 0});
   SurfaceField field;
-  stars::StarMesh mesh = stars::StarMesh::build(stars::cloud_of(points), 1);
-  stars::StarTree tree;
+  local_delaunay::LocalDelaunayMesh mesh =
+      local_delaunay::LocalDelaunayMesh::build(local_delaunay::cloud_of(points), 1);
+  local_delaunay::BlockBvh tree;
   for (std::uint32_t i = 0; i < mesh.size(); ++i)
-    field.of_place.push_back({static_cast<float>(1.0 + 0.01 * mesh.at(i).x()), 0.5f, 0.4f});
-  DeformedStars stars(mesh, tree, field, 1000, 1);
+    field.by_point.push_back({static_cast<float>(1.0 + 0.01 * mesh.at(i).x()), 0.5f, 0.4f});
+  DeformedLocalDelaunay stars(mesh, tree, field, 1000, 1);
   Deformer deformer(stars, 0);
   std::uint32_t middle = 0;
   for (std::uint32_t i = 0; i < stars.built(); ++i)
@@ -295,8 +293,8 @@ TEST(StarDent, NewPointsHaveTheStiffnessBetween) {
   for (int i = 0; i < 200; ++i) (void)deformer.press(middle, Vec3::UnitZ(), 0.02, 2.5);
   ASSERT_GT(stars.used(), stars.built() + 20);
   for (std::uint32_t i = stars.built(); i < stars.used(); ++i)
-    EXPECT_NEAR(static_cast<double>(field.of_place[i].stiffness_n_per_mm), 1.0 + 0.01 * stars.first_at(i).x(),
-                1e-5);
+    EXPECT_NEAR(static_cast<double>(field.by_point[i].stiffness_n_per_mm),
+                1.0 + 0.01 * stars.initial_position(i).x(), 1e-5);
 }
 
 }  // namespace

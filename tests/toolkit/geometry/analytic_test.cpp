@@ -1,8 +1,10 @@
 // Surfaces known by formula, against hand-computed answers and dense brute force.
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>  // cross products
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -10,7 +12,7 @@
 
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/geometry/entry_search.h"
+#include "toolkit/geometry/segment_root_search.h"
 
 namespace palpate::geometry {
 namespace {
@@ -45,29 +47,50 @@ Vec3 random_point(Random& random, double half) {
   return {random.uniform(-half, half), random.uniform(-half, half), random.uniform(-half, half)};
 }
 
-/// Points all over a shape, denser than any tolerance used with them.
-std::vector<Vec3> dense_samples(const AnalyticSurface& surface, int side) {
+/// Points all over a shape and so many of its sides beyond it, denser than any tolerance used with them.
+std::vector<Vec3> dense_samples(const AnalyticSurface& surface, int side, double beyond) {
+  const auto at = [&](int i) { return static_cast<double>(i) / side * (1 + 2 * beyond) - beyond; };
   std::vector<Vec3> samples;
   for (int i = 0; i <= side; ++i)
-    for (int j = 0; j <= side; ++j)
-      samples.push_back(
-          surface.at(static_cast<double>(i) / side * 3 - 1, static_cast<double>(j) / side * 3 - 1).point_mm);
+    for (int j = 0; j <= side; ++j) samples.push_back(surface.at(at(i), at(j)).point_mm);
   return samples;
+}
+
+double nearest_of(const std::vector<Vec3>& samples, const Vec3& p) {
+  double best = std::numeric_limits<double>::infinity();
+  for (const Vec3& q : samples) best = std::min(best, (q - p).norm());
+  return best;
 }
 
 TEST(Analytic, MakersRefuseWhatIsNoShape) {
   const double nan = std::nan("");
-  EXPECT_EQ(make_plane(0), nullptr);
-  EXPECT_EQ(make_plane(nan), nullptr);
-  EXPECT_EQ(make_sinusoid(10, 1, 100), nullptr) << "slope 63";
-  EXPECT_EQ(make_sinusoid(-1, 50, 100), nullptr);
-  EXPECT_EQ(make_saddle(0, 1), nullptr);
-  EXPECT_EQ(make_wedge(5, 1), nullptr);
-  EXPECT_EQ(make_relief(1, 1, 2, 0.3, 1), nullptr);
-  EXPECT_EQ(make_relief(1, nan, 0.1, 0.3, 1), nullptr);
-  EXPECT_EQ(make_sphere(nan), nullptr);
-  EXPECT_EQ(make_torus(1, 2), nullptr);
-  EXPECT_EQ(make_slab(1, 0), nullptr);
+  const std::shared_ptr<const AnalyticSurface> none[] = {
+      make_plane(0),
+      make_plane(nan),
+      make_sinusoid(10, 1, 100),  // a slope of 63
+      make_sinusoid(-1, 50, 100),
+      make_saddle(0, 1),
+      make_wedge(5, 1),
+      make_relief(1, 1, 2, 0.3, 1),
+      make_relief(1, nan, 0.1, 0.3, 1),
+      make_sphere(nan),
+      make_torus(1, 2),
+      make_slab(1, 0),
+      make_pebble(0, 1, 0.2, 1),
+      make_pebble(10, 20, 0.2, 1),
+      make_pebble(10, 1, 2, 1),
+      make_pebble(nan, 1, 0.2, 1),
+      make_ellipsoid({1, 0, 1}),
+      make_ellipsoid({1, 1, nan}),
+      make_rounded_box({10, 3, 10}, 1.6),  // the edges meet
+      make_rounded_box({10, 3, 10}, 0),
+      make_bowl(1, 0.5, Felt::kInside),
+      make_bowl(1, 179.5, Felt::kInside),
+      make_bowl(nan, 90, Felt::kInside),
+      make_shells(1, 1),
+      make_shells(1, -0.1)};
+  for (const auto& shape : none) EXPECT_EQ(shape, nullptr) << &shape - none;
+  EXPECT_NE(make_rounded_box({10, 3, 10}, 1.5), nullptr);
 }
 
 TEST(Analytic, KnownPoints) {
@@ -118,8 +141,7 @@ TEST(Analytic, AReliefHasItsSlopeItsNormalsAndItsClosestPoints) {
     for (int n = 0; n < 50; ++n) {
       const SurfacePoint at = relief->at(random.uniform(0.3, 0.7), random.uniform(0.3, 0.7));
       const Vec3 p = at.point_mm + random.uniform(-2.0, 2.0) * scale * at.normal;
-      double best = 1e300;
-      for (const Vec3& q : samples) best = std::min(best, (q - p).norm());
+      const double best = nearest_of(samples, p);
       const double found = (relief->closest(p).point_mm - p).norm();
       EXPECT_LE(found, best + 1e-9 * scale);
       EXPECT_GE(found, best - 0.05 * scale);
@@ -133,19 +155,13 @@ TEST(Analytic, ClosestAgainstBruteForce) {
     const auto surface = shape.make(1.0);
     if (shape.name == "slab" || shape.name == "shells") continue;  // at() covers one face; see below
     const int side = 900;
-    const std::vector<Vec3> samples = shape.open ? dense_samples(*surface, side) : [&] {
-      std::vector<Vec3> all;
-      for (int i = 0; i <= side; ++i)
-        for (int j = 0; j <= side; ++j)
-          all.push_back(surface->at(static_cast<double>(i) / side, static_cast<double>(j) / side).point_mm);
-      return all;
-    }();
+    // An open surface goes on beyond its square.
+    const std::vector<Vec3> samples = dense_samples(*surface, side, shape.open ? 1.0 : 0.0);
     // Twice the widest gap of the samples along the surface.
     const double gap = surface->box_mm().extent_mm().norm() * 3 / side * 8;
     for (int n = 0; n < 40; ++n) {
       const Vec3 p = random_point(random, 0.55 * surface->box_mm().extent_mm().maxCoeff());
-      double best = 1e300;
-      for (const Vec3& q : samples) best = std::min(best, (q - p).norm());
+      const double best = nearest_of(samples, p);
       const SurfacePoint found = surface->closest(p);
       const double distance = (found.point_mm - p).norm();
       SCOPED_TRACE(shape.name + ", seed 20260101, query " + std::to_string(n));
@@ -179,11 +195,10 @@ TEST(Analytic, ClosestIsPerpendicularAtEveryScale) {
 TEST(Analytic, SaddleClosestInItsPlanesOfSymmetry) {
   // High above the saddle's valley line the two points at +-x are closest; below, those at +-y.
   const auto saddle = make_saddle(0.05, 100);
+  const std::vector<Vec3> samples = dense_samples(*saddle, 1500, 1.0);
   for (const Vec3& p :
        {Vec3(0, 0, 45), Vec3(0, 0, -45), Vec3(0, 5, 45), Vec3(5, 0, -45), Vec3(0, 5, -45), Vec3(5, 0, 45)}) {
-    const double found = (saddle->closest(p).point_mm - p).norm();
-    double best = 1e300;
-    for (const Vec3& q : dense_samples(*saddle, 1500)) best = std::min(best, (q - p).norm());
+    const double found = (saddle->closest(p).point_mm - p).norm(), best = nearest_of(samples, p);
     EXPECT_LE(found, best + 1e-12) << p.transpose();
     EXPECT_GE(found, best - 0.5) << p.transpose();
   }
@@ -359,12 +374,81 @@ TEST(Analytic, FindsTheEntryThousandsOfWavesOn) {
 }
 
 TEST(EntrySearch, SafeStepIsTheSmallestRoot) {
-  EXPECT_DOUBLE_EQ(safe_step(1, -1, 0), 1.0);
-  EXPECT_TRUE(std::isinf(safe_step(1, 1, 0)));
-  EXPECT_DOUBLE_EQ(safe_step(1, 0, 2), 1.0);       // 1 - s^2
-  EXPECT_TRUE(std::isinf(safe_step(1, -1, -2)));   // 1 - s + s^2 > 0
-  EXPECT_DOUBLE_EQ(safe_step(0.75, -2, -2), 0.5);  // s^2 - 2 s + 0.75 = (s - 0.5)(s - 1.5)
+  EXPECT_DOUBLE_EQ(root_free_step(1, -1, 0), 1.0);
+  EXPECT_TRUE(std::isinf(root_free_step(1, 1, 0)));
+  EXPECT_DOUBLE_EQ(root_free_step(1, 0, 2), 1.0);       // 1 - s^2
+  EXPECT_TRUE(std::isinf(root_free_step(1, -1, -2)));   // 1 - s + s^2 > 0
+  EXPECT_DOUBLE_EQ(root_free_step(0.75, -2, -2), 0.5);  // s^2 - 2 s + 0.75 = (s - 0.5)(s - 1.5)
 }
+
+// The detailed closed surface against its own definition and a dense sampling.
+
+class PebbleAt : public testing::TestWithParam<double> {
+ protected:
+  double scale() const { return GetParam(); }
+  std::shared_ptr<const AnalyticSurface> pebble() const {
+    return make_pebble(20 * scale(), 3 * scale(), 0.2, 5);
+  }
+};
+
+Vec3 direction(Random& random) {
+  return Vec3(random.normal(), random.normal(), random.normal()).normalized();
+}
+
+TEST_P(PebbleAt, NormalsAreThoseOfTheSurface) {
+  const auto surface = pebble();
+  Random random(1);
+  for (int i = 0; i < 200; ++i) {
+    const double u = random.uniform(0.05, 0.95), v = random.uniform(0.05, 0.95), e = 1e-5;
+    const Vec3 across = surface->at(u + e, v).point_mm - surface->at(u - e, v).point_mm;
+    const Vec3 along = surface->at(u, v + e).point_mm - surface->at(u, v - e).point_mm;
+    const SurfacePoint here = surface->at(u, v);
+    EXPECT_NEAR(here.normal.norm(), 1.0, 1e-12);
+    EXPECT_LT(std::abs(here.normal.dot(across.normalized())), 1e-5);
+    EXPECT_LT(std::abs(here.normal.dot(along.normalized())), 1e-5);
+    EXPECT_GT(here.normal.dot(here.point_mm), 0.0);
+  }
+}
+
+TEST_P(PebbleAt, ClosestIsTheClosestOfADenseSampling) {
+  const auto surface = pebble();
+  Random random(2);
+  for (int i = 0; i < 5; ++i) {
+    const SurfacePoint near = surface->at(random.uniform(), random.uniform(0.2, 0.8));
+    const double height = random.uniform(-0.8, 0.8) * scale();
+    const Vec3 p = near.point_mm + height * near.normal;
+    const SurfacePoint found = surface->closest(p);
+    EXPECT_LT((p - found.point_mm).cross(found.normal).norm(), 1e-6 * scale()) << "square to the surface";
+    EXPECT_EQ(surface->signed_distance_mm(p) > 0.0, height > 0.0);
+    double best = std::numeric_limits<double>::infinity();
+    for (int a = 0; a < 300; ++a)
+      for (int b = 0; b < 150; ++b)
+        best = std::min(best, (surface->at(a / 300.0, (b + 0.5) / 150.0).point_mm - p).norm());
+    EXPECT_LE((p - found.point_mm).norm(), best + 1e-9 * scale()) << i;
+  }
+}
+
+TEST_P(PebbleAt, EntriesAreTheFirstOnes) {
+  const auto surface = pebble();
+  Random random(3);
+  int entered = 0;
+  for (int i = 0; i < 60; ++i) {
+    const Vec3 a = direction(random) * (26 * scale());
+    const Vec3 b = a + (direction(random) * (10 * scale()) - a) * 0.6;
+    const auto entry = surface->first_entry(a, b);
+    // By small steps: outside at a, the first place inside.
+    double t = 0.0;
+    while (t <= 1.0 && surface->signed_distance_mm(a + t * (b - a)) >= 0.0) t += 1e-3;
+    ASSERT_EQ(entry.has_value(), t <= 1.0) << i;
+    if (!entry) continue;
+    ++entered;
+    EXPECT_LT((entry->point_mm - (a + t * (b - a))).norm(), 3e-3 * (b - a).norm());
+    EXPECT_NEAR(surface->signed_distance_mm(entry->point_mm), 0.0, 1e-9 * scale());
+  }
+  EXPECT_GT(entered, 20);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scales, PebbleAt, testing::Values(1e-3, 1.0, 1e5));
 
 }  // namespace
 }  // namespace palpate::geometry

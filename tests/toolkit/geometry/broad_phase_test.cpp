@@ -1,6 +1,4 @@
 // The box tree and the broad phase, against looking at every box.
-#include "toolkit/geometry/broad_phase.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +8,8 @@
 #include <vector>
 
 #include "toolkit/core/random.h"
+#include "toolkit/geometry/broad_phase.h"
+#include "toolkit/geometry/swept_sphere.h"
 
 namespace palpate::geometry {
 namespace {
@@ -157,11 +157,11 @@ TEST(BroadPhase, FewNodesAreVisitedWhereFewBoxesAreNear) {
   }
 }
 
-TEST(BoxTree, NearestFirstFindsTheNearestCentre) {
+TEST(AabbTree, NearestFirstFindsTheNearestCentre) {
   Random random(14);
   for (const std::uint32_t leaf : {1u, 4u}) {
     const std::vector<Aabb> boxes = random_boxes(500, 1.0, Vec3::Zero(), random);
-    const BoxTree tree(
+    const AabbTree tree(
         500, [&](std::uint32_t i) { return boxes[i]; }, leaf);
     std::size_t looked_at = 0;
     for (int i = 0; i < 100; ++i) {
@@ -179,10 +179,10 @@ TEST(BoxTree, NearestFirstFindsTheNearestCentre) {
   }
 }
 
-TEST(BoxTree, EveryItemIsInOneLeaf) {
+TEST(AabbTree, EveryItemIsInOneLeaf) {
   for (const std::uint32_t n : {1u, 5u, 17u, 1000u})
     for (const std::uint32_t leaf : {1u, 2u, 4u, 16u}) {
-      const BoxTree tree(
+      const AabbTree tree(
           n,
           [](std::uint32_t) {
             return Aabb{Vec3::Zero(), Vec3::Zero()};
@@ -212,7 +212,7 @@ TEST(BroadPhase, WhatLiesOnAWayOrInARegionIsAllThatBruteForceFinds) {
       const double reach = round % 3 == 0 ? 0.0 : 0.1 * scale;
       std::vector<std::uint32_t> found, expected;
       found.reserve(boxes.size());
-      phase.on_way(from, to, reach, found);
+      phase.along_segment(from, to, reach, found);
       for (std::uint32_t i = 0; i < boxes.size(); ++i) {
         if (boxes[i].empty()) continue;
         const Aabb grown = boxes[i].grown(reach);
@@ -232,6 +232,68 @@ TEST(BroadPhase, WhatLiesOnAWayOrInARegionIsAllThatBruteForceFinds) {
       EXPECT_EQ(found, expected);
     }
   }
+}
+
+// The swept sphere against a search along the segment.
+
+double distance_at(const Vec3& p, const Vec3& centre, const Vec3& half) {
+  const Vec3 q = (p - centre).cwiseAbs() - half;
+  return q.cwiseMax(0.0).norm();
+}
+
+/// The distance is convex along the segment: thirds are cut off until nothing is left.
+double searched(const Vec3& a, const Vec3& b, const Vec3& centre, const Vec3& half) {
+  double low = 0.0, high = 1.0;
+  for (int i = 0; i < 300; ++i) {
+    const double s = low + (high - low) / 3.0, t = high - (high - low) / 3.0;
+    if (distance_at(a + s * (b - a), centre, half) <= distance_at(a + t * (b - a), centre, half))
+      high = t;
+    else
+      low = s;
+  }
+  return distance_at(a + 0.5 * (low + high) * (b - a), centre, half);
+}
+
+Vec3 some(Random& random, double size) {
+  return {size * random.uniform(-1, 1), size * random.uniform(-1, 1), size * random.uniform(-1, 1)};
+}
+
+TEST(SweptSphere, MeasuresTheDistanceOfSegmentAndBox) {
+  Random random(51);
+  int apart = 0;
+  for (int k = 0; k < 20000; ++k) {
+    const double scale = std::pow(10.0, random.uniform(-6, 6));
+    const Vec3 centre = some(random, k % 7 == 0 ? 100.0 * scale : scale);
+    const Vec3 half = scale * Vec3(random.uniform(), random.uniform(), random.uniform());
+    Vec3 a = centre + some(random, 2.0 * scale), b = centre + some(random, 2.0 * scale);
+    if (k % 5 == 0) b = a;
+    if (k % 5 == 1) b.y() = a.y();
+    if (k % 5 == 2) b.tail<2>() = a.tail<2>();
+    const SegmentProbe probe(a, b);
+    const double expected = searched(a, b, centre, half);
+    const double found = std::sqrt(segment_box_distance_sq(probe, centre, half));
+    ASSERT_NEAR(found, expected, 1e-7 * scale) << k;
+    apart += found > 0.0;
+    // A hair on either side of the true distance.
+    EXPECT_TRUE(swept_sphere_touches_box(probe, expected + 1e-6 * scale, centre, half)) << k;
+    if (expected > 1e-5 * scale) {
+      EXPECT_FALSE(swept_sphere_touches_box(probe, expected - 1e-6 * scale, centre, half)) << k;
+    }
+    if (segment_touches_box(probe, centre, half)) {
+      EXPECT_TRUE(swept_sphere_touches_box(probe, 0.0, centre, half)) << k;
+    }
+  }
+  EXPECT_GT(apart, 5000);
+  EXPECT_LT(apart, 19000);
+}
+
+TEST(SweptSphere, RoundsTheCornersOfTheGrownBox) {
+  const Vec3 half = Vec3::Ones();
+  const Vec3 corner(1.7, 1.7, 1.7);  // 1.21 from the box's corner
+  const SegmentProbe at(corner, corner);
+  EXPECT_TRUE(segment_touches_box(at, Vec3::Zero(), half + Vec3::Ones()));
+  EXPECT_FALSE(swept_sphere_touches_box(at, 1.0, Vec3::Zero(), half));
+  EXPECT_TRUE(swept_sphere_touches_box(at, 1.2125, Vec3::Zero(), half));
 }
 
 }  // namespace

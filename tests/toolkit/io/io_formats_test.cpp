@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "compress.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/random.h"
 
@@ -170,22 +171,21 @@ TEST(Formats, EveryFormatAndCompressionGivesTheSameDoubles) {
         {{"", format.content}, {".gz", gzipped(format.content)}, {".xz", xz_packed(format.content)}}};
     for (const auto& [ending, content] : packed) {
       SCOPED_TRACE(fmt::format("{}{}, seed {}", format.name, ending, kSeed));
-      const Result<ReadModel> model = read_text(content, "folder.d/" + format.name + ending, options);
-      ASSERT_TRUE(model) << model.error().message();
-      EXPECT_EQ(model->compression, ending.empty() ? "" : ending == ".gz" ? "gzip" : "xz");
-      EXPECT_EQ(model->cloud.size(), kPoints);
-      EXPECT_EQ(model->content_hash, hash_of(sample));
-      EXPECT_EQ(model->dropped_faces, 0u);
-      EXPECT_FALSE(model->unit_guessed);
+      const ReadModel model = model_of(content, "folder.d/" + format.name + ending, options);
+      EXPECT_EQ(model.compression, ending.empty() ? "" : ending == ".gz" ? "gzip" : "xz");
+      EXPECT_EQ(model.cloud.size(), kPoints);
+      EXPECT_EQ(model.content_hash, hash_of(sample));
+      EXPECT_EQ(model.dropped_faces, 0u);
+      EXPECT_FALSE(model.unit_guessed);
       if (format.faces) {
-        ASSERT_NE(model->mesh, nullptr);
-        EXPECT_EQ(model->mesh->triangles, sample.faces);
-        EXPECT_EQ(model->mesh->vertices_mm, sample.points);
+        ASSERT_NE(model.mesh, nullptr);
+        EXPECT_EQ(model.mesh->triangles, sample.faces);
+        EXPECT_EQ(model.mesh->vertices_mm, sample.points);
       } else {
-        EXPECT_EQ(model->mesh, nullptr);
+        EXPECT_EQ(model.mesh, nullptr);
       }
       bool found = format.weight.empty();
-      for (const cloud::Property& property : model->cloud.properties) {
+      for (const cloud::Property& property : model.cloud.properties) {
         if (property.name != format.weight) continue;
         found = true;
         EXPECT_EQ(property.values, sample.weight);
@@ -196,30 +196,28 @@ TEST(Formats, EveryFormatAndCompressionGivesTheSameDoubles) {
 }
 
 TEST(Formats, ColumnsMayStandInAnyOrderAndNameTheUnit) {
-  const Result<ReadModel> model = read_text("label,z_m,x_m,y_m\nwood,3,1,2\nsteel,6,4,5\n", "a.csv");
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_EQ(model->unit, Unit::kMetre);
-  EXPECT_FALSE(model->unit_guessed);
-  EXPECT_EQ(model->cloud.point_mm(0), Vec3(1000, 2000, 3000));
-  EXPECT_TRUE(model->cloud.properties.empty());  // the labels are left out, with a warning
-  ASSERT_EQ(model->warnings.size(), 1u);
-  EXPECT_NE(model->warnings[0].find("label"), std::string::npos);
+  const ReadModel model = model_of("label,z_m,x_m,y_m\nwood,3,1,2\nsteel,6,4,5\n", "a.csv");
+  EXPECT_EQ(model.unit, Unit::kMetre);
+  EXPECT_FALSE(model.unit_guessed);
+  EXPECT_EQ(model.cloud.point_mm(0), Vec3(1000, 2000, 3000));
+  EXPECT_TRUE(model.cloud.properties.empty());  // the labels are left out, with a warning
+  ASSERT_EQ(model.warnings.size(), 1u);
+  EXPECT_TRUE(test::contains(model.warnings[0], "label"));
 }
 
 TEST(Formats, PolygonsBecomeFansAndBadOnesGoWhole) {
-  const Result<ReadModel> model = read_text(
+  const ReadModel model = model_of(
       "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 2 0\nf 1 2 3 4 5\nf 1 2 3 99\nf 0 1 2\nf 1 2\nf 2 3 4\n",
       "a.obj");
-  ASSERT_TRUE(model) << model.error().message();
-  ASSERT_NE(model->mesh, nullptr);
+  ASSERT_NE(model.mesh, nullptr);
   const std::vector<std::array<std::uint32_t, 3>> expected{{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {1, 2, 3}};
-  EXPECT_EQ(model->mesh->triangles, expected);
-  EXPECT_EQ(model->dropped_faces, 3u);
+  EXPECT_EQ(model.mesh->triangles, expected);
+  EXPECT_EQ(model.dropped_faces, 3u);
 }
 
-Result<ReadModel> read_corpus(const std::string& name) {
+ReadModel corpus_model(const std::string& name) {
   std::ifstream file(std::string(PALPATE_CORPUS) + "/" + name, std::ios::binary);
-  return read_text(std::string(std::istreambuf_iterator<char>(file), {}), name);
+  return model_of(std::string(std::istreambuf_iterator<char>(file), {}), name);
 }
 
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
@@ -230,54 +228,44 @@ TEST(Formats, StripsOfTrianglesGiveFaces) {
   const Triangles both{{0, 1, 2}, {2, 1, 3}, {2, 3, 4}, {4, 3, 5}};
   for (const char* name : {"ply/strips_little.ply", "ply/strips_big.ply"}) {
     SCOPED_TRACE(name);
-    const Result<ReadModel> model = read_corpus(name);
-    ASSERT_TRUE(model) << model.error().message();
-    ASSERT_NE(model->mesh, nullptr);
-    EXPECT_EQ(model->mesh->triangles, both);
-    EXPECT_EQ(model->dropped_faces, 0u);
+    const ReadModel model = corpus_model(name);
+    ASSERT_NE(model.mesh, nullptr);
+    EXPECT_EQ(model.mesh->triangles, both);
+    EXPECT_EQ(model.dropped_faces, 0u);
   }
-  const Result<ReadModel> model = read_corpus("ply/strips.ply");
-  ASSERT_TRUE(model) << model.error().message();
-  ASSERT_NE(model->mesh, nullptr);
+  const ReadModel model = corpus_model("ply/strips.ply");
+  ASSERT_NE(model.mesh, nullptr);
   // Of the second strip, 0 1 2 2 4 4 5 99: its first triangle; four without area; (4, 5, 99) has no point.
   Triangles expected = both;
   expected.push_back({0, 1, 2});
-  EXPECT_EQ(model->mesh->triangles, expected);
-  EXPECT_EQ(model->dropped_faces, 1u);
+  EXPECT_EQ(model.mesh->triangles, expected);
+  EXPECT_EQ(model.dropped_faces, 1u);
 }
 
 TEST(Formats, RowsThatHoldMoreThanTheHeaderNamesAreReadWithAWarning) {
-  const Result<ReadModel> ply = read_corpus("ply/longer_rows.ply");
-  ASSERT_TRUE(ply) << ply.error().message();
-  ASSERT_NE(ply->mesh, nullptr);
-  EXPECT_EQ(ply->mesh->triangles, (Triangles{{0, 1, 2}, {2, 1, 0}}));
+  const ReadModel ply = corpus_model("ply/longer_rows.ply");
+  ASSERT_NE(ply.mesh, nullptr);
+  EXPECT_EQ(ply.mesh->triangles, (Triangles{{0, 1, 2}, {2, 1, 0}}));
   for (const char* part : {"1 rows of element 'face'", "line 16", "1 rows of element 'camera'", "line 15"}) {
-    EXPECT_TRUE(std::any_of(ply->warnings.begin(), ply->warnings.end(), [&](const std::string& warning) {
-      return warning.find(part) != std::string::npos;
-    })) << part;
+    EXPECT_TRUE(warns(ply, part)) << part;
   }
-  const Result<ReadModel> off = read_corpus("off/longer_rows.off");  // OFF itself lets colours follow
-  ASSERT_TRUE(off) << off.error().message();
-  ASSERT_NE(off->mesh, nullptr);
-  EXPECT_EQ(off->mesh->triangles, (Triangles{{0, 1, 2}}));
+  const ReadModel off = corpus_model("off/longer_rows.off");  // OFF itself lets colours follow
+  ASSERT_NE(off.mesh, nullptr);
+  EXPECT_EQ(off.mesh->triangles, (Triangles{{0, 1, 2}}));
 }
 
 TEST(Formats, FacesWithoutTheirListAreReportedAndTakeNoTime) {
-  const Result<ReadModel> model = read_corpus("ply/faces_by_another_name.ply");
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_EQ(model->mesh, nullptr);
-  EXPECT_TRUE(std::any_of(model->warnings.begin(), model->warnings.end(), [](const std::string& warning) {
-    return warning.find("'face' has no list vertex_indices") != std::string::npos;
-  }));
+  const ReadModel model = corpus_model("ply/faces_by_another_name.ply");
+  EXPECT_EQ(model.mesh, nullptr);
+  EXPECT_TRUE(warns(model, "'face' has no list vertex_indices"));
 }
 
 TEST(Formats, AnObjLineMayGoOnInTheNext) {
-  const Result<ReadModel> model = read_corpus("obj/continued.obj");
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_EQ(model->cloud.size(), 4u);  // a comment that ends with a backslash hides no vertex
-  ASSERT_NE(model->mesh, nullptr);
-  EXPECT_EQ(model->mesh->triangles, (Triangles{{0, 1, 2}, {0, 2, 3}}));
-  EXPECT_EQ(model->dropped_faces, 1u);  // the last line goes on in nothing
+  const ReadModel model = corpus_model("obj/continued.obj");
+  EXPECT_EQ(model.cloud.size(), 4u);  // a comment that ends with a backslash hides no vertex
+  ASSERT_NE(model.mesh, nullptr);
+  EXPECT_EQ(model.mesh->triangles, (Triangles{{0, 1, 2}, {0, 2, 3}}));
+  EXPECT_EQ(model.dropped_faces, 1u);  // the last line goes on in nothing
 
   const Result<ReadModel> bad = read_text("v 0 0 0\nf 1 \\\n1 \\\none\n", "a.obj");
   ASSERT_FALSE(bad);
@@ -286,17 +274,14 @@ TEST(Formats, AnObjLineMayGoOnInTheNext) {
   for (int i = 0; i < 1 << 20; ++i) endless += " 1\\\n";
   const Result<ReadModel> refused = read_text(endless, "a.obj");
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("continuations are longer"), std::string::npos)
-      << refused.error().message();
+  EXPECT_TRUE(test::contains(refused.error().what, "continuations are longer")) << refused.error().message();
 }
 
 TEST(Formats, ConcatenatedCompressedStreamsAreOneFile) {
   for (const bool xz : {false, true}) {
     const auto pack = [&](const std::string& text) { return xz ? xz_packed(text) : gzipped(text); };
-    const Result<ReadModel> model =
-        read_text(pack("1 2 3\n4 5") + pack(" 6\n7 8 9\n"), xz ? "a.xyz.xz" : "a.xyz.gz");
-    ASSERT_TRUE(model) << model.error().message();
-    EXPECT_EQ(model->cloud.size(), 3u);
+    const ReadModel model = model_of(pack("1 2 3\n4 5") + pack(" 6\n7 8 9\n"), xz ? "a.xyz.xz" : "a.xyz.gz");
+    EXPECT_EQ(model.cloud.size(), 3u);
   }
 }
 
@@ -314,24 +299,116 @@ TEST(Formats, AByteOrderMarkBelongsToNoFormat) {
   };
   for (const auto& [name, text] : files) {
     SCOPED_TRACE(name);
-    const Result<ReadModel> plain = read_text(text, name), marked = read_text("\xEF\xBB\xBF" + text, name);
-    ASSERT_TRUE(plain) << plain.error().message();
-    ASSERT_TRUE(marked) << marked.error().message();
-    EXPECT_EQ(marked->file_points, 2u);
-    EXPECT_EQ(marked->content_hash, plain->content_hash);
+    const ReadModel plain = model_of(text, name), marked = model_of("\xEF\xBB\xBF" + text, name);
+    EXPECT_EQ(marked.file_points, 2u);
+    EXPECT_EQ(marked.content_hash, plain.content_hash);
     std::string wide = "\xFF\xFE";
     for (const char c : text) wide += {c, '\0'};
-    const Result<ReadModel> utf16 = read_text(wide, name);
-    ASSERT_FALSE(utf16);
-    EXPECT_NE(utf16.error().message().find("UTF-16; save it as UTF-8"), std::string::npos)
-        << utf16.error().message();
+    EXPECT_TRUE(test::refused(read_text(wide, name), "UTF-16; save it as UTF-8"));
   }
 }
 
 TEST(Formats, CompressionIsSeenWithoutItsEnding) {
-  const Result<ReadModel> model = read_text(gzipped("1 2 3\n"), "a.xyz");
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_EQ(model->compression, "gzip");
+  const ReadModel model = model_of(gzipped("1 2 3\n"), "a.xyz");
+  EXPECT_EQ(model.compression, "gzip");
+}
+
+// Tables of text as surveyors and spreadsheets write them: names, units, decimal commas, line ends, surplus
+// rows.
+
+void expect_point(const std::string& content, const Vec3& point, const std::string& name = "a.txt") {
+  SCOPED_TRACE(content);
+  ReadOptions options;
+  options.unit = Unit::kMillimetre;
+  const ReadModel model = model_of(content, name, options);
+  EXPECT_EQ(model.cloud.point_mm(0), point);
+}
+
+TEST(Tables, NamesInCommentsAndOfSurveyorsCount) {
+  const Vec3 point(1, 2, 3);
+  expect_point("//Intensity X Y Z\n9 1 2 3\n", point);
+  expect_point("# id x y z intensity\n\n7 1 2 3 9\n8 1 2 4 9\n", point);
+  expect_point("% Z,Y,X\n3,2,1\n", point, "a.csv");
+  expect_point("# I x(m) y(m) z(m)\n2\n9 1 2 3\n9 4 5 6\n", point, "a.pts");
+  expect_point("id;\"X [mm]\";\"Y [mm]\";\"Z [mm]\"\n7;1;2;3\n", point, "a.csv");
+  expect_point("id X [m] Y [m] Z [m]\n7 1 2 3\n", point);
+  expect_point("Northing Easting Height\n2 1 3\n", point);
+  expect_point("height;northing;easting\n3;2;1\n", point, "a.csv");
+  expect_point("id,Point_X,Point_Y,Point_Z\n7,1,2,3\n", point, "a.csv");
+  expect_point("# made of x y z by hand\n1 2 3\n", point);  // prose
+}
+
+TEST(Tables, UnitsInBracketsAreStatements) {
+  const ReadModel model = model_of("# x(cm) y(cm) z(cm)\n1 2 3\n", "a.txt");
+  EXPECT_EQ(model.unit, Unit::kCentimetre);
+  EXPECT_FALSE(model.unit_guessed);
+}
+
+TEST(Tables, ColumnsTakenWithoutNamesAreSaid) {
+  const ReadModel model = model_of("7 1 2 3\n8 4 5 6\n", "a.txt");
+  EXPECT_TRUE(test::contains(model.format, "columns 1, 2, 3 of 4; the first row is '7 1 2 3'"));
+  const ReadModel named = model_of("a b c d\n7 1 2 3\n", "a.txt");
+  EXPECT_TRUE(warns(named, "(a, b, c)"));
+}
+
+TEST(Tables, DecimalCommasAreToldFromSeparators) {
+  const Vec3 point(1.5, -2.5, 3);
+  expect_point("1,5;-2,5;3\n", point, "a.csv");
+  expect_point("x;y;z\n1,5;-2,5;3\n", point, "a.csv");
+  expect_point("1,5 -2,5 3\n", point);
+  expect_point("1,5\t-2,5\t3,0\n", point);
+  expect_point("1.5, -2.5, 3\n", point, "a.csv");
+  expect_point("1.5,-2.5,3\n", point, "a.csv");
+  const ReadModel late = model_of("1;2;3\n1,5;2,5;3\n", "a.csv");
+  EXPECT_FALSE(read_text("1.5;2;3\n1,5;2,5;3\n", "a.csv")) << "both marks in one file";
+}
+
+TEST(Tables, CarriageReturnsAloneEndLines) {
+  expect_point("# by hand\r1 2 3\r4 5 6\r", {1, 2, 3});
+  expect_point("v 1 2 3\rv 4 5 6\r", {1, 2, 3}, "a.obj");
+  expect_point("OFF\r1 0 0\r1 2 3\r", {1, 2, 3}, "a.off");
+  expect_point(
+      "ply\rformat ascii 1.0\relement vertex 1\rproperty float x\rproperty float y\rproperty float z\r"
+      "end_header\r1 2 3\r",
+      {1, 2, 3}, "a.ply");
+}
+
+TEST(Tables, SurplusRowsAreCountedAndSaid) {
+  const ReadModel pts = model_of("1\n1 2 3\n4 5 6\n7 8 9\n", "a.pts");
+  EXPECT_TRUE(warns(pts, "promises 1 points, the file holds 2 more"));
+  const std::string fields = "property float x\nproperty float y\nproperty float z\nend_header\n";
+  const ReadModel ascii =
+      model_of("ply\nformat ascii 1.0\nelement vertex 1\n" + fields + "1 2 3\n4 5 6\n\n7 8 9\n", "a.ply");
+  EXPECT_TRUE(warns(ascii, "2 rows follow the last element"));
+  const std::string binary =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 1\n" + fields + std::string(12, '\0');
+  const Result<ReadModel> longer = read_text(binary + "abcde", "a.ply"),
+                          exact = read_text(binary + "\n", "a.ply");
+  ASSERT_TRUE(longer && exact);
+  EXPECT_TRUE(warns(*longer, "5 bytes follow the last element"));
+  EXPECT_FALSE(warns(*exact, "follow the last element"));
+}
+
+TEST(Tables, FloatsFarFromTheOriginSayTheirPrecision) {
+  const auto grid_at = [](float place) {
+    std::string file =
+        "ply\nformat binary_little_endian 1.0\nelement vertex 100\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n";
+    for (int i = 0; i < 100; ++i)
+      for (const float v : {place + static_cast<float>(i % 10), static_cast<float>(i / 10), 0.0F}) {
+        char bytes[sizeof v];
+        std::memcpy(bytes, &v, sizeof v);
+        file.append(bytes, sizeof v);
+      }
+    return file;
+  };
+  ReadOptions options;
+  options.unit = Unit::kMillimetre;
+  const Result<ReadModel> far = read_text(grid_at(4e6F), "a.ply", options);
+  const Result<ReadModel> near = read_text(grid_at(4e3F), "a.ply", options);
+  ASSERT_TRUE(far && near);
+  EXPECT_TRUE(warns(*far, "precision of 0.25 mm"));
+  EXPECT_FALSE(warns(*near, "precision"));
 }
 
 }  // namespace

@@ -5,12 +5,17 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 
+#include <palpate/read_model.h>
 #include "compress.h"
+#include "tests/in_folder.h"
+#include "tests/toolkit/messages.h"
+#include "toolkit/io/byte_source.h"
 #include "toolkit/io/pcd_header.h"
 
 namespace palpate::io {
@@ -124,7 +129,7 @@ TEST(Hostile, EachBadFileGetsItsMessage) {
     const Result<ReadModel> model = read_text(bad.content, bad.name);
     ASSERT_FALSE(model);
     const std::string message = model.error().message();
-    for (const std::string& part : bad.parts) EXPECT_NE(message.find(part), std::string::npos) << message;
+    for (const std::string& part : bad.parts) EXPECT_TRUE(test::contains(message, part));
     EXPECT_EQ(model.error().file, bad.name);
     EXPECT_EQ(model.error().line, bad.line) << message;
     EXPECT_FALSE(model.error().remedy.empty()) << message;
@@ -152,12 +157,12 @@ TEST(Hostile, DecompressionBombsStop) {
     const std::string name = xz ? "a.xyz.xz" : "a.xyz.gz";
     const Result<ReadModel> ratio = read_text(packed, name);
     ASSERT_FALSE(ratio);
-    EXPECT_NE(ratio.error().what.find("500 times"), std::string::npos) << ratio.error().message();
+    EXPECT_TRUE(test::contains(ratio.error().what, "500 times")) << ratio.error().message();
     ReadOptions small;
     small.max_bytes = std::uint64_t{1} << 20;
     const Result<ReadModel> bound = read_text(packed, name, small);
     ASSERT_FALSE(bound);
-    EXPECT_NE(bound.error().what.find("1048576 bytes"), std::string::npos) << bound.error().message();
+    EXPECT_TRUE(test::contains(bound.error().what, "1048576 bytes")) << bound.error().message();
   }
 }
 
@@ -168,50 +173,33 @@ TEST(Hostile, WhatIsDecodedStaysWithinTheBound) {
   small.max_bytes = std::uint64_t{2} << 20;  // 200,000 points take 4.8 MB
   const Result<ReadModel> model = read_text(text, "a.xyz", small);
   ASSERT_FALSE(model);
-  EXPECT_NE(model.error().what.find("memory allowed"), std::string::npos) << model.error().message();
+  EXPECT_TRUE(test::contains(model.error().what, "memory allowed")) << model.error().message();
 }
 
-TEST(Hostile, PathsThatAreNoFiles) {
-  Readers readers;
-  add_standard_readers(readers);
-  const std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) / fmt::format("palpate_io_{}.ply", getpid());
-  std::filesystem::create_directories(folder);
-  const auto missing = readers.read((folder / "none.ply").string(), {});
-  ASSERT_FALSE(missing);
-  EXPECT_NE(missing.error().message().find("none.ply: no such file"), std::string::npos);
-  const auto directory = readers.read(folder.string(), {});
-  ASSERT_FALSE(directory);
-  EXPECT_NE(directory.error().message().find("folder"), std::string::npos);
-  const std::string closed = (folder / "closed.ply").string();
-  std::ofstream(closed) << "ply\n";
-  std::filesystem::permissions(closed, std::filesystem::perms::none);
-  const auto unreadable = readers.read(closed, {});
-  ASSERT_FALSE(unreadable);
-  if (geteuid() != 0) {  // root reads everything
-    EXPECT_NE(unreadable.error().message().find("permissions"), std::string::npos);
-  }
-  std::filesystem::remove_all(folder);
+class HostileFiles : public InFolder {
+ protected:
+  HostileFiles() { add_standard_readers(readers_); }
+  Readers readers_;
+};
+
+TEST_F(HostileFiles, PathsThatAreNoFiles) {
+  EXPECT_TRUE(test::refused(readers_.read(in("none.ply"), {}), "none.ply: no such file"));
+  std::filesystem::create_directories(in("folder.ply"));
+  EXPECT_TRUE(test::refused(readers_.read(in("folder.ply"), {}), "folder"));
+  std::ofstream(in("closed.ply")) << "ply\n";
+  std::filesystem::permissions(in("closed.ply"), std::filesystem::perms::none);
+  // Root reads everything, and finds no points.
+  EXPECT_TRUE(test::refused(readers_.read(in("closed.ply"), {}), geteuid() != 0 ? "permissions" : ""));
 }
 
-TEST(Hostile, OnlyRegularFilesAreModels) {
-  Readers readers;
-  add_standard_readers(readers);
-  const std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) / fmt::format("palpate_io_special_{}", getpid());
-  std::filesystem::create_directories(folder);
-  for (const char* name : {"a.ply", "a.xyz.gz", "a.obj", "a.off", "a.pfm"}) {
-    const std::filesystem::path pipe = folder / fmt::format("pipe-{}", name);
-    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);  // nobody writes: opening it would wait for ever
-    const auto waiting = readers.read(pipe.string(), {});
-    ASSERT_FALSE(waiting);
-    EXPECT_NE(waiting.error().message().find("a pipe, not a regular file"), std::string::npos);
-    std::filesystem::create_symlink("/dev/zero", folder / name);
-    const auto endless = readers.read((folder / name).string(), {});
-    ASSERT_FALSE(endless);
-    EXPECT_NE(endless.error().message().find("a device, not a regular file"), std::string::npos);
+TEST_F(HostileFiles, OnlyRegularFilesAreModels) {
+  for (const std::string name : {"a.ply", "a.xyz.gz", "a.obj", "a.off", "a.pfm"}) {
+    ASSERT_EQ(::mkfifo(in("pipe-" + name).c_str(), 0600),
+              0);  // nobody writes: opening it would wait for ever
+    EXPECT_TRUE(test::refused(readers_.read(in("pipe-" + name), {}), "a pipe, not a regular file"));
+    std::filesystem::create_symlink("/dev/zero", in(name));
+    EXPECT_TRUE(test::refused(readers_.read(in(name), {}), "a device, not a regular file"));
   }
-  std::filesystem::remove_all(folder);
 }
 
 // More than is allowed is refused before it is read where the size is known, and soon after where it is not.
@@ -230,10 +218,7 @@ TEST(Hostile, WholeFilesStayWithinTheBound) {
   constexpr std::uint64_t kBound = 10'000'000;
   Counted said(std::uint64_t{1} << 40), unsaid(std::nullopt);
   for (Counted* source : {&said, &unsaid}) {
-    const auto refused = read_all(*source, kBound);
-    ASSERT_FALSE(refused);
-    EXPECT_NE(refused.error().message().find("--memory-limit-gb 0.01"), std::string::npos)
-        << refused.error().message();
+    EXPECT_TRUE(test::refused(read_all(*source, kBound), "--memory-limit-gb 0.01"));
   }
   EXPECT_EQ(said.given, 0u);
   EXPECT_LT(unsaid.given, 2 * kBound);
@@ -242,10 +227,9 @@ TEST(Hostile, WholeFilesStayWithinTheBound) {
     Result<std::unique_ptr<ByteSource>> source = open_maybe_compressed(
         std::make_unique<MemorySource>(std::as_bytes(std::span(whole))), DecompressionLimits{});
     ASSERT_TRUE(source);
-    const auto read = read_all(**source, kBound);
-    ASSERT_TRUE(read) << read.error().message();
-    EXPECT_EQ(read->size(), text.size());
-    EXPECT_EQ(std::memcmp(read->data(), text.data(), text.size()), 0);
+    const auto read = test::value_of(read_all(**source, kBound));
+    EXPECT_EQ(read.size(), text.size());
+    EXPECT_EQ(std::memcmp(read.data(), text.data(), text.size()), 0);
   }
 }
 
@@ -268,9 +252,7 @@ TEST(Hostile, WhatIsOfGridsIsRefusedForOtherFiles) {
   const std::string grid = "Pf\n2 2\n-1\n" + std::string(16, '\0');
   for (const auto& [options, says] : {std::pair(post, "--post-mm"), std::pair(vertical, "--vertical-mm")}) {
     EXPECT_TRUE(read_text(grid, "a.pfm", options));
-    const auto refused = read_text("1 2 3\n4 5 6\n", "a.xyz", options);
-    ASSERT_FALSE(refused);
-    EXPECT_NE(refused.error().message().find(says), std::string::npos) << refused.error().message();
+    EXPECT_TRUE(test::refused(read_text("1 2 3\n4 5 6\n", "a.xyz", options), says));
   }
 }
 
@@ -314,19 +296,16 @@ TEST(Hostile, PcdHeadersAreCheckedAgainstTheFile) {
   };
   for (const auto& [content, part] : cases) {
     SCOPED_TRACE(content);
-    const Result<PcdHeader> header = check_pcd(std::as_bytes(std::span(content)), {});
-    ASSERT_FALSE(header);
-    EXPECT_NE(header.error().message().find(part), std::string::npos) << header.error().message();
+    EXPECT_TRUE(test::refused(check_pcd(std::as_bytes(std::span(content)), {}), part));
   }
 }
 
 TEST(Hostile, PcdFieldsOfNoValuesArePadding) {
   const std::string fields = "FIELDS x _ y z\nSIZE 4 1 4 4\nTYPE F U F F\nCOUNT 1 0 1 1\n";
   const std::string content = pcd("1", "1", "1", "ascii", fields) + "1 2 3\n";
-  const Result<PcdHeader> header = check_pcd(std::as_bytes(std::span(content)), {});
-  ASSERT_TRUE(header) << header.error().message();
-  EXPECT_EQ(header->fields.size(), 3u);
-  EXPECT_EQ(header->point_bytes, 12u);
+  const auto header = test::value_of(check_pcd(std::as_bytes(std::span(content)), {}));
+  EXPECT_EQ(header.fields.size(), 3u);
+  EXPECT_EQ(header.point_bytes, 12u);
   const std::string negative =
       pcd("1", "1", "1", "ascii", "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 -1 1\n") + "1 2 3\n";
   EXPECT_FALSE(check_pcd(std::as_bytes(std::span(negative)), {}));
@@ -340,9 +319,7 @@ TEST(Hostile, PcdHeadersMayBeginWithAByteOrderMark) {
   EXPECT_EQ(header->canonical, plain->canonical);
   EXPECT_EQ(header->body_at, plain->body_at + 3);
   const std::string wide("\xFE\xFF\0V", 4);
-  const Result<PcdHeader> utf16 = check_pcd(std::as_bytes(std::span(wide)), {});
-  ASSERT_FALSE(utf16);
-  EXPECT_NE(utf16.error().message().find("UTF-16"), std::string::npos);
+  EXPECT_TRUE(test::refused(check_pcd(std::as_bytes(std::span(wide)), {}), "UTF-16"));
 }
 
 // Everything that fuzzing starts from and has found: an Error or a model, never a crash.
@@ -377,6 +354,56 @@ TEST(Hostile, CorpusReplays) {
   }
   EXPECT_GE(files, 40u);
   EXPECT_GE(models, 15u);
+}
+
+// Real scans from $PALPATE_DATA, against what is known of each.
+
+struct Scan {
+  const char* file;
+  std::size_t points;
+  std::size_t faces;
+  std::size_t properties;
+  Unit unit;
+  double extent_x_mm;
+};
+
+TEST(Scans, AreReadWhole) {
+  const char* data = std::getenv("PALPATE_DATA");
+  if (data == nullptr) GTEST_SKIP() << "set PALPATE_DATA to the folder of scans to run this test";
+  const std::vector<Scan> scans{
+      {"stanford/dragon_vrip.ply.gz", 437645, 871414, 0, Unit::kMetre, 204.89},
+      {"stanford/dragon_vrip_res2.ply.gz", 100250, 202520, 0, Unit::kMetre, 204.594},
+      {"stanford/dragon_vrip_res3.ply.gz", 22998, 47794, 0, Unit::kMetre, 203.656},
+      {"stanford/dragon_vrip_res4.ply.gz", 5205, 11102, 0, Unit::kMetre, 202.821},
+      {"stanford/bun_zipper.ply.xz", 35947, 69451, 2, Unit::kMetre, 155.699},
+      // Raw scans say the row and column of each point.
+      {"stanford/bunny_range/bun000.ply.xz", 40256, 0, 2, Unit::kMetre, 155.75},
+      {"stanford/bunny_range/ear_back.ply.xz", 32193, 0, 2, Unit::kMetre, 190.5},
+      {"stanford/bunny_range_merged.ply.xz", 362272, 0, 3, Unit::kMetre, 175.647},
+      {"stanford/dragon_stand_merged.ply.xz", 469193, 0, 3, Unit::kMetre, 247.731},
+      {"lidar/lone-star.ply.xz", 518862, 0, 1, Unit::kMetre, 32440.8},
+      // A street scan in metres of 73 m: the guess takes it for a 73 mm object, and says so.
+      {"lidar/small_gicp_source.ply.xz", 69792, 0, 1, Unit::kMillimetre, 42.239}};
+  Readers readers;
+  add_standard_readers(readers);
+  std::size_t found = 0;
+  for (const Scan& scan : scans) {
+    const std::filesystem::path path = std::filesystem::path(data) / scan.file;
+    if (!std::filesystem::exists(path)) continue;
+    ++found;
+    SCOPED_TRACE(scan.file);
+    const auto model = test::value_of(readers.read(path.string(), {}));
+    EXPECT_EQ(model.cloud.size(), scan.points);
+    EXPECT_EQ(model.non_finite, 0u);
+    EXPECT_EQ(model.mesh ? model.mesh->triangles.size() : 0, scan.faces);
+    EXPECT_EQ(model.dropped_faces, 0u);
+    EXPECT_EQ(model.cloud.properties.size(), scan.properties);
+    EXPECT_EQ(model.unit, scan.unit);
+    EXPECT_TRUE(model.unit_guessed);
+    EXPECT_NEAR(model.cloud.box_mm().extent_mm().x(), scan.extent_x_mm, 1e-5 * scan.extent_x_mm);
+    EXPECT_FALSE(model.cloud.raster);
+  }
+  if (found == 0) GTEST_SKIP() << "none of the scans is under PALPATE_DATA";
 }
 
 }  // namespace

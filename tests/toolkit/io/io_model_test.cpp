@@ -3,12 +3,20 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <bit>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <span>
 
+#include <palpate/read_model.h>
+#include <palpate/write_mesh.h>
 #include "compress.h"
+#include "tests/toolkit/messages.h"
+#include "toolkit/io/byte_source.h"
 #include "toolkit/io/text.h"
-#include "toolkit/io/write_mesh.h"
 
 namespace palpate::io {
 namespace {
@@ -37,13 +45,12 @@ TEST(Units, GuessesSayWhatWhyAndHowToOverride) {
   for (const Row& row : {Row{"0 0 0\n0.2 0 0\n", Unit::kMetre, "below 10"},
                          Row{"0 0 0\n200 0 0\n", Unit::kMillimetre, "not below 10"},
                          Row{"500000 5000000 0\n500100 5000000 0\n", Unit::kMetre, "geographic"}}) {
-    const Result<ReadModel> model = read_text(row.text, "a.xyz");
-    ASSERT_TRUE(model);
-    EXPECT_TRUE(model->unit_guessed);
-    EXPECT_EQ(model->unit, row.unit) << row.text;
-    ASSERT_EQ(model->warnings.size(), 1u);
-    EXPECT_NE(model->warnings[0].find(row.why), std::string::npos) << model->warnings[0];
-    EXPECT_NE(model->warnings[0].find("--unit"), std::string::npos);
+    const ReadModel model = model_of(row.text, "a.xyz");
+    EXPECT_TRUE(model.unit_guessed);
+    EXPECT_EQ(model.unit, row.unit) << row.text;
+    ASSERT_EQ(model.warnings.size(), 1u);
+    EXPECT_TRUE(test::contains(model.warnings[0], row.why));
+    EXPECT_TRUE(test::contains(model.warnings[0], "--unit"));
   }
 }
 
@@ -51,11 +58,10 @@ TEST(Units, GivenOnesWinAndScaleMultiplies) {
   ReadOptions options;
   options.unit = Unit::kInch;
   options.scale = 2.0;
-  const Result<ReadModel> model = read_text("0 0 0\n1 0 0\n", "a.xyz", options);
-  ASSERT_TRUE(model);
-  EXPECT_FALSE(model->unit_guessed);
-  EXPECT_TRUE(model->warnings.empty());
-  EXPECT_NEAR(model->cloud.point_mm(1).x(), 50.8, 1e-5);  // a float's rounding over 50 mm
+  const ReadModel model = model_of("0 0 0\n1 0 0\n", "a.xyz", options);
+  EXPECT_FALSE(model.unit_guessed);
+  EXPECT_TRUE(model.warnings.empty());
+  EXPECT_NEAR(model.cloud.point_mm(1).x(), 50.8, 1e-5);  // a float's rounding over 50 mm
   for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
     options.scale = scale;
     EXPECT_FALSE(read_text("0 0 0\n1 0 0\n", "a.xyz", options));
@@ -69,31 +75,27 @@ TEST(NonFinitePoints, AreDroppedCountedAndTakenOutOfFaces) {
       "property list uchar int vertex_indices\nend_header\n"
       "0 0 0 10\nnan 0 0 11\n1 0 0 12\n0 1 0 13\n0 -1.#IND 0 14\n0 0 1 15\n"
       "3 0 2 3\n3 0 1 2\n4 0 2 3 5\n4 5 3 2 4\n";
-  const Result<ReadModel> model = read_text(text, "a.ply");
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_EQ(model->file_points, 6u);
-  EXPECT_EQ(model->non_finite, 2u);
-  EXPECT_EQ(model->cloud.size(), 4u);
-  EXPECT_FALSE(model->cloud.raster);  // its rows have holes now
-  ASSERT_EQ(model->cloud.properties.size(), 3u);
-  EXPECT_EQ(model->cloud.properties[0].values, (std::vector<float>{10, 12, 13, 15}));
-  EXPECT_EQ(model->cloud.properties[1].name, "row");
-  EXPECT_EQ(model->cloud.properties[1].values, (std::vector<float>{0, 0, 1, 1}));
-  EXPECT_EQ(model->cloud.properties[2].name, "column");
-  EXPECT_EQ(model->cloud.properties[2].values, (std::vector<float>{0, 2, 0, 2}));
-  ASSERT_NE(model->mesh, nullptr);
+  const ReadModel model = model_of(text, "a.ply");
+  EXPECT_EQ(model.file_points, 6u);
+  EXPECT_EQ(model.non_finite, 2u);
+  EXPECT_EQ(model.cloud.size(), 4u);
+  EXPECT_FALSE(model.cloud.raster);  // its rows have holes now
+  ASSERT_EQ(model.cloud.properties.size(), 3u);
+  EXPECT_EQ(model.cloud.properties[0].values, (std::vector<float>{10, 12, 13, 15}));
+  EXPECT_EQ(model.cloud.properties[1].name, "row");
+  EXPECT_EQ(model.cloud.properties[1].values, (std::vector<float>{0, 0, 1, 1}));
+  EXPECT_EQ(model.cloud.properties[2].name, "column");
+  EXPECT_EQ(model.cloud.properties[2].values, (std::vector<float>{0, 2, 0, 2}));
+  ASSERT_NE(model.mesh, nullptr);
   const std::vector<std::array<std::uint32_t, 3>> expected{{0, 1, 2}, {0, 1, 2}, {0, 2, 3}};
-  EXPECT_EQ(model->mesh->triangles, expected);
-  EXPECT_EQ(model->dropped_faces, 2u);
-  EXPECT_EQ(model->warnings.size(), 2u);
+  EXPECT_EQ(model.mesh->triangles, expected);
+  EXPECT_EQ(model.dropped_faces, 2u);
+  EXPECT_EQ(model.warnings.size(), 2u);
 
   ReadOptions refuse;
   refuse.non_finite = cloud::NonFinite::kRefuse;
-  const Result<ReadModel> refused = read_text(text, "a.ply", refuse);
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().message().find("2 of 6 points are not finite, the first is point 2"),
-            std::string::npos);
-  EXPECT_NE(refused.error().message().find("--non-finite drop"), std::string::npos);
+  EXPECT_TRUE(test::refused(read_text(text, "a.ply", refuse),
+                            "2 of 6 points are not finite, the first is point 2", "--non-finite drop"));
 }
 
 /// A scan of three columns and two rows, of which some positions saw nothing.
@@ -108,34 +110,31 @@ std::string range_grid(const std::string& vertices, const std::string& cells) {
 
 TEST(RangeGrids, SayEachPointsRowAndColumn) {
   const std::string four = "0 0 0\n2 0 0\n1 1 0\n2 1 0\n";
-  const Result<ReadModel> model = read_text(range_grid(four, "1 0\n0\n1 1\n0\n1 2\n1 3\n"), "a.ply");
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_FALSE(model->cloud.raster);
-  ASSERT_EQ(model->cloud.properties.size(), 2u);
-  EXPECT_EQ(model->cloud.properties[0].name, "row");
-  EXPECT_EQ(model->cloud.properties[0].values, (std::vector<float>{0, 0, 1, 1}));
-  EXPECT_EQ(model->cloud.properties[1].name, "column");
-  EXPECT_EQ(model->cloud.properties[1].values, (std::vector<float>{0, 2, 1, 2}));
-  EXPECT_TRUE(model->warnings.empty());
+  const ReadModel model = model_of(range_grid(four, "1 0\n0\n1 1\n0\n1 2\n1 3\n"), "a.ply");
+  EXPECT_FALSE(model.cloud.raster);
+  ASSERT_EQ(model.cloud.properties.size(), 2u);
+  EXPECT_EQ(model.cloud.properties[0].name, "row");
+  EXPECT_EQ(model.cloud.properties[0].values, (std::vector<float>{0, 0, 1, 1}));
+  EXPECT_EQ(model.cloud.properties[1].name, "column");
+  EXPECT_EQ(model.cloud.properties[1].values, (std::vector<float>{0, 2, 1, 2}));
+  EXPECT_TRUE(model.warnings.empty());
 }
 
 TEST(RangeGrids, HoldWhereAPointIsDroppedAndInAnyOrder) {
-  const Result<ReadModel> model =
-      read_text(range_grid("2 0 0\nnan 0 0\n1 1 0\n2 1 0\n", "1 2\n0\n1 1\n0\n1 3\n1 0\n"), "a.ply");
-  ASSERT_TRUE(model) << model.error().message();
-  ASSERT_EQ(model->cloud.properties.size(), 2u);
-  EXPECT_EQ(model->cloud.properties[0].values, (std::vector<float>{1, 0, 1}));
-  EXPECT_EQ(model->cloud.properties[1].values, (std::vector<float>{2, 0, 1}));
+  const ReadModel model =
+      model_of(range_grid("2 0 0\nnan 0 0\n1 1 0\n2 1 0\n", "1 2\n0\n1 1\n0\n1 3\n1 0\n"), "a.ply");
+  ASSERT_EQ(model.cloud.properties.size(), 2u);
+  EXPECT_EQ(model.cloud.properties[0].values, (std::vector<float>{1, 0, 1}));
+  EXPECT_EQ(model.cloud.properties[1].values, (std::vector<float>{2, 0, 1}));
 }
 
 TEST(RangeGrids, WithoutHolesAreARaster) {
   const std::string six = "0 0 0\n1 0 0\n2 0 0\n0 1 0\n1 1 0\n2 1 0\n";
-  const Result<ReadModel> model = read_text(range_grid(six, "1 0\n1 1\n1 2\n1 3\n1 4\n1 5\n"), "a.ply");
-  ASSERT_TRUE(model) << model.error().message();
-  ASSERT_TRUE(model->cloud.raster);
-  EXPECT_EQ(model->cloud.raster->columns, 3u);
-  EXPECT_EQ(model->cloud.raster->rows, 2u);
-  EXPECT_TRUE(model->cloud.properties.empty());
+  const ReadModel model = model_of(range_grid(six, "1 0\n1 1\n1 2\n1 3\n1 4\n1 5\n"), "a.ply");
+  ASSERT_TRUE(model.cloud.raster);
+  EXPECT_EQ(model.cloud.raster->columns, 3u);
+  EXPECT_EQ(model.cloud.raster->rows, 2u);
+  EXPECT_TRUE(model.cloud.properties.empty());
 }
 
 TEST(RangeGrids, ThatDoNotListEveryPointOnceAreWarnedOf) {
@@ -143,18 +142,16 @@ TEST(RangeGrids, ThatDoNotListEveryPointOnceAreWarnedOf) {
   for (const char* cells :
        {"1 0\n0\n1 1\n0\n0\n0\n", "1 0\n1 2\n1 1\n0\n1 2\n0\n", "2 0 1\n1 2\n0\n0\n0\n0\n",
         "1 0\n1 3\n1 1\n1 2\n0\n0\n", "1 0\n1 -1\n1 1\n1 2\n0\n0\n"}) {
-    const Result<ReadModel> model = read_text(range_grid(three, cells), "a.ply");
-    ASSERT_TRUE(model) << model.error().message();
-    EXPECT_EQ(model->cloud.size(), 3u) << cells;
-    EXPECT_TRUE(model->cloud.properties.empty()) << cells;
-    ASSERT_EQ(model->warnings.size(), 1u) << cells;
-    EXPECT_NE(model->warnings[0].find("does not list every point once"), std::string::npos);
+    const ReadModel model = model_of(range_grid(three, cells), "a.ply");
+    EXPECT_EQ(model.cloud.size(), 3u) << cells;
+    EXPECT_TRUE(model.cloud.properties.empty()) << cells;
+    ASSERT_EQ(model.warnings.size(), 1u) << cells;
+    EXPECT_TRUE(test::contains(model.warnings[0], "does not list every point once"));
   }
   // One position short of what the header says: not a raster's grid, and passed over.
-  const Result<ReadModel> short_of_one = read_text(range_grid(three, "1 0\n1 1\n1 2\n0\n0\n"), "a.ply");
-  ASSERT_TRUE(short_of_one);
-  EXPECT_TRUE(short_of_one->cloud.properties.empty());
-  EXPECT_TRUE(short_of_one->warnings.empty());
+  const ReadModel short_of_one = model_of(range_grid(three, "1 0\n1 1\n1 2\n0\n0\n"), "a.ply");
+  EXPECT_TRUE(short_of_one.cloud.properties.empty());
+  EXPECT_TRUE(short_of_one.warnings.empty());
 }
 
 TEST(RangeGrids, ThatAreCutOffAreRefused) {
@@ -169,30 +166,29 @@ TEST(FarClouds, KeepTheirDetailInDoublePly) {
       "z\nend_header\n";
   for (int i = 0; i < 1000; ++i)
     text += fmt::format("{:.4f} {:.4f} {}\n", 515369 + 0.0001 * i, 4918340 + 0.0002 * i, 2.5);
-  const Result<ReadModel> model = read_text(text, "utm.ply");
-  ASSERT_TRUE(model);
-  ASSERT_EQ(model->unit, Unit::kMetre);
+  const ReadModel model = model_of(text, "utm.ply");
+  ASSERT_EQ(model.unit, Unit::kMetre);
   // A tenth of a millimetre at 4,918 km: float alone would keep half a metre. What is left is the double's
   // own ulp, 2^-20 mm at 5e9 mm, and the float's half ulp over a box of 200 mm, 2^-18 mm.
-  EXPECT_LT(model->max_rounding_mm, 1e-5);
+  EXPECT_LT(model.max_rounding_mm, 1e-5);
   for (std::size_t i = 1; i < 1000; ++i) {
-    EXPECT_NEAR(model->cloud.point_mm(i).x() - model->cloud.point_mm(i - 1).x(), 0.1, 1e-5);
-    EXPECT_NEAR(model->cloud.point_mm(i).y() - model->cloud.point_mm(i - 1).y(), 0.2, 1e-5);
+    EXPECT_NEAR(model.cloud.point_mm(i).x() - model.cloud.point_mm(i - 1).x(), 0.1, 1e-5);
+    EXPECT_NEAR(model.cloud.point_mm(i).y() - model.cloud.point_mm(i - 1).y(), 0.2, 1e-5);
   }
 }
 
 TEST(Numbers, AreReadAsTheWorldWritesThem) {
-  EXPECT_EQ(parse_real("+1.5"), 1.5);
-  EXPECT_EQ(parse_real("-1.5e-3"), -0.0015);
-  EXPECT_EQ(parse_real("1e999"), HUGE_VAL);
-  EXPECT_EQ(parse_real("-1e999"), -HUGE_VAL);
-  EXPECT_EQ(parse_real("1e-999"), 0.0);
-  EXPECT_EQ(parse_real("0." + std::string(400, '0') + "1"), 0.0);
-  EXPECT_EQ(parse_real(std::string(400, '7')), HUGE_VAL);
-  EXPECT_TRUE(std::isnan(parse_real("NaN").value_or(0)));
-  EXPECT_TRUE(std::isnan(parse_real("-nan").value_or(0)));
-  EXPECT_TRUE(std::isnan(parse_real("1.#QNAN").value_or(0)));
-  EXPECT_EQ(parse_real("-1.#INF"), -HUGE_VAL);
+  const std::pair<std::string, double> numbers[] = {{"+1.5", 1.5},
+                                                    {"-1.5e-3", -0.0015},
+                                                    {"1e999", HUGE_VAL},
+                                                    {"-1e999", -HUGE_VAL},
+                                                    {"1e-999", 0.0},
+                                                    {"0." + std::string(400, '0') + "1", 0.0},
+                                                    {std::string(400, '7'), HUGE_VAL},
+                                                    {"-1.#INF", -HUGE_VAL}};
+  for (const auto& [text, number] : numbers) EXPECT_EQ(parse_real(text), number) << text;
+  for (const char* text : {"NaN", "-nan", "1.#QNAN"})
+    EXPECT_TRUE(std::isnan(parse_real(text).value_or(0))) << text;
   for (const char* bad : {"", "+", "-", "+-1", "1,5", "0x10", "1.5.2", "1e", "abc", "1.#"})
     EXPECT_FALSE(parse_real(bad)) << bad;
   EXPECT_EQ(parse_whole("+12"), 12);
@@ -259,9 +255,104 @@ TEST(Progressing, CanBeStopped) {
   const Result<ReadModel> model =
       readers.read(std::make_unique<MemorySource>(std::as_bytes(std::span(text))), "a.xyz", {}, stop);
   ASSERT_FALSE(model);
-  EXPECT_NE(model.error().what.find("stopped"), std::string::npos);
+  EXPECT_TRUE(test::contains(model.error().what, "stopped"));
   EXPECT_GT(stop.last_, 0.0);
   EXPECT_LE(stop.last_, 1.0);
+}
+
+// PFM height maps: both byte orders, their scale, lies.
+
+Result<ReadModel> read(const std::string& content, const ReadOptions& options = {}) {
+  return read_text(content, "a.pfm", options);
+}
+ReadModel pfm_model(const std::string& content, const ReadOptions& options = {}) {
+  return model_of(content, "a.pfm", options);
+}
+
+std::string floats(const std::vector<float>& values, bool little) {
+  std::string bytes;
+  for (const float value : values) {
+    const auto bits = std::bit_cast<std::uint32_t>(value);
+    for (int i = 0; i < 4; ++i) bytes += static_cast<char>(bits >> 8 * (little ? i : 3 - i) & 0xFF);
+  }
+  return bytes;
+}
+
+TEST(Pfm, BothByteOrdersFromTheBottomUp) {
+  const std::vector<float> heights = {1, 2, 3, 4, 5, 6.5f};
+  for (const bool little : {true, false}) {
+    const ReadModel model =
+        pfm_model(std::string("Pf\n3 2\n") + (little ? "-1.0" : "1.0") + "\n" + floats(heights, little));
+    ASSERT_TRUE(model.cloud.raster);
+    EXPECT_EQ(model.cloud.raster->columns, 3u);
+    EXPECT_EQ(model.cloud.point_mm(0), Vec3(0, 0, 1));
+    EXPECT_EQ(model.cloud.point_mm(5), Vec3(2, 1, 6.5));
+  }
+}
+
+TEST(Pfm, SpacingAndVerticalScaleInMm) {
+  ReadOptions options;
+  options.post_mm = 0.5;
+  options.vertical_mm = 0.125;
+  const ReadModel model = pfm_model("Pf 2 2 -1\n" + floats({1, 2, 3, 4}, true), options);
+  EXPECT_EQ(model.cloud.point_mm(3), Vec3(0.5, 0.5, 0.5));
+}
+
+// A file without a tag, with a value for "no data" among heights of 100 to 115.
+TEST(Pfm, NumbersThatLookLikeNoDataAreWarnedOfAndLeftOut) {
+  const auto grid_with = [](float number, int count) {
+    std::vector<float> heights;
+    for (int i = 0; i < 16; ++i) heights.push_back(i < count ? number : 100.0f + static_cast<float>(i));
+    return "Pf 4 4 -1\n" + floats(heights, true);
+  };
+  const auto warns = [](const ReadModel& model) {
+    for (const std::string& warning : model.warnings)
+      if (warning.find("--no-data") != std::string::npos) return warning;
+    return std::string();
+  };
+  for (const float number : {-32768.0f, -9999.0f, -3.4028235e38f, 65535.0f, 0.0f}) {
+    SCOPED_TRACE(number);
+    ReadOptions options;
+    const auto seen = read(grid_with(number, 5));
+    // The largest float may be no place at all: then the refusal says the same.
+    EXPECT_TRUE(test::contains((seen ? warns(*seen) : seen.error().message()), "5 of 16 posts hold"));
+    options.unit = Unit::kMetre;
+    const auto metres = read(grid_with(number, 5), options);
+    EXPECT_TRUE(test::contains((metres ? warns(*metres) : metres.error().message()), "5 of 16 posts hold"));
+    options.no_data = number;
+    const ReadModel without = pfm_model(grid_with(number, 5), options);
+    EXPECT_EQ(without.non_finite, 5u);
+    EXPECT_EQ(without.cloud.size(), 11u);
+    EXPECT_EQ(warns(without), "");
+  }
+  for (const auto& [number, count] : {std::pair(-9999.0f, 1), {-17.0f, 5}, {99.0f, 5}}) {
+    SCOPED_TRACE(number);
+    const auto model = read(grid_with(number, count));  // a spike; no customary number; no distance
+    ASSERT_TRUE(model);
+    EXPECT_EQ(warns(*model), "");
+  }
+}
+
+TEST(Pfm, HolesAndScalesAreTold) {
+  const ReadModel model = pfm_model("Pf\n2 2\n-3\n" + floats({1, std::nanf(""), 3, 4}, true));
+  EXPECT_EQ(model.non_finite, 1u);
+  EXPECT_FALSE(model.cloud.raster);
+  ASSERT_FALSE(model.warnings.empty());
+  EXPECT_TRUE(test::contains(model.warnings.front(), "scale of 3"));
+}
+
+TEST(Pfm, LiesAreErrors) {
+  const std::string four = floats({1, 2, 3, 4}, true);
+  for (const std::string& content : {std::string("Pf\n2 3\n-1\n") + four, "Pf\n2 2\n0\n" + four,
+                                     "Pf\n2 2\nnan\n" + four, "PF\n2 2\n-1\n" + four, "P5\n2 2\n-1\n" + four,
+                                     std::string("Pf\n2 2\n"), std::string("Pf\n-2 2\n-1\n") + four,
+                                     "Pf\n1 4\n-1\n" + four, "Pf\n4294967296 4294967296\n-1\n" + four,
+                                     "Pf\n2 2 -1 9\n" + four, "Pf\n1000000 1000000\n-1\n" + four}) {
+    const auto model = read(content);
+    ASSERT_FALSE(model) << content;
+    EXPECT_FALSE(model.error().remedy.empty()) << model.error().message();
+  }
+  EXPECT_TRUE(test::contains(read("Pf\n2 3\n-1\n" + four).error().what, "2 rows"));
 }
 
 }  // namespace

@@ -1,14 +1,17 @@
 // The analytic reference, and the local resolution of a cloud.
-#include "toolkit/metrics/reference.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include <palpate/accuracy.h>
+#include <palpate/reference.h>
+#include "tests/toolkit/messages.h"
+#include "tests/toolkit/metrics/tiny.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/metrics/accuracy.h"
-#include "toolkit/metrics/truth.h"
+#include "toolkit/metrics/closest_point_reference.h"
+#include "toolkit/metrics/score_io.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::metrics {
 namespace {
@@ -38,14 +41,13 @@ geometry::RigidTransform some_pose() {
 TEST(AnalyticReference, PlaneToTheDigit) {
   const auto plane = geometry::make_plane(100.0);
   const trace::ProbePath path = path_through({{0, 0, 1}, {3, 0, -2}, {5, 5, -1}, {5, 5, 1}}, 40);
-  const auto r = analytic_reference(*plane, path, kStiffness, 0.0, {});
-  ASSERT_TRUE(r) << r.error().message();
-  EXPECT_EQ(r->name, "analytic");
-  EXPECT_NE(r->exactness.find("halving"), std::string::npos);
+  const auto r = test::value_of(analytic_reference(*plane, path, kStiffness, 0.0, {}));
+  EXPECT_EQ(r.name, "analytic");
+  EXPECT_TRUE(test::contains(r.exactness, "halving"));
   std::size_t contacts = 0;
   for (std::size_t i = 0; i < path.size(); ++i) {
     const Vec3& h = path.hip_mm[i];
-    const trace::TruthFrame& f = r->frames[i];
+    const trace::TruthFrame& f = r.frames[i];
     EXPECT_EQ(f.frame.contact, h.z() < 0.0) << i;
     EXPECT_NEAR(f.signed_distance_mm, h.z(), 1e-13) << i;
     EXPECT_NEAR(f.frame.force_n.z(), h.z() < 0.0 ? -kStiffness * h.z() : 0.0, 1e-13) << i;
@@ -106,12 +108,11 @@ TEST(AnalyticReference, ScoresPerfectlyAgainstItself) {
   ASSERT_TRUE(r);
   for (trace::TruthFrame& frame : r->frames) frame.local_resolution_mm = 0.2;
   const AnalyticTruth truth(*sinusoid, {});
-  const auto a = score(path, as_trace(*r), *r, &truth, {});
-  ASSERT_TRUE(a) << a.error().message();
-  EXPECT_GT(a->contact_frames, 50u);
-  EXPECT_EQ(a->force_rms_n, 0.0);
-  EXPECT_EQ(a->pop_throughs, 0u);
-  EXPECT_LT(*a->god_object_surface_max_mm, 1e-9);
+  const auto a = test::value_of(score(path, as_trace(*r), *r, &truth, {}));
+  EXPECT_GT(a.contact_frames, 50u);
+  EXPECT_EQ(a.force_rms_n, 0.0);
+  EXPECT_EQ(a.pop_throughs, 0u);
+  EXPECT_LT(*a.god_object_surface_max_mm, 1e-9);
   const auto e = observe_energy(path, as_trace(*r), kStiffness);
   ASSERT_TRUE(e);
   EXPECT_LT(*e->generated_percent, 1.0) << "only sampling at entry and exit";
@@ -143,7 +144,7 @@ TEST(LocalResolution, DistanceToTheLastNeighbourThere) {
     for (int x = 0; x < 5; ++x) points.emplace_back(x - 2, y - 2, 0.0);
   }
   cloud::Cloud cloud = cloud_of(points);
-  neighbourhood::NeighbourTable table;
+  search::NeighbourTable table;
   table.of.resize(25);
   for (std::uint32_t i = 0; i < 25; ++i) table.of[i].fill(i);
   table.of[12] = {7, 11, 13, 17, 6, 8, 16, 18};  // the middle
@@ -160,6 +161,197 @@ TEST(LocalResolution, DistanceToTheLastNeighbourThere) {
   EXPECT_NEAR(r->frames[4].local_resolution_mm, 1.0, 1e-12) << "a point with one neighbour";
   table.of.pop_back();
   EXPECT_FALSE(fill_local_resolution(*r, path, cloud, table, pose));
+  // Without a table: by the eight nearest,.
+  ASSERT_TRUE(fill_local_resolution(*r, path, cloud, pose, 1));
+  EXPECT_NEAR(r->frames[2].local_resolution_mm, std::sqrt(2.0), 1e-12);
+}
+
+// The reference without history, and the frames that history decides.
+
+/// A plate of 1 mm, z from -1 to 0.
+class Plate final : public TruthSurface {
+ public:
+  double signed_distance_mm(const Vec3& p) const override { return std::abs(p.z() + 0.5) - 0.5; }
+  geometry::SurfacePoint closest(const Vec3& p) const override {
+    const bool above = p.z() >= -0.5;
+    return {{p.x(), p.y(), above ? 0.0 : -1.0}, above ? Vec3(Vec3::UnitZ()) : Vec3(-Vec3::UnitZ())};
+  }
+};
+
+TEST(History, DecidesWhereAThinPartIsCrossed) {
+  Tiny t;  // held by the upper sheet, down to 2 mm
+  for (const double z : {0.5, -0.2, -0.4, -0.7, -1.5, -2.0, -0.3, 0.5}) t.add(z);
+  const auto second =
+      test::value_of(closest_point_reference(Plate(), t.path, kStiffness, 0.0, no_progress()));
+  EXPECT_EQ(second.name, "closest-point");
+  const auto tally = test::value_of(compare_references(t.reference, second, t.path));
+  EXPECT_TRUE(t.reference.compared);
+  EXPECT_EQ(tally.contact, 6u);
+  EXPECT_EQ(tally.place, 1u);  // -0.7: the lower side is nearer
+  EXPECT_EQ(tally.state, 2u);  // -1.5, -2.0: beyond it
+  EXPECT_DOUBLE_EQ(tally.share_percent, 50.0);
+  const std::vector<bool> wanted = {false, false, false, true, true, true, false, false};
+  for (std::size_t i = 0; i < wanted.size(); ++i)
+    EXPECT_EQ(t.reference.frames[i].history_decides, wanted[i]) << i;
+}
+
+TEST(History, IsScoredApartAndNowhereElse) {
+  Tiny right, wrong;
+  for (Tiny* t : {&right, &wrong})
+    for (const double z : {0.5, -0.2, -0.4, -0.7, -1.5, -0.3, 0.5}) t->add(z);
+  // Free beyond the plate, as a renderer that is let through: wrong by 0.35 N and 0.75 N there.
+  for (const std::size_t i : {std::size_t{3}, std::size_t{4}}) {
+    wrong.trace.frames[i] = {};
+    wrong.trace.frames[i].god_object_mm = wrong.path.hip_mm[i];
+  }
+  const auto second = closest_point_reference(Plate(), wrong.path, kStiffness, 0.0, no_progress());
+  ASSERT_TRUE(second);
+  const auto before = wrong.scored();
+  ASSERT_TRUE(before);
+  EXPECT_EQ(before->missed_contact_frames, 2u);
+  EXPECT_FALSE(before->history_frames) << "nobody compared";
+  EXPECT_FALSE(before->force_rms_whole_percent);
+  for (Tiny* t : {&right, &wrong}) ASSERT_TRUE(compare_references(t->reference, *second, t->path));
+  const auto a = wrong.scored(), b = right.scored();
+  ASSERT_TRUE(a && b);
+  EXPECT_EQ(a->force_rms_percent, 0.0);
+  EXPECT_EQ(a->contact_frames, 3u);
+  EXPECT_EQ(a->missed_contact_frames, 0u);
+  EXPECT_EQ(a->missed_tenth_mm_frames, 0u);
+  EXPECT_EQ(a->jump_errors, 0u);
+  EXPECT_EQ(a->pop_throughs, 0u);
+  EXPECT_EQ(a->fall_throughs, 0u);
+  EXPECT_EQ(a->indistinguishable_percent, 100.0);
+  EXPECT_EQ(a->lag_ms, 0.0);
+  EXPECT_EQ(a->history_frames, 2u);
+  EXPECT_DOUBLE_EQ(*a->history_percent, 40.0);
+  EXPECT_NEAR(*a->history_force_rms_n, std::sqrt((0.35 * 0.35 + 0.75 * 0.75) / 2.0), 1e-12);
+  EXPECT_NEAR(*a->force_rms_whole_percent, *before->force_rms_percent, 1e-12);
+  EXPECT_EQ(b->history_force_rms_n, 0.0);
+  EXPECT_EQ(b->force_rms_whole_percent, 0.0);
+}
+
+TEST(History, IsNoneOnASmoothSurfaceAtAnyScaleAndPlace) {
+  for (const double scale : {1e-3, 1.0, 1e6})
+    for (const double away : {0.0, 1e3}) {
+      geometry::RigidTransform pose;
+      pose.rotation = Eigen::AngleAxisd(0.7, Vec3(1.0, 2.0, 3.0).normalized());
+      pose.translation_mm = Vec3::Constant(away * scale);
+      const auto ball = geometry::make_sphere(10.0 * scale);
+      trace::ProbePath path;
+      path.name = "round the ball";
+      for (int i = 0; i < 2000; ++i) {
+        const double turn = 0.01 * i, off = scale * (10.0 + 0.5 + std::cos(0.05 * i) - 1.0);
+        path.t_s.push_back(1e-3 * i);
+        path.hip_mm.push_back(
+            pose * Vec3(off * std::cos(turn), off * std::sin(turn) * 0.8, off * std::sin(turn) * 0.6));
+      }
+      auto first = analytic_reference(*ball, path, kStiffness, 0.0, pose);
+      ASSERT_TRUE(first) << first.error().message();
+      const auto second =
+          closest_point_reference(AnalyticTruth(*ball, pose), path, kStiffness, 0.0, no_progress());
+      ASSERT_TRUE(second);
+      const auto tally = compare_references(*first, *second, path);
+      ASSERT_TRUE(tally);
+      EXPECT_GT(tally->contact, 500u);
+      EXPECT_EQ(tally->state + tally->place, 0u) << scale << " " << away << " " << first->exactness;
+    }
+}
+
+TEST(History, RefusesWhatDoesNotFit) {
+  Tiny t({-0.5});
+  EXPECT_FALSE(closest_point_reference(Plate(), t.path, kStiffness, 0.0, no_progress())) << "starts inside";
+  Tiny u({0.5});
+  EXPECT_FALSE(closest_point_reference(Plate(), u.path, 0.0, 0.0, no_progress()));
+  EXPECT_FALSE(compare_references(u.reference, {}, u.path));
+  EXPECT_FALSE(u.reference.compared);
+}
+
+// Coulomb's law, by hand.
+
+AccuracyOptions with_friction(double mu_s, double mu_d) {
+  AccuracyOptions options;
+  options.static_friction = mu_s;
+  options.dynamic_friction = mu_d;
+  return options;
+}
+
+/// The HIP goes along x, 1 mm deep, 0.1 mm a frame; the god object trails by `trail` x depth.
+Tiny dragged(const std::vector<double>& trails) {
+  Tiny t({1.0});
+  double x = 0.0;
+  for (const double trail : trails) {
+    x += 0.1;
+    render::Frame& frame = t.add(-1.0, 0.1, x);
+    frame.god_object_mm = {x - trail, 0.0, 0.0};
+    frame.force_n = kStiffness * (frame.god_object_mm - Vec3(x, 0.0, -1.0));
+  }
+  return t;
+}
+
+Accuracy scored(const Tiny& t, const AccuracyOptions& options) {
+  const Result<Accuracy> a = score(t.path, t.trace, t.reference, &Tiny::half_space, options);
+  EXPECT_TRUE(a) << (a ? "" : a.error().message());
+  return a ? *a : Accuracy{};
+}
+
+TEST(Friction, StickThenSlipByTheLaw) {
+  // Stuck at x = 0.1 while the trail grows to the cone, then along at the dynamic coefficient.
+  const Accuracy a = scored(dragged({0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.5, 0.5}), with_friction(0.5, 0.5));
+  EXPECT_EQ(a.friction_cone_percent, 0.0);
+  EXPECT_NEAR(*a.friction_slip_error_percent, 0.0, 1e-9);
+  EXPECT_EQ(a.stick_slip_percent, 100.0);
+  EXPECT_NEAR(*a.stick_drift_mm_s, 0.0, 1e-9);
+}
+
+TEST(Friction, OutsideTheConeIsSeen) {
+  const Accuracy a = scored(dragged({0.0, 0.1, 0.8, 0.8}), with_friction(0.5, 0.5));
+  EXPECT_DOUBLE_EQ(*a.friction_cone_percent, 50.0);
+  EXPECT_NEAR(*a.friction_slip_error_percent, 60.0, 1e-9);  // 0.8 for 0.5
+}
+
+TEST(Friction, CreepInsideTheConeIsNoStick) {
+  // Carried along with the HIP at a trail of 0.2 where it should be held: 100 mm/s of drift.
+  const Accuracy a = scored(dragged({0.2, 0.2, 0.2, 0.2, 0.2}), with_friction(0.5, 0.5));
+  EXPECT_EQ(a.friction_cone_percent, 0.0);
+  EXPECT_EQ(a.stick_slip_percent, 0.0);
+  EXPECT_NEAR(*a.stick_drift_mm_s, 100.0, 1e-9);
+  EXPECT_NEAR(*a.friction_slip_error_percent, 60.0, 1e-9);
+}
+
+TEST(Friction, AForceThatPullsIsOutsideTheCone) {
+  Tiny t = dragged({0.1, 0.1});
+  t.trace.frames[2].force_n = {0.0, 0.0, -0.4};
+  EXPECT_DOUBLE_EQ(*scored(t, with_friction(0.5, 0.5)).friction_cone_percent, 50.0);
+}
+
+TEST(Friction, IsNothingWithoutFrictionOrSurface) {
+  const Tiny t = dragged({0.1, 0.1});
+  EXPECT_FALSE(scored(t, {}).friction_cone_percent);
+  const auto a = test::value_of(score(t.path, t.trace, t.reference, nullptr, with_friction(0.5, 0.4)));
+  EXPECT_FALSE(a.friction_cone_percent || a.stick_drift_mm_s);
+}
+
+TEST(Friction, StaysWhereForcesAreNotCompared) {
+  const Tiny t = dragged({0.0, 0.1, 0.8, 0.8});
+  AccuracyFrames frames;
+  Result<Accuracy> a =
+      score(t.path, t.trace, t.reference, &Tiny::half_space, with_friction(0.5, 0.5), &frames);
+  ASSERT_TRUE(a);
+  keep_contact_scores(*a, frames);
+  EXPECT_FALSE(a->force_rms_percent);
+  EXPECT_DOUBLE_EQ(*a->friction_cone_percent, 50.0);
+  ASSERT_EQ(frames.surface->friction_ratio.size(), t.path.size());
+  EXPECT_EQ(frames.surface->friction_ratio[0], 0.0);
+  EXPECT_NEAR(frames.surface->friction_ratio[3], 0.8, 1e-12);
+  // Scored again from what was kept: the same.
+  const auto again =
+      test::value_of(rescore(t.path, t.trace, t.reference, frames.surface, with_friction(0.5, 0.5)));
+  EXPECT_EQ(again.friction_cone_percent, a->friction_cone_percent);
+  EXPECT_EQ(again.stick_drift_mm_s, a->stick_drift_mm_s);
+  TruthSamples of_another = *frames.surface;
+  of_another.friction_ratio.pop_back();
+  EXPECT_FALSE(rescore(t.path, t.trace, t.reference, of_another, with_friction(0.5, 0.5)));
 }
 
 }  // namespace

@@ -1,15 +1,22 @@
-// The result document: against docs/result.schema.json, there and back, and with everything that can be wrong
-// with it.
-#include "toolkit/metrics/result_json.h"
-
+// The result document: against docs/schemas/result.schema.json, there and back, and with everything that can
+// be wrong with it.
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <fstream>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <regex>
+#include <sstream>
+#include <tuple>
+#include <utility>
 
+#include "tests/in_folder.h"
 #include "tests/json_schema.h"
+#include "tests/toolkit/messages.h"
+#include "tests/toolkit/metrics/tiny.h"
+#include "toolkit/metrics/result_json.h"
+#include "toolkit/metrics/score_io.h"
 
 namespace palpate::metrics {
 namespace {
@@ -35,8 +42,8 @@ ResultDocument full_document() {
               {"plane", "plane:points=9", "fedcba9876543210", 9, ""}};
   d.truth = StudyTruth{"analytic", "exact", "reference.csv", "00112233445566ff"};
   d.path_hash = "ff00112233445566";
-  d.conditions = Conditions{"performance", "madvise", "avx2", "x86-64", "-O3", {{"CGAL", "5.5.1"}},
-                            0.5,           1.5,       2.5,    30,       15.0,  12};
+  d.conditions = MeasurementConditions{"performance", "madvise", "avx2", "x86-64", "-O3", {{"CGAL", "5.5.1"}},
+                                       0.5,           1.5,       2.5,    30,       15.0,  12};
   d.scoring = ScoreBasis{0.5, 0.055, 1e-6, {0.5, 0.25}, false, 0.7, 0.5};
   RendererResult r;
   r.label = "smooth";
@@ -66,8 +73,8 @@ ResultDocument full_document() {
   s.passes = s.clocked_passes = 30;
   s.episodes = 50;
   r.frame = r.frame_free = r.frame_all = s;
-  r.prepare_clock = PrepareClock{12.5, 20.5, true};
-  r.timing = TimingOf{"truth", true, 4, 1};
+  r.prepare_clock = PrepareTimes{12.5, 20.5, true};
+  r.timing = TimingConditions{"truth", true, 4, 1};
   r.paced = trace::PacedStatistics{s, 1.0, 17, 0, 2};
   r.paced_evicted = trace::PacedStatistics{s, 1.0, 17, 64u << 20u, 900};
   Accuracy a;
@@ -109,31 +116,30 @@ TEST(ResultJson, FollowsTheSchema) {
 
 TEST(ResultJson, TheSchemaHoldsEveryPartOfTheDocument) {
   const Json whole = Json::parse(to_json(full_document()));
-  const auto breaks = [&](const char* where, const Json& value) {
+  const std::pair<const char*, Json> broken[] = {{"/renderers/0/frame/bound_hits", -1},
+                                                 {"/renderers/0/frame/mean_us", "fast"},
+                                                 {"/renderers/0/status", "perhaps"},
+                                                 {"/renderers/0/trace_hash", "no hash"},
+                                                 {"/renderers/0/accuracy/unheard_of", 1},
+                                                 {"/renderers/0/role", "friend"},
+                                                 {"/renderers/0/works_on", "voxels"},
+                                                 {"/scoring/forces_comparable", 1},
+                                                 {"/models/0/hash", "abc"},
+                                                 {"/machine/cores", 1.5},
+                                                 {"/schema", "palpate-result/0"},
+                                                 {"/renderers/0/frame/mean_interval_us", 1},
+                                                 {"/renderers/0/timing/contact_of", "mine"},
+                                                 {"/renderers/0/prepare/from_cache", 1},
+                                                 {"/conditions/libraries/CGAL", 5},
+                                                 {"/warnings/0", Json::object()}};
+  for (const auto& [where, value] : broken) {
     Json j = whole;
     j[Json::json_pointer(where)] = value;
-    const std::string wrong = schema_violations(PALPATE_RESULT_SCHEMA, j.dump());
-    return wrong.empty() ? std::string(where) + " may be " + value.dump() : std::string();
-  };
-  EXPECT_EQ(breaks("/renderers/0/frame/bound_hits", -1), "");
-  EXPECT_EQ(breaks("/renderers/0/frame/mean_us", "fast"), "");
-  EXPECT_EQ(breaks("/renderers/0/status", "perhaps"), "");
-  EXPECT_EQ(breaks("/renderers/0/trace_hash", "no hash"), "");
-  EXPECT_EQ(breaks("/renderers/0/accuracy/unheard_of", 1), "");
-  EXPECT_EQ(breaks("/renderers/0/role", "friend"), "");
-  EXPECT_EQ(breaks("/renderers/0/works_on", "voxels"), "");
-  EXPECT_EQ(breaks("/scoring/forces_comparable", 1), "");
-  EXPECT_EQ(breaks("/models/0/hash", "abc"), "");
-  EXPECT_EQ(breaks("/machine/cores", 1.5), "");
-  EXPECT_EQ(breaks("/schema", "palpate-result/0"), "");
-  EXPECT_EQ(breaks("/renderers/0/frame/mean_interval_us", 1), "");
-  EXPECT_EQ(breaks("/renderers/0/timing/contact_of", "mine"), "");
-  EXPECT_EQ(breaks("/renderers/0/prepare/from_cache", 1), "");
-  EXPECT_EQ(breaks("/conditions/libraries/CGAL", 5), "");
-  EXPECT_EQ(breaks("/warnings/0", Json::object()), "");
+    EXPECT_NE(schema_violations(PALPATE_RESULT_SCHEMA, j.dump()), "") << where << " may be " << value;
+  }
   Json missing = whole;
   missing["renderers"][0]["frame"].erase("bound_hits");
-  EXPECT_NE(schema_violations(PALPATE_RESULT_SCHEMA, missing.dump()).find("bound_hits"), std::string::npos);
+  EXPECT_TRUE(test::contains(schema_violations(PALPATE_RESULT_SCHEMA, missing.dump()), "bound_hits"));
 }
 
 TEST(ResultJson, HasTheKeysOtherToolsRelyOn) {
@@ -142,50 +148,25 @@ TEST(ResultJson, HasTheKeysOtherToolsRelyOn) {
        {"schema", "commit", "build", "machine", "scene", "path", "started_utc", "renderers"}) {
     EXPECT_TRUE(j.contains(key)) << key;
   }
-  for (const char* where : {"/name",
-                            "/options",
-                            "/label",
-                            "/status",
-                            "/threads",
-                            "/model/points",
-                            "/model/resolution_mm",
-                            "/prepare/total_ms",
-                            "/prepare/phases/0/name",
-                            "/prepare/phases/0/ms",
-                            "/memory/bytes",
-                            "/memory/bytes_per_point",
-                            "/frame/frames",
-                            "/frame/contact_frames",
-                            "/frame/min_us",
-                            "/frame/mean_us",
-                            "/frame/p50_us",
-                            "/frame/p99_us",
-                            "/frame/p999_us",
-                            "/frame/max_us",
-                            "/frame/deadline_misses_1khz",
-                            "/frame/clock_overhead_ns",
-                            "/frame/bound_hits",
-                            "/frame_all/mean_us",
-                            "/frame_paced",
-                            "/accuracy/reference",
-                            "/accuracy/force_rms_n",
-                            "/accuracy/force_rms_percent",
-                            "/accuracy/force_max_n",
-                            "/accuracy/within_7_percent",
-                            "/accuracy/direction_p99_deg",
-                            "/accuracy/excess_jump_max_n",
-                            "/accuracy/excess_jumps",
-                            "/accuracy/missed_contact_frames",
-                            "/accuracy/false_contact_frames",
-                            "/accuracy/longest_stick_frames",
-                            "/accuracy/pop_throughs",
-                            "/accuracy/god_object_rms_mm",
-                            "/accuracy/god_object_max_mm",
-                            "/accuracy/onset_error_mm",
-                            "/accuracy/release_error_mm",
-                            "/energy/generated_percent",
-                            "/trace_hash"}) {
-    EXPECT_TRUE(j["renderers"][0].contains(Json::json_pointer(where))) << where;
+  const std::pair<const char*, const char*> parts[] = {
+      {"", "name options label status threads frame_paced trace_hash"},
+      {"/model", "points resolution_mm"},
+      {"/prepare", "total_ms"},
+      {"/prepare/phases/0", "name ms"},
+      {"/memory", "bytes bytes_per_point"},
+      {"/frame",
+       "frames contact_frames min_us mean_us p50_us p99_us p999_us max_us deadline_misses_1khz "
+       "clock_overhead_ns bound_hits"},
+      {"/frame_all", "mean_us"},
+      {"/accuracy",
+       "reference force_rms_n force_rms_percent force_max_n within_7_percent direction_p99_deg "
+       "excess_jump_max_n excess_jumps missed_contact_frames false_contact_frames longest_stick_frames "
+       "pop_throughs god_object_rms_mm god_object_max_mm onset_error_mm release_error_mm"},
+      {"/energy", "generated_percent"}};
+  for (const auto& [part, keys] : parts) {
+    std::istringstream all(keys);
+    for (std::string key; all >> key;)
+      EXPECT_TRUE(j["renderers"][0].contains(Json::json_pointer(part + ("/" + key)))) << part << " " << key;
   }
   EXPECT_DOUBLE_EQ(j["renderers"][0]["memory"]["bytes_per_point"].get<double>(), 48.0);
   EXPECT_TRUE(j["renderers"][0]["accuracy"]["force_rms_percent"].is_null());
@@ -199,29 +180,28 @@ TEST(ResultJson, HasTheKeysOtherToolsRelyOn) {
 
 TEST(ResultJson, ThereAndBackIsTheSameText) {
   const std::string text = to_json(full_document());
-  const Result<ResultDocument> back = parse_result(text);
-  ASSERT_TRUE(back) << back.error().message();
-  EXPECT_EQ(to_json(*back), text);
-  EXPECT_EQ(back->renderers[0].prepare->bytes, 48'096'048u);
-  EXPECT_EQ(back->renderers[0].prepare->warnings, std::vector<std::string>{"rough"});
-  EXPECT_EQ(back->warnings, std::vector<std::string>{"the path never touches"});
-  EXPECT_EQ(back->renderers[0].frame->mean_clocked_us, 0.12);
-  EXPECT_EQ(back->renderers[0].accuracy->rounding_mm, 2e-6);
-  EXPECT_EQ(back->renderers[0].energy->rounding_mj, 1e-9);
-  EXPECT_EQ(back->notes, std::vector<std::string>{"no ground truth"});
-  EXPECT_EQ(back->renderers[0].paced_evicted->first_frame, 17u);
-  EXPECT_EQ(back->renderers[0].accuracy->pop_throughs, 0u);
-  EXPECT_EQ(back->renderers[0].role, render::Role::kLiteral);
-  EXPECT_EQ(back->renderers[0].works_on, render::Geometry::kHeights);
-  EXPECT_EQ(back->renderers[0].missing, std::vector<std::string>{"dents"});
-  EXPECT_EQ(back->renderers[0].frame_free->mean_interval_us->high, 0.11);
-  EXPECT_TRUE(back->renderers[0].prepare_clock->from_cache);
-  EXPECT_EQ(back->renderers[0].timing->pinned_cpu, 1u);
-  EXPECT_EQ(back->conditions->libraries.front().second, "5.5.1");
-  EXPECT_EQ(back->models[1].source, "plane:points=9");
-  EXPECT_EQ(back->scoring->felt_stiffness_n_per_mm, (std::vector<double>{0.5, 0.25}));
-  EXPECT_FALSE(back->renderers[1].frame.has_value());
-  EXPECT_EQ(back->renderers[1].status, RunStatus::kFailed);
+  const auto back = test::value_of(parse_result(text));
+  EXPECT_EQ(to_json(back), text);
+  EXPECT_EQ(back.renderers[0].prepare->bytes, 48'096'048u);
+  EXPECT_EQ(back.renderers[0].prepare->warnings, std::vector<std::string>{"rough"});
+  EXPECT_EQ(back.warnings, std::vector<std::string>{"the path never touches"});
+  EXPECT_EQ(back.renderers[0].frame->mean_clocked_us, 0.12);
+  EXPECT_EQ(back.renderers[0].accuracy->rounding_mm, 2e-6);
+  EXPECT_EQ(back.renderers[0].energy->rounding_mj, 1e-9);
+  EXPECT_EQ(back.notes, std::vector<std::string>{"no ground truth"});
+  EXPECT_EQ(back.renderers[0].paced_evicted->first_frame, 17u);
+  EXPECT_EQ(back.renderers[0].accuracy->pop_throughs, 0u);
+  EXPECT_EQ(back.renderers[0].role, render::Role::kLiteral);
+  EXPECT_EQ(back.renderers[0].works_on, render::Geometry::kHeights);
+  EXPECT_EQ(back.renderers[0].missing, std::vector<std::string>{"dents"});
+  EXPECT_EQ(back.renderers[0].frame_free->mean_interval_us->high, 0.11);
+  EXPECT_TRUE(back.renderers[0].prepare_clock->from_cache);
+  EXPECT_EQ(back.renderers[0].timing->pinned_cpu, 1u);
+  EXPECT_EQ(back.conditions->libraries.front().second, "5.5.1");
+  EXPECT_EQ(back.models[1].source, "plane:points=9");
+  EXPECT_EQ(back.scoring->felt_stiffness_n_per_mm, (std::vector<double>{0.5, 0.25}));
+  EXPECT_FALSE(back.renderers[1].frame.has_value());
+  EXPECT_EQ(back.renderers[1].status, RunStatus::kFailed);
 }
 
 TEST(ResultJson, NumbersThatAreNotFiniteBecomeNull) {
@@ -229,10 +209,9 @@ TEST(ResultJson, NumbersThatAreNotFiniteBecomeNull) {
   d.renderers[0].frame->mean_us = std::numeric_limits<double>::quiet_NaN();
   d.renderers[0].accuracy->force_rms_n = std::numeric_limits<double>::infinity();
   const std::string text = to_json(d);
-  EXPECT_EQ(text.find("nan"), std::string::npos);
-  const Result<ResultDocument> back = parse_result(text);
-  ASSERT_TRUE(back);
-  EXPECT_FALSE(back->renderers[0].frame->mean_us || back->renderers[0].accuracy->force_rms_n);
+  EXPECT_FALSE(test::contains(text, "nan"));
+  const auto back = test::value_of(parse_result(text));
+  EXPECT_FALSE(back.renderers[0].frame->mean_us || back.renderers[0].accuracy->force_rms_n);
 }
 
 TEST(ResultJson, BytesThatAreNoUtf8DoNotThrow) {
@@ -245,38 +224,35 @@ TEST(ResultJson, RefusesWhatItDidNotWrite) {
   for (const char* text : {"", "{", "[]", "3", "null", "{\"schema\": 7}", "{}"}) {
     EXPECT_FALSE(parse_result(text)) << text;
   }
-  const Result<ResultDocument> other = parse_result("{\"schema\": \"palpate-result/99\"}", "old.json");
-  ASSERT_FALSE(other);
-  EXPECT_NE(other.error().message().find("old.json: the schema is 'palpate-result/99'"), std::string::npos);
+  EXPECT_TRUE(test::refused(parse_result("{\"schema\": \"palpate-result/99\"}", "old.json"),
+                            "old.json: the schema is 'palpate-result/99'"));
 
   const Json good = Json::parse(to_json(full_document()));
-  const auto refused = [&](const char* where, const Json& value, const char* named) {
+  const std::tuple<const char*, Json, const char*> refused[] = {
+      {"/renderers", 3, "renderers"},
+      {"/renderers/0", "x", "renderers[0]"},
+      {"/renderers/0/status", "fine", "renderers[0].status"},
+      {"/renderers/0/frame", 3, "renderers[0].frame"},
+      {"/renderers/0/frame/frames", -1, "renderers[0].frame.frames"},
+      {"/renderers/0/frame/mean_us", "fast", "renderers[0].frame.mean_us"},
+      {"/renderers/0/prepare/phases", 1, "phases"},
+      {"/renderers/0/prepare/phases/0", 1, "phases"},
+      {"/renderers/0/options/box", 1, "options"},
+      {"/renderers/0/threads", 4e9, "threads"},
+      {"/machine", "mine", "machine"},
+      {"/warnings", "mine", "warnings"},
+      {"/renderers/0/prepare/warnings/0", 1, "renderers[0].prepare.warnings"},
+      {"/renderers/0/frame/mean_interval_us", Json::array({1, "x"}), "mean_interval_us"},
+      {"/renderers/0/prepare/from_cache", 3, "from_cache"},
+      {"/conditions/libraries/CGAL", 3, "libraries"}};
+  for (const auto& [where, value, named] : refused) {
     Json bad = good;
     bad[Json::json_pointer(where)] = value;
-    const Result<ResultDocument> r = parse_result(bad.dump());
-    ASSERT_FALSE(r) << where;
-    EXPECT_NE(r.error().what.find(named), std::string::npos) << r.error().message();
-  };
-  refused("/renderers", 3, "renderers");
-  refused("/renderers/0", "x", "renderers[0]");
-  refused("/renderers/0/status", "fine", "renderers[0].status");
-  refused("/renderers/0/frame", 3, "renderers[0].frame");
-  refused("/renderers/0/frame/frames", -1, "renderers[0].frame.frames");
-  refused("/renderers/0/frame/mean_us", "fast", "renderers[0].frame.mean_us");
-  refused("/renderers/0/prepare/phases", 1, "phases");
-  refused("/renderers/0/prepare/phases/0", 1, "phases");
-  refused("/renderers/0/options/box", 1, "options");
-  refused("/renderers/0/threads", 4e9, "threads");
-  refused("/machine", "mine", "machine");
-  refused("/warnings", "mine", "warnings");
-  refused("/renderers/0/prepare/warnings/0", 1, "renderers[0].prepare.warnings");
-  refused("/renderers/0/frame/mean_interval_us", Json::array({1, "x"}), "mean_interval_us");
-  refused("/renderers/0/prepare/from_cache", 3, "from_cache");
-  refused("/conditions/libraries/CGAL", 3, "libraries");
+    EXPECT_TRUE(test::refused(parse_result(bad.dump()), named)) << where;
+  }
   Json missing = good;
   missing["renderers"][1].erase("label");
-  EXPECT_NE(parse_result(missing.dump()).error().what.find("renderers[1].label is missing"),
-            std::string::npos);
+  EXPECT_TRUE(test::contains(parse_result(missing.dump()).error().what, "renderers[1].label is missing"));
 }
 
 TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
@@ -297,15 +273,14 @@ TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
   j["renderers"][0]["frame"].erase("mean_clocked_us");
   j["renderers"][0]["accuracy"].erase("rounding_n");
   j["renderers"][0]["energy"].erase("rounding_mj");
-  const Result<ResultDocument> back = parse_result(j.dump());
-  ASSERT_TRUE(back) << back.error().message();
-  EXPECT_TRUE(back->warnings.empty());
-  EXPECT_EQ(back->schema, "palpate-result/1");
-  EXPECT_FALSE(back->conditions || back->renderers[0].timing || back->renderers[0].frame_free);
-  EXPECT_FALSE(back->renderers[0].prepare_clock.has_value());
-  EXPECT_FALSE(back->renderers[0].accuracy->missed_device_frames.has_value());
-  EXPECT_FALSE(back->renderers[0].frame->mean_clocked_us.has_value());
-  EXPECT_EQ(back->renderers[0].accuracy->rounding_n, 0.0);
+  const auto back = test::value_of(parse_result(j.dump()));
+  EXPECT_TRUE(back.warnings.empty());
+  EXPECT_EQ(back.schema, "palpate-result/1");
+  EXPECT_FALSE(back.conditions || back.renderers[0].timing || back.renderers[0].frame_free);
+  EXPECT_FALSE(back.renderers[0].prepare_clock.has_value());
+  EXPECT_FALSE(back.renderers[0].accuracy->missed_device_frames.has_value());
+  EXPECT_FALSE(back.renderers[0].frame->mean_clocked_us.has_value());
+  EXPECT_EQ(back.renderers[0].accuracy->rounding_n, 0.0);
 }
 
 TEST(ResultJson, ToleratesKeysItDoesNotKnow) {
@@ -325,6 +300,134 @@ TEST(MachineInfo, SaysSomething) {
   EXPECT_GE(m.cores, 1);
   EXPECT_TRUE(std::regex_match(utc_now(), std::regex("\\d{4}-\\d\\d-\\d\\dT\\d\\d:\\d\\d:\\d\\dZ")))
       << utc_now();
+}
+
+// Scores kept frame by frame, and scores made again from them.
+
+class ScoreIo : public InFolder {
+ protected:
+  static std::string text(const std::string& file) {
+    std::ifstream stream(file, std::ios::binary);
+    std::ostringstream all;
+    all << stream.rdbuf();
+    return all.str();
+  }
+  static void write(const std::string& file, const std::string& text) {
+    std::ofstream(file, std::ios::binary) << text;
+  }
+};
+
+/// A god object that passes through, one frame missed, one false.
+Tiny wrong_trace() {
+  Tiny t({1.0, 0.5, -0.3, -0.4, -0.5, -0.4, -0.3});
+  t.trace.frames[1].force_n = {0.1, 0, 0.2};
+  t.trace.frames[1].contact = true;
+  t.trace.frames[3].god_object_mm = {0, 0, -0.25};
+  t.trace.frames[4] = {};
+  t.trace.frames[4].god_object_mm = t.path.hip_mm[4];
+  t.trace.frames[5].force_n = {1.0 / 3.0, 0.1, 0.7};
+  return t;
+}
+
+std::string json(const Accuracy& accuracy) {
+  ResultDocument document;
+  document.renderers.emplace_back().accuracy = accuracy;
+  return to_json(document);
+}
+
+TEST_F(ScoreIo, KeptAnswersOfTheSurfaceGiveTheSameScoresAgain) {
+  const Tiny t = wrong_trace();
+  AccuracyFrames frames;
+  const Accuracy first = t.scores(&frames);
+  ASSERT_GT(*first.pop_throughs, 0u);
+  ASSERT_GT(first.missed_contact_frames, 0u);
+  ASSERT_GT(first.false_contact_frames, 0u);
+  ASSERT_TRUE(write_scores_csv(t.path, frames, in("s.csv")));
+  const auto kept = test::value_of(read_scores_csv(t.path, in("s.csv")));
+  EXPECT_EQ(kept.force_error_n, frames.force_error_n);
+  EXPECT_EQ(kept.excess_jump_n, frames.excess_jump_n);
+  EXPECT_EQ(kept.god_object_error_mm, frames.god_object_error_mm);
+  EXPECT_EQ(kept.missed_contact, frames.missed_contact);
+  EXPECT_EQ(kept.false_contact, frames.false_contact);
+  AccuracyFrames frames_again;
+  const auto again = test::value_of(rescore(t.path, t.trace, t.reference, kept.surface, {}, &frames_again));
+  EXPECT_EQ(json(again), json(first));
+  ASSERT_TRUE(write_scores_csv(t.path, frames_again, in("t.csv")));
+  EXPECT_EQ(text(in("t.csv")), text(in("s.csv")));
+  // Without the answers the two scores that need them are nothing, and the others stay.
+  const Result<Accuracy> without = rescore(t.path, t.trace, t.reference, std::nullopt, {});
+  EXPECT_FALSE(without->pop_throughs || without->god_object_surface_rms_mm);
+  EXPECT_EQ(without->force_rms_n, first.force_rms_n);
+  TruthSamples of_another = *kept.surface;
+  of_another.god_object_distance_mm.pop_back();
+  EXPECT_FALSE(rescore(t.path, t.trace, t.reference, of_another, {}));
+}
+
+TEST_F(ScoreIo, FrictionGoesOutAndComesBack) {
+  Tiny t = wrong_trace();
+  AccuracyOptions options;
+  options.static_friction = options.dynamic_friction = 0.3;
+  AccuracyFrames frames;
+  const auto first = test::value_of(score(t.path, t.trace, t.reference, &Tiny::half_space, options, &frames));
+  ASSERT_TRUE(first.friction_cone_percent);
+  for (const bool forces : {true, false}) {
+    if (!forces) {
+      Accuracy kept_only = first;
+      keep_contact_scores(kept_only, frames);
+    }
+    ASSERT_TRUE(write_scores_csv(t.path, frames, in("f.csv")));
+    EXPECT_TRUE(test::contains(text(in("f.csv")), ",friction_ratio,pop_throughs\n"));
+    const auto kept = test::value_of(read_scores_csv(t.path, in("f.csv")));
+    EXPECT_EQ(kept.surface->friction_ratio, frames.surface->friction_ratio);
+    EXPECT_EQ(kept.surface->pop_throughs, frames.surface->pop_throughs);
+    EXPECT_EQ(kept.surface->god_object_distance_mm, frames.surface->god_object_distance_mm);
+  }
+}
+
+TEST_F(ScoreIo, ContactScoresAloneAreKeptWhereForcesCannotBeCompared) {
+  const Tiny t = wrong_trace();
+  AccuracyFrames frames;
+  Accuracy a = *t.scored(&frames);
+  ASSERT_TRUE(a.excess_jumps && a.god_object_surface_rms_mm && a.god_object_surface_max_mm);
+  const Accuracy before = a;
+  keep_contact_scores(a, frames);
+  for (const std::optional<double>& force :
+       {a.force_rms_n, a.force_rms_percent, a.force_normal_rms_n, a.force_tangential_rms_n, a.force_max_n,
+        a.within_7_percent, a.within_10_percent, a.direction_mean_deg, a.direction_p99_deg,
+        a.direction_max_deg, a.excess_jump_max_n, a.excess_jumps_per_m, a.god_object_rms_mm,
+        a.god_object_max_mm, a.god_object_surface_rms_mm, a.god_object_surface_max_mm, a.path_dependence_n})
+    EXPECT_FALSE(force.has_value());
+  EXPECT_FALSE(a.excess_jumps.has_value());
+  EXPECT_EQ(a.missed_contact_frames, before.missed_contact_frames);
+  EXPECT_EQ(a.pop_throughs, before.pop_throughs);
+  EXPECT_EQ(a.onset_error_mm, before.onset_error_mm);
+  ASSERT_TRUE(write_scores_csv(t.path, frames, in("s.csv")));
+  EXPECT_TRUE(text(in("s.csv")).starts_with("t_s,missed,false,god_object_distance_mm,pop_throughs\n"));
+  EXPECT_TRUE(read_scores_csv(t.path, in("s.csv"))->force_error_n.empty());
+}
+
+TEST_F(ScoreIo, WhatIsWrongIsNamedWithItsLine) {
+  const Tiny t = wrong_trace();
+  AccuracyFrames frames;
+  ASSERT_TRUE(t.scored(&frames));
+  ASSERT_TRUE(write_scores_csv(t.path, frames, in("s.csv")));
+  const std::string good = text(in("s.csv")), header = good.substr(0, good.find('\n') + 1);
+  const auto message = [&](const std::string& text) {
+    write(in("s.csv"), text);
+    const Result<AccuracyFrames> read = read_scores_csv(t.path, in("s.csv"));
+    return read ? std::string("read") : read.error().message();
+  };
+  EXPECT_TRUE(test::contains(message("t_s,missed\n0,0\n"), "s.csv:1: the header"));
+  EXPECT_TRUE(test::contains(message(header + "0,2,0,0,0,0,0,0\n"), "s.csv:2: missed or false"));
+  EXPECT_TRUE(test::contains(message(header + "0,0,0,0,0,0,0,3\n"), "s.csv:2: pop_throughs"));
+  EXPECT_TRUE(test::contains(message(header + "0.5,0,0,0,0,0,0,0\n"), "s.csv:2: the row is of another time"));
+  EXPECT_TRUE(test::contains(message(header + "0,0,0,0,0,0,0,0\n"), "1 rows for 7 rows"));
+  EXPECT_TRUE(test::contains(message(""), "s.csv"));
+  EXPECT_EQ(message(good), "read");
+  EXPECT_FALSE(read_scores_csv(t.path, in("none.csv")));
+  Tiny longer = wrong_trace();
+  longer.add(1.0);
+  EXPECT_FALSE(write_scores_csv(longer.path, frames, in("s.csv")));
 }
 
 }  // namespace

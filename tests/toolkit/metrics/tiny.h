@@ -2,10 +2,13 @@
 // otherwise.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <initializer_list>
 #include <string>
 #include <vector>
 
-#include "toolkit/metrics/accuracy.h"
+#include <palpate/accuracy.h>
 
 namespace palpate::metrics {
 
@@ -24,6 +27,9 @@ struct Tiny {
   trace::ForceTrace trace;
   trace::ReferenceTrace reference;
 
+  Tiny(std::initializer_list<double> heights_mm = {}) {
+    for (const double z_mm : heights_mm) add(z_mm);
+  }
   /// The HIP at (x, 0, z) with a local resolution; the truth follows, the rendered frame is the truth until
   /// changed.
   render::Frame& add(double z_mm, double resolution_mm = 0.1, double x_mm = 0.0) {
@@ -45,6 +51,12 @@ struct Tiny {
   }
   [[nodiscard]] Result<Accuracy> scored(AccuracyFrames* per_frame = nullptr) const {
     return score(path, trace, reference, &half_space, AccuracyOptions{}, per_frame);
+  }
+
+  [[nodiscard]] Accuracy scores(AccuracyFrames* per_frame = nullptr) const {
+    const Result<Accuracy> a = scored(per_frame);
+    EXPECT_TRUE(a) << (a ? "" : a.error().message());
+    return a ? *a : Accuracy{};
   }
 
   static inline const HalfSpace half_space;

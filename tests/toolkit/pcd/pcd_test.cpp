@@ -1,5 +1,5 @@
 // PCD files through PCL: every storage gives the same points; bad ones give an Error and no output.
-#include "toolkit/pcd/pcd_reader.h"
+#include <palpate/read_model.h>
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,10 @@
 #include <fstream>
 #include <span>
 
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
-#include "toolkit/stars/star_mesh.h"
+#include "toolkit/io/byte_source.h"
+#include "toolkit/local_delaunay/local_delaunay_mesh.h"
 
 namespace palpate::pcd {
 namespace {
@@ -93,21 +95,20 @@ TEST(Pcd, EveryStorageGivesTheSamePoints) {
   const std::vector<Row> rows = make_rows();
   for (const std::string& content : {ascii(rows), binary(rows), compressed(rows)}) {
     SCOPED_TRACE(kSeed);
-    const Result<io::ReadModel> model = read(content);
-    ASSERT_TRUE(model) << model.error().message();
-    SCOPED_TRACE(model->format);
-    ASSERT_EQ(model->cloud.size(), rows.size());
-    ASSERT_TRUE(model->cloud.raster);
-    EXPECT_EQ(model->cloud.raster->columns, kWidth);
-    EXPECT_EQ(model->cloud.raster->rows, kHeight);
-    EXPECT_EQ(model->unit, io::Unit::kMetre);
-    EXPECT_TRUE(model->unit_guessed);
-    ASSERT_EQ(model->cloud.properties.size(), 1u);  // the packed colour is no number
-    EXPECT_EQ(model->cloud.properties[0].name, "intensity");
+    const auto model = test::value_of(read(content));
+    SCOPED_TRACE(model.format);
+    ASSERT_EQ(model.cloud.size(), rows.size());
+    ASSERT_TRUE(model.cloud.raster);
+    EXPECT_EQ(model.cloud.raster->columns, kWidth);
+    EXPECT_EQ(model.cloud.raster->rows, kHeight);
+    EXPECT_EQ(model.unit, io::Unit::kMetre);
+    EXPECT_TRUE(model.unit_guessed);
+    ASSERT_EQ(model.cloud.properties.size(), 1u);  // the packed colour is no number
+    EXPECT_EQ(model.cloud.properties[0].name, "intensity");
     for (std::size_t i = 0; i < rows.size(); ++i) {
-      EXPECT_NEAR(model->cloud.point_mm(i).x(), 1000.0 * static_cast<double>(rows[i].x), 1e-3);
-      EXPECT_NEAR(model->cloud.point_mm(i).z(), 1000.0 * static_cast<double>(rows[i].z), 1e-3);
-      EXPECT_EQ(model->cloud.properties[0].values[i], rows[i].intensity);
+      EXPECT_NEAR(model.cloud.point_mm(i).x(), 1000.0 * static_cast<double>(rows[i].x), 1e-3);
+      EXPECT_NEAR(model.cloud.point_mm(i).z(), 1000.0 * static_cast<double>(rows[i].z), 1e-3);
+      EXPECT_EQ(model.cloud.properties[0].values[i], rows[i].intensity);
     }
   }
   EXPECT_EQ(read(binary(rows))->content_hash, read(compressed(rows))->content_hash);
@@ -123,9 +124,8 @@ TEST(Pcd, ARasterWithHolesIsReadIntoStars) {
     rows[i].z = 1.0F + 0.05F * rows[i].x;
   }
   for (const std::size_t missing : {3u, 110u, 111u}) rows[missing].z = std::nanf("");
-  const Result<io::ReadModel> model = read(ascii(rows));
-  ASSERT_TRUE(model) << model.error().message();
-  const stars::StarMesh mesh = stars::StarMesh::build(model->cloud, 2);
+  const auto model = test::value_of(read(ascii(rows)));
+  const local_delaunay::LocalDelaunayMesh mesh = local_delaunay::LocalDelaunayMesh::build(model.cloud, 2);
   EXPECT_EQ(mesh.counts().raster_points, rows.size() - 3);
   EXPECT_EQ(mesh.counts().pieces, 1u);
   EXPECT_EQ(mesh.counts().unused, 0u);
@@ -141,17 +141,16 @@ TEST(Pcd, HolesAreDroppedAndTheRasterWithThem) {
   rows[3].x = std::nanf("");
   rows[100].z = std::nanf("");
   for (const std::string& content : {ascii(rows), binary(rows), compressed(rows)}) {
-    const Result<io::ReadModel> model = read(content);
-    ASSERT_TRUE(model) << model.error().message();
-    EXPECT_EQ(model->non_finite, 2u);
-    EXPECT_EQ(model->cloud.size(), rows.size() - 2);
-    EXPECT_FALSE(model->cloud.raster);
-    EXPECT_EQ(model->cloud.properties[0].values[3], rows[4].intensity);
-    ASSERT_EQ(model->cloud.properties.size(), 3u);
-    for (std::size_t i = 0; i < model->cloud.size(); ++i) {
+    const auto model = test::value_of(read(content));
+    EXPECT_EQ(model.non_finite, 2u);
+    EXPECT_EQ(model.cloud.size(), rows.size() - 2);
+    EXPECT_FALSE(model.cloud.raster);
+    EXPECT_EQ(model.cloud.properties[0].values[3], rows[4].intensity);
+    ASSERT_EQ(model.cloud.properties.size(), 3u);
+    for (std::size_t i = 0; i < model.cloud.size(); ++i) {
       const std::size_t in_file = i + (i >= 3 ? 1 : 0) + (i >= 99 ? 1 : 0);
-      EXPECT_EQ(model->cloud.properties[1].values[i], static_cast<float>(in_file / kWidth));
-      EXPECT_EQ(model->cloud.properties[2].values[i], static_cast<float>(in_file % kWidth));
+      EXPECT_EQ(model.cloud.properties[1].values[i], static_cast<float>(in_file / kWidth));
+      EXPECT_EQ(model.cloud.properties[2].values[i], static_cast<float>(in_file % kWidth));
     }
   }
   io::ReadOptions refuse;
@@ -166,12 +165,11 @@ TEST(Pcd, WideFieldsAndPadding) {
       "POINTS 1\nDATA binary\n";
   const double x = 500000.25, y = -5400000.125, z = 3;
   const std::int16_t label = -7;
-  const Result<io::ReadModel> model =
-      read(text + bytes_of(&x, 8) + "pad" + bytes_of(&y, 8) + bytes_of(&z, 8) + bytes_of(&label, 2));
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_EQ(model->cloud.point_mm(0), Vec3(1000 * x, 1000 * y, 1000 * z));
-  ASSERT_EQ(model->cloud.properties.size(), 1u);
-  EXPECT_EQ(model->cloud.properties[0].values[0], -7.0F);
+  const auto model = test::value_of(
+      read(text + bytes_of(&x, 8) + "pad" + bytes_of(&y, 8) + bytes_of(&z, 8) + bytes_of(&label, 2)));
+  EXPECT_EQ(model.cloud.point_mm(0), Vec3(1000 * x, 1000 * y, 1000 * z));
+  ASSERT_EQ(model.cloud.properties.size(), 1u);
+  EXPECT_EQ(model.cloud.properties[0].values[0], -7.0F);
 }
 
 TEST(Pcd, FieldsOfNoValuesAndLinesThatEndInCarriageReturns) {
@@ -182,15 +180,13 @@ TEST(Pcd, FieldsOfNoValuesAndLinesThatEndInCarriageReturns) {
   std::string carriage = text;
   std::replace(carriage.begin(), carriage.end(), '\n', '\r');
   for (const std::string& content : {text, binary, carriage}) {
-    const Result<io::ReadModel> model = read(content);
-    ASSERT_TRUE(model) << model.error().message();
-    ASSERT_EQ(model->cloud.size(), 2u);
-    EXPECT_EQ(model->cloud.point_mm(1), Vec3(4000, 5000, 6000));
-    EXPECT_TRUE(model->cloud.properties.empty());
+    const auto model = test::value_of(read(content));
+    ASSERT_EQ(model.cloud.size(), 2u);
+    EXPECT_EQ(model.cloud.point_mm(1), Vec3(4000, 5000, 6000));
+    EXPECT_TRUE(model.cloud.properties.empty());
   }
-  const Result<io::ReadModel> comma = read(head + "DATA ascii\n1,5 2 3\n4 5 6\n");
-  ASSERT_FALSE(comma);
-  EXPECT_NE(comma.error().message().find("decimal points, not decimal commas"), std::string::npos);
+  EXPECT_TRUE(
+      test::refused(read(head + "DATA ascii\n1,5 2 3\n4 5 6\n"), "decimal points, not decimal commas"));
 }
 
 TEST(Pcd, BadFilesGiveAnErrorAndNoOutput) {
@@ -241,11 +237,10 @@ TEST(Pcd, RealScans) {
     if (!std::filesystem::exists(path)) continue;
     ++found;
     SCOPED_TRACE(scan.file);
-    const Result<io::ReadModel> model = readers.read(path.string(), {});
-    ASSERT_TRUE(model) << model.error().message();
-    EXPECT_EQ(model->file_points, scan.points);
-    EXPECT_EQ(model->non_finite, scan.non_finite);
-    EXPECT_EQ(model->cloud.size(), scan.points - scan.non_finite);
+    const auto model = test::value_of(readers.read(path.string(), {}));
+    EXPECT_EQ(model.file_points, scan.points);
+    EXPECT_EQ(model.non_finite, scan.non_finite);
+    EXPECT_EQ(model.cloud.size(), scan.points - scan.non_finite);
   }
   if (found == 0) GTEST_SKIP() << "none of the scans is under PALPATE_DATA";
 }

@@ -6,11 +6,12 @@
 #include <numbers>
 #include <string>
 
+#include <palpate/registry.h>
 #include "tests/house/allocation_count.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
 #include "toolkit/renderers/analytic_renderer.h"
-#include "toolkit/renderers/toolkit_renderers.h"
 
 namespace palpate::render {
 namespace {
@@ -53,9 +54,7 @@ TEST(AnalyticRenderer, PlaneIsASpring) {
 
 TEST(AnalyticRenderer, NeedsAFormula) {
   AnalyticRenderer renderer;
-  const auto report = renderer.prepare(scene_of(nullptr), {});
-  ASSERT_FALSE(report);
-  EXPECT_NE(report.error().message().find("no formula"), std::string::npos);
+  EXPECT_TRUE(test::refused(renderer.prepare(scene_of(nullptr), {}), "no formula"));
 }
 
 TEST(AnalyticRenderer, IsRegistered) {

@@ -3,23 +3,26 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <limits>
 #include <map>
 #include <memory>
 #include <numbers>
+#include <string>
+#include <vector>
 
 #include "tests/toolkit/cloud/posts.h"
+#include "tests/toolkit/messages.h"
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/heightfield/heightfield_model.h"
+#include "toolkit/points/point_model.h"
 
 namespace palpate::render {
 namespace {
 
+using cloud::at_random;
+using cloud::box;
+using cloud::Gone;
 constexpr std::size_t kColumns = 60, kRows = 50;
-using Gone = std::function<bool(std::size_t column, std::size_t row)>;
 
 /// How a sheet of posts lies in the world.
 struct Lie {
@@ -53,9 +56,9 @@ bool nothing(std::size_t, std::size_t) {
 
 const std::map<std::string, Gone>& patterns() {
   static const std::map<std::string, Gone> all = {
-      {"5 %", [](std::size_t c, std::size_t r) { return Random(1000 * c + r + 3).uniform() < 0.05; }},
-      {"30 %", [](std::size_t c, std::size_t r) { return Random(1000 * c + r + 4).uniform() < 0.3; }},
-      {"70 %", [](std::size_t c, std::size_t r) { return Random(1000 * c + r + 5).uniform() < 0.7; }},
+      {"5 %", at_random(0.05, 3)},
+      {"30 %", at_random(0.3, 4)},
+      {"70 %", at_random(0.7, 5)},
       {"clusters", [](std::size_t c, std::size_t r) { return c % 14 >= 5 && c % 14 < 10 && r % 13 < 5; }},
       {"a row", [](std::size_t, std::size_t r) { return r == 20; }},
       {"a column", [](std::size_t c, std::size_t) { return c == 31; }},
@@ -95,48 +98,41 @@ Difference along_the_path(const test::Stepped& a, const test::Stepped& b, const 
   return found;
 }
 
-TEST(HeightFieldHoles, AGapIsFeltAsTheSurface) {
-  const auto whole = prepared(sheet(nothing), "heightfield");
-  for (const auto& [name, gone] : patterns()) {
-    SCOPED_TRACE(name);
-    const auto holed = prepared(sheet(gone), "heightfield");
-    const Difference found = along_the_path(whole, holed, {});
+struct Laid {
+  std::string name;
+  Gone gone;
+  Lie lie;
+};
+
+TEST(HeightFieldHoles, AGapIsFeltAsTheSurfaceWhateverItsScaleAspectPlaceAndPose) {
+  geometry::RigidTransform turned;
+  turned.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, -1).normalized()));
+  turned.translation_mm = {10.0, -3.0, 2.0};
+  const Gone third = patterns().at("30 %");
+  std::vector<Laid> all = {{"small", third, {1e-3, 1.0, Vec3::Zero(), {}}},
+                           {"large", third, {1e6, 1.0, Vec3::Zero(), {}}},
+                           {"long", third, {1.0, 3.0, Vec3::Zero(), {}}},
+                           {"far", third, {1.0, 1.0, {4e5, -7e5, 1e4}, {}}},
+                           {"turned", third, {1.0, 1.0, Vec3::Zero(), turned}}};
+  for (const auto& [name, gone] : patterns()) all.push_back({name, gone, {}});
+  for (const Laid& laid : all) {
+    SCOPED_TRACE(laid.name);
+    const auto whole = prepared(sheet(nothing, laid.lie), "heightfield");
+    const auto holed = prepared(sheet(laid.gone, laid.lie), "heightfield");
+    const Difference found = along_the_path(whole, holed, laid.lie);
     EXPECT_GT(found.contact_frames, 4000);
     // Heights differ by at most 0.02 (five of the wave's in AFilledWaveIsTheWave), at 0.03 mm a frame.
-    EXPECT_LE(found.contacts, name == "70 %" ? 40 : 10);
+    EXPECT_LE(found.contacts, laid.name == "70 %" ? 40 : 10);
     EXPECT_LT(found.force, 0.03) << "of up to 0.8 N";
     EXPECT_EQ(holed->counters().edges, 0u);
   }
 }
 
-TEST(HeightFieldHoles, ScaleAspectPlaceAndPoseChangeNothing) {
-  const Gone gone = patterns().at("30 %");
-  geometry::RigidTransform turned;
-  turned.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, -1).normalized()));
-  turned.translation_mm = {10.0, -3.0, 2.0};
-  for (const Lie& lie :
-       {Lie{1e-3, 1.0, Vec3::Zero(), {}}, Lie{1e6, 1.0, Vec3::Zero(), {}}, Lie{1.0, 3.0, Vec3::Zero(), {}},
-        Lie{1.0, 1.0, {4e5, -7e5, 1e4}, {}}, Lie{1.0, 1.0, Vec3::Zero(), turned}}) {
-    SCOPED_TRACE(testing::Message() << lie.scale << " " << lie.step_y << " " << lie.corner.transpose());
-    const auto whole = prepared(sheet(nothing, lie), "heightfield");
-    const auto holed = prepared(sheet(gone, lie), "heightfield");
-    const Difference found = along_the_path(whole, holed, lie);
-    EXPECT_GT(found.contact_frames, 4000);
-    EXPECT_LE(found.contacts, 10);
-    EXPECT_LT(found.force, 0.03);
-    EXPECT_EQ(holed->counters().edges, 0u);
-  }
-}
-
 TEST(HeightFieldHoles, JitteredHeightsAreBridged) {
-  const cloud::Heights ground = cloud::rough(0.5, 8);
-  std::vector<Vec3> points;
-  for (std::size_t row = 0; row < kRows; ++row)
-    for (std::size_t column = 0; column < kColumns; ++column)
-      if (!patterns().at("30 %")(column, row))
-        points.emplace_back(static_cast<double>(column), static_cast<double>(row), ground(column, row));
-  SceneInput scene = cloud_of(points);
-  const auto renderer = prepared(scene, "heightfield");
+  const auto renderer =
+      prepared(cloud_of(cloud::posts(kColumns, kRows, 1.0,
+                                     cloud::without(patterns().at("30 %"), cloud::rough(0.5, 8)))),
+               "heightfield");
   Random random(3);
   for (int i = 0; i < 500; ++i) {
     const double x = random.uniform(1.0, kColumns - 2.0), y = random.uniform(1.0, kRows - 2.0);
@@ -147,9 +143,7 @@ TEST(HeightFieldHoles, JitteredHeightsAreBridged) {
 }
 
 TEST(HeightFieldHoles, EntryAndReleaseRightOverAHole) {
-  const auto renderer =
-      prepared(sheet([](std::size_t c, std::size_t r) { return c >= 28 && c < 33 && r >= 22 && r < 27; }),
-               "heightfield");
+  const auto renderer = prepared(sheet(box(28, 22, 5, 5)), "heightfield");
   const double top = wave(30, 24);
   renderer->restart({30, 24, top + 1.0});
   bool before = false;
@@ -170,9 +164,7 @@ TEST(HeightFieldHoles, EntryAndReleaseRightOverAHole) {
 }
 
 TEST(HeightFieldHoles, AGapHasTheSurfaceOfItsNearestPoint) {
-  SceneInput scene = cloud_of(cloud::posts(kColumns, kRows, 1.0, [](std::size_t c, std::size_t r) {
-    return c >= 28 && c < 33 && r == 24 ? std::numeric_limits<double>::quiet_NaN() : 0.0;
-  }));
+  SceneInput scene = cloud_of(cloud::posts(kColumns, kRows, 1.0, cloud::without(box(28, 24, 5, 1))));
   auto properties = std::make_shared<surface::PointProperties>();
   for (std::size_t i = 0; i < scene.models[0].cloud->size(); ++i) {
     const bool left = scene.models[0].cloud->point_mm(i).x() < 29.5;
@@ -194,16 +186,11 @@ TEST(HeightFieldHoles, AGapHasTheSurfaceOfItsNearestPoint) {
 }
 
 TEST(HeightFieldHoles, AVoidIsFreeSpaceAndSaid) {
-  Registry registry;
-  register_toolkit_renderers(registry);
-  const SceneInput scene =
-      sheet([](std::size_t c, std::size_t r) { return c >= 20 && c < 32 && r >= 20 && r < 30; });
-  const test::Stepped renderer = registry.make("heightfield", {}).value();
-  const PrepareReport report = renderer->prepare(scene, {1, nullptr}).value();
-  EXPECT_NE(report.notes.back().find("120 of them without a point"), std::string::npos)
-      << report.notes.back();
+  const test::Stepped renderer = renderer_of("heightfield");
+  const PrepareReport report = renderer->prepare(sheet(box(20, 20, 12, 10)), {1, nullptr}).value();
+  EXPECT_TRUE(test::contains(report.notes.back(), "120 of them without a point"));
   ASSERT_EQ(report.warnings.size(), 1u);
-  EXPECT_NE(report.warnings[0].find("over 120 posts"), std::string::npos) << report.warnings[0];
+  EXPECT_TRUE(test::contains(report.warnings[0], "over 120 posts"));
   renderer->restart({26, 25, 5});
   EXPECT_FALSE(renderer->step({26, 25, -5}, 1e-3).contact) << "through the void";
   EXPECT_FALSE(renderer->step({10, 25, -5}, 1e-3).contact) << "under the sheet";
@@ -211,15 +198,10 @@ TEST(HeightFieldHoles, AVoidIsFreeSpaceAndSaid) {
 }
 
 TEST(HeightFieldHoles, WhatIsStrewnThinlyIsRefusedWithARemedy) {
-  const SceneInput scene =
-      sheet([](std::size_t c, std::size_t r) { return Random(1000 * c + r + 5).uniform() < 0.92; });
-  Registry registry;
-  register_toolkit_renderers(registry);
   for (const char* name : {"heightfield", "heightfield-literal"}) {
-    const auto report = registry.make(name, {}).value()->prepare(scene, {1, nullptr});
-    ASSERT_FALSE(report) << name;
-    EXPECT_NE(report.error().message().find("one post in 16"), std::string::npos);
-    EXPECT_NE(report.error().remedy.find("cloud"), std::string::npos);
+    const auto report = prepare_report(sheet(at_random(0.92, 5)), name);
+    ASSERT_TRUE(test::refused(report, "one post in 16")) << name;
+    EXPECT_TRUE(test::contains(report.error().remedy, "cloud"));
   }
 }
 
@@ -227,7 +209,7 @@ TEST(HeightFieldHoles, WhatIsStrewnThinlyIsRefusedWithARemedy) {
 TEST(HeightFieldHoles, ToTheLetterTheHipFallsThroughAndIsCounted) {
   for (const char* name : {"heightfield-literal", "heightfield-literal:response=lookup"}) {
     SCOPED_TRACE(name);
-    const auto holed = prepared(sheet([](std::size_t c, std::size_t r) { return c == 30 && r == 24; }), name);
+    const auto holed = prepared(sheet(box(30, 24, 1, 1)), name);
     const auto whole = prepared(sheet(nothing), name);
     EXPECT_FALSE(holed->step({30.2, 24.1, -3}, 1e-3).contact);
     EXPECT_EQ(holed->counters().edges, 1u);
@@ -249,27 +231,198 @@ TEST(HeightFieldHoles, ToTheLetterTheHipFallsThroughAndIsCounted) {
 }
 
 TEST(HeightFieldHoles, WhoFallsThroughIsWarned) {
-  Registry registry;
-  register_toolkit_renderers(registry);
   const auto warnings = [&](const std::string& spec, const Gone& gone) {
-    const NamedOptions named = parse_named_options(spec).value();
-    return registry.make(named.name, named.options).value()->prepare(sheet(gone), {1, nullptr})->warnings;
+    return prepare_report(sheet(gone), spec)->warnings;
   };
   const Gone gone = patterns().at("5 %");
   EXPECT_TRUE(warnings("heightfield", gone).empty());
   EXPECT_TRUE(warnings("heightfield-literal", nothing).empty());
   for (const char* open : {"heightfield:holes=open", "heightfield-literal"}) {
     ASSERT_EQ(warnings(open, gone).size(), 1u) << open;
-    EXPECT_NE(warnings(open, gone)[0].find("holes=fill"), std::string::npos) << open;
+    EXPECT_TRUE(test::contains(warnings(open, gone)[0], "holes=fill")) << open;
   }
 }
 
-TEST(HeightFieldHoles, NothingIsFilledWhereNothingIsAskedFor) {
-  const auto renderer =
-      prepared(sheet([](std::size_t c, std::size_t r) { return c >= 28 && c < 33 && r >= 22 && r < 27; }),
-               "heightfield:holes=open");
-  renderer->restart({30, 24, 5});
-  EXPECT_FALSE(renderer->step({30, 24, -5}, 1e-3).contact);
+// Friction, deformation and texture on height fields: the shared stage, read from the posts.
+
+constexpr std::size_t kSide = 41;
+constexpr double kStiffness = 0.5;
+
+/// A plane of the given slope in x, posts 0.25 mm apart.
+SceneInput tilted(double slope) {
+  SceneInput scene = cloud_of(cloud::posts(kSide, kSide, 0.25, [&](std::size_t column, std::size_t) {
+    return slope * 0.25 * static_cast<double>(column);
+  }));
+  scene.models[0].surface.stiffness_n_per_mm = kStiffness;
+  return scene;
+}
+
+test::Stepped stepped_field(const SceneInput& scene) {
+  return prepared(scene, "heightfield");
+}
+
+TEST(HeightFieldSurface, SlipHasTheDynamicCoefficientStickDoesNotDrift) {
+  for (const double slope : {0.0, 0.75}) {
+    SceneInput scene = tilted(slope);
+    scene.models[0].surface.friction = {0.5, 0.3};
+    const auto renderer = stepped_field(scene);
+    const Vec3 normal = Vec3(-slope, 0.0, 1.0).normalized(), along = Vec3(1.0, 0.0, slope).normalized();
+    const Vec3 start = Vec3(3.0, 5.0, slope * 3.0) - normal;
+    renderer->restart(start + 3.0 * normal);
+    for (int i = 60; i >= 0; --i) (void)renderer->step(start + 0.05 * i * normal, 1e-3);
+    Frame frame;
+    for (int i = 0; i < 400; ++i) frame = renderer->step(start + 0.01 * i * along, 1e-3);
+    const double push = frame.force_n.dot(normal), drag = -frame.force_n.dot(along);
+    EXPECT_NEAR(push, kStiffness, 1e-4);
+    EXPECT_NEAR(drag / push, 0.3, 1e-4);
+    // Back a little: it sticks, and stays where it is for ten minutes.
+    const Vec3 rest = start + 3.8 * along;
+    const Vec3 held = renderer->step(rest, 1e-3).god_object_mm;
+    for (int i = 0; i < 600000; ++i) frame = renderer->step(rest, 1e-3);
+    EXPECT_EQ(frame.god_object_mm, held);
+  }
+}
+
+TEST(HeightFieldSurface, DeformationSoftensAndItsBorderMakesNoEnergy) {
+  SceneInput scene = tilted(0.0);
+  auto properties = std::make_shared<surface::PointProperties>();
+  for (std::size_t i = 0; i < kSide * kSide; ++i)
+    properties->deformation.push_back(i % kSide < kSide / 2 ? 0.5f : 0.0f);
+  scene.models[0].surface.per_point = properties;
+  const auto renderer = stepped_field(scene);
+  const auto force_at = [&](double x) {
+    renderer->restart({x, 5.0, 1.0});
+    (void)renderer->step({x, 5.0, 1.0}, 1e-3);
+    return renderer->step({x, 5.0, -1.0}, 1e-3).force_n;
+  };
+  EXPECT_NEAR(force_at(1.0).z(), 0.5 * kStiffness, 1e-6);
+  EXPECT_NEAR(force_at(9.9).z(), kStiffness, 1e-6);
+  // To and fro over the border at one depth, and round by another: the work of a closed way is none.
+  Vec3 at(1.0, 5.0, -0.5);
+  renderer->restart({1.0, 5.0, 1.0});
+  (void)renderer->step({1.0, 5.0, 1.0}, 1e-3);
+  Vec3 force = renderer->step(at, 1e-3).force_n;
+  double work = 0.0, most = 0.0;
+  for (const Vec3& to :
+       {Vec3(9.0, 5.0, -0.5), Vec3(9.0, 5.0, -1.5), Vec3(1.0, 5.0, -1.5), Vec3(1.0, 5.0, -0.5)}) {
+    constexpr int kSteps = 4000;
+    const Vec3 step = (to - at) / kSteps;
+    for (int i = 0; i < kSteps; ++i) {
+      at += step;
+      const Vec3 next = renderer->step(at, 1e-3).force_n;
+      work += 0.5 * (force + next).dot(step);
+      force = next;
+      most = std::max(most, std::abs(work));
+    }
+  }
+  EXPECT_GT(most, 0.1);
+  EXPECT_NEAR(work, 0.0, 0.01 * most);
+}
+
+TEST(HeightFieldSurface, ALiteralGodObjectIsRolledBack) {
+  SceneInput scene = tilted(0.0);
+  scene.models[0].surface.friction = {1.0, 1.0};
+  const auto renderer = prepared(scene, "heightfield-literal");
+  renderer->restart({3.0, 5.0, 1.0});
+  (void)renderer->step({3.0, 5.0, -1.0}, 1e-3);
+  const Frame frame = renderer->step({5.0, 5.0, -1.0}, 1e-3);
+  EXPECT_NEAR(frame.god_object_mm.x(), 4.0, 1e-6) << "one depth behind the HIP";
+}
+
+// The numbers of a decision are those of what is built from it.
+
+const std::vector<std::string> kModels = {"sphere:points=5000", "sinusoid:points=10201:jitter=0.4",
+                                          "slab:points=4000:extent_mm=20:thickness_mm=1.6"};
+
+PointModelOptions options_of(PartitionKind partition, BoxSize box) {
+  PointModelOptions o;
+  o.partition = partition;
+  o.box = box;
+  o.cell_per_resolution = 0.0;
+  o.swept_sphere = true;
+  return o;
+}
+
+void expect_built(const ModelInput& input, const PointModelOptions& options) {
+  PrepareReport unused, report;
+  const auto survey = survey_points(*input.cloud, options, {1, nullptr}, unused);
+  const auto built = build_point_model(*input.cloud, options, {1, nullptr}, report);
+  ASSERT_TRUE(survey && built);
+  const PointDecision& said = survey->decision;
+  if (options.partition == PartitionKind::kGrid) {
+    EXPECT_EQ(said.cell_mm, built->grid.cell_mm());
+  }
+  EXPECT_EQ(std::holds_alternative<std::monostate>(built->tree), options.partition == PartitionKind::kGrid);
+  Vec3 largest = built->global_half_box_mm;
+  if (!built->half_box_mm.empty()) {
+    largest = Vec3::Zero();
+    for (const Vec3f& half : built->half_box_mm) largest = largest.cwiseMax(half.cast<double>());
+  }
+  EXPECT_EQ(said.largest_half_box_mm, largest);
+  EXPECT_EQ(said.sphere_mm, largest.maxCoeff());
+  if (!said.from_scan) return;
+  // No link was mended: those stored are those measured.
+  double spacing_sq = 0.0;
+  for (std::size_t place = 0; place < built->points.size(); ++place)
+    for (const std::uint32_t other : built->neighbours[place])
+      spacing_sq =
+          std::max(spacing_sq, (built->points[other].at() - built->points[place].at()).squaredNorm());
+  EXPECT_NEAR(said.max_spacing_mm, std::sqrt(spacing_sq), 1e-6 * said.max_spacing_mm);
+}
+
+TEST(PointDecisions, AreFollowed) {
+  for (const std::string& model : kModels)
+    for (const PartitionKind kind : {PartitionKind::kGrid, PartitionKind::kOctree, PartitionKind::kQuadtree})
+      for (const BoxSize box : {BoxSize::kGlobal, BoxSize::kPerVertex, BoxSize::kPerVertexCube}) {
+        SCOPED_TRACE(model);
+        expect_built(generated(model).input.models[0], options_of(kind, box));
+      }
+  expect_built(generated("sinusoid:points=10201").input.models[0], {.swept_sphere = true});
+}
+
+/// A grid doubles its cells where the cloud would span too many of them.
+TEST(PointDecisions, KnowThatTheGridTakesLargerCells) {
+  const SceneInput far = cloud_of({{0, 0, 0}, {0.001, 0, 0}, {0, 0.001, 0}, {1e5, 0, 0}, {1e5, 0.001, 0}});
+  PointModelOptions o;
+  o.resolution_mm = 0.001;
+  o.swept_sphere = true;
+  PrepareReport unused;
+  EXPECT_GT(survey_points(*far.models[0].cloud, o, {1, nullptr}, unused)->decision.cell_mm, 0.005);
+  expect_built(far.models[0], o);
+}
+
+/// Every 7th point is gone, a square of 30 x 30 posts too.
+ModelInput holed() {
+  const Scene scene = generated("sinusoid:points=10201");
+  const cloud::Cloud& whole = *scene.input.models[0].cloud;
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const std::size_t column = i % 101, row = i / 101;
+    if (i % 7 != 3 && !(column > 40 && column <= 70 && row > 40 && row <= 70))
+      points.push_back(whole.point_mm(i));
+  }
+  return cloud_of(points).models[0];
+}
+
+TEST(HeightFieldDecisions, AreFollowed) {
+  const ModelInput input = holed();
+  for (const bool fills : {true, false}) {
+    const HeightFieldOptions build{fills, !fills, 0.0};
+    PrepareReport report;
+    const auto decided = decide_heightfield(input, build);
+    const auto built = build_height_field_model(input, build, {1, nullptr}, report);
+    ASSERT_TRUE(decided && built);
+    const LatticeDecision& said = decided->lattice;
+    EXPECT_EQ(said.posts(), built->field().posts());
+    EXPECT_EQ(said.posts(), 10201u);
+    EXPECT_GE(said.missing, 900u);
+    EXPECT_EQ(said.missing - said.filled, built->field().holes);
+    EXPECT_EQ(said.filled > 0, fills);
+    EXPECT_EQ(said.plan_resolution_mm, built->field().plan_resolution_mm());
+    ModelDecisions out;
+    describe_heightfield(input, build, *decided, kAllOfRigidSurfaces, out);
+    EXPECT_EQ(out.bytes, report.bytes);
+  }
 }
 
 }  // namespace

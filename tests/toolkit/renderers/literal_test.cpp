@@ -1,15 +1,20 @@
 // `cloud-literal` against the thesis's figures, written down once more the obvious slow way.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <string>
 #include <vector>
 
+#include <palpate/registry.h>
+#include <palpate/replay.h>
+#include "tests/toolkit/messages.h"
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
-#include "toolkit/neighbourhood/builders.h"
-#include "toolkit/partition/morton_order.h"
-#include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/replay.h"
+#include "toolkit/render/shading.h"
+#include "toolkit/search/morton_order.h"
+#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/surface/octahedral_normal.h"
 
 namespace palpate::render {
 namespace {
@@ -21,11 +26,11 @@ class Printed {
  public:
   Printed(const SceneInput& scene, double box_mm, double cell_mm)
       : cloud_(*scene.models[0].cloud),
-        table_(neighbourhood::build_neighbours("modified-knn:complete=false", cloud_, 1).value().table),
+        table_(search::build_neighbours("modified-knn:complete=false", cloud_, 1).value().table),
         half_(0.5 * box_mm),
         cell_(cell_mm),
         friction_(scene.models[0].surface.friction.static_coefficient) {
-    low_ = partition::local_box(cloud_, 1).low_mm;
+    low_ = search::local_box(cloud_, 1).low_mm;
   }
 
   Frame step(const Vec3& hip) {
@@ -105,7 +110,7 @@ class Printed {
   }
 
   const cloud::Cloud& cloud_;
-  neighbourhood::NeighbourTable table_;
+  search::NeighbourTable table_;
   double half_, cell_, friction_;
   Vec3 low_ = Vec3::Zero(), last_ = Vec3::Zero(), direction_ = Vec3::UnitZ();
   std::uint32_t god_ = 0;
@@ -157,18 +162,16 @@ TEST(CloudLiteral, TakesTheNeighboursThatThePrintedSearchFinds) {
   EXPECT_EQ(hash(""), hash(":complete=false"));
   EXPECT_NE(hash(""), hash(":complete=true"));
 
-  Registry registry;
-  register_toolkit_renderers(registry);
-  for (const auto& [name, fewer] : {std::pair("cloud-literal", true), std::pair("cloud", false)}) {
-    Options options;
-    options.set("neighbours", "modified-knn");
-    const auto notes = registry.make(name, options).value()->prepare(scene.input, {1, nullptr}).value().notes;
+  for (const auto& [complete, fewer] : {std::pair("false", true), std::pair("true", false)}) {
+    const auto notes =
+        prepare_report(scene.input, std::string("cloud-literal:neighbours=modified-knn:complete=") + complete)
+            ->notes;
     EXPECT_EQ(std::any_of(notes.begin(), notes.end(),
-                          [](const std::string& note) {
-                            return note.find("have fewer than eight neighbours") != std::string::npos;
+                          [](const std::string& note) -> bool {
+                            return test::contains(note, "have fewer than eight neighbours");
                           }),
               fewer)
-        << name;
+        << complete;
   }
 }
 
@@ -206,6 +209,167 @@ TEST(CloudLiteral, AHipFromFarAwayCostsNoMoreThanTheGrid) {
       EXPECT_LT(renderer->counters().cells_visited - before, 1000u);
     }
   }
+}
+
+// What a swept sphere gains: boxes that the cells hide. What it pays: it touches a radius earlier.
+TEST(CloudLiteral, ASweptSphereTouchesEarlier) {
+  const Scene scene = generated("sinusoid:points=10000");
+  const trace::ProbePath path = path_over(scene, "weave:frames=4000:clearance_mm=4");
+  const auto contacts = [&](const test::Stepped& renderer) {
+    const trace::ForceTrace trace = trace::replay(*renderer, path).value();
+    return std::count_if(trace.frames.begin(), trace.frames.end(), [](const Frame& f) { return f.contact; });
+  };
+  const auto box = prepared(scene.input, "cloud-literal"),
+             swept = prepared(scene.input, "cloud-literal:test=swept-sphere:sphere_mm=0.3");
+  EXPECT_GT(contacts(swept), contacts(box));
+  EXPECT_GT(swept->counters().sphere_only, 0u);
+}
+
+// The rule of geometry/god_object_check.h in the renderers that keep a place: what it sets right, and what it
+// may not break.
+
+constexpr double kSpacing = 0.25;
+
+/// Over [-10, 10] x [-4, 4] a floor at 0 and along y a wall, 4 mm high and two spacings thick, four at its
+/// foot: posts, or points on all of its faces.
+SceneInput wall_on_floor(bool posts) {
+  constexpr int kRows = 16, kColumns = 40, kHeight = 16;
+  std::vector<Vec3> points;
+  for (int row = -kRows; row <= kRows; ++row) {
+    for (int column = -kColumns; column <= kColumns; ++column)
+      points.push_back(kSpacing * Vec3(column, row, std::abs(column) < 2 ? kHeight : 0));
+    for (int level = 1; level < kHeight && !posts; ++level)
+      for (const int side : {-1, 1}) points.push_back(kSpacing * Vec3(side, row, level));
+  }
+  return cloud_of(points);
+}
+class HeldPlaceOf : public testing::TestWithParam<const char*> {
+ protected:
+  static bool posts() { return GetParam() == std::string("heightfield"); }
+  void start(const Vec3& at) {
+    renderer_ = prepared(wall_on_floor(posts()), GetParam());
+    renderer_->restart(at);
+    at_ = at;
+  }
+  /// At 40 mm/s, an eighth of a spacing in the frames between two looks.
+  Frame go(const Vec3& to) { return move(renderer_, at_, to, 0.04); }
+  /// At one place, for longer than a correction takes.
+  Frame wait() { return glide(renderer_, at_, at_, 60); }
+  test::Stepped renderer_;
+  Vec3 at_ = Vec3::Zero();
+};
+
+// Below the floor and past a spur, which is in the way of the god object but not of the HIP.
+TEST_P(HeldPlaceOf, AHipThatPassedBehindASpurIsHeldWhereItIs) {
+  start({-3, 0.1, 1});
+  ASSERT_TRUE(go({-3, 0.1, -0.3}).contact);
+  const Frame before = go({-0.4, 0.1, -0.3});
+  ASSERT_TRUE(before.contact);
+  EXPECT_LT(before.god_object_mm.x(), 0.0);
+  go({3, 0.1, -0.3});
+  const Frame after = wait();
+  ASSERT_TRUE(after.contact);
+  EXPECT_LT((after.god_object_mm - Vec3(3, 0.1, 0)).norm(), 1e-3);
+  EXPECT_FALSE(go({3, 0.1, 0.3}).contact);
+}
+
+// The HIP is through the wall and above the floor behind it: held, however long it stays. A height field is
+// looked at straight below the HIP, so its flank counts only where the floor is farther than half the pull.
+TEST_P(HeldPlaceOf, AThinWallOnAFloorHolds) {
+  const double z = posts() ? 1.0 : 0.3;
+  start({-3, 0.1, z});
+  ASSERT_TRUE(go({0.8, 0.1, z}).contact);
+  const Frame frame = wait();
+  ASSERT_TRUE(frame.contact);
+  EXPECT_LT(frame.god_object_mm.x(), 0.0);
+  EXPECT_LT(frame.force_n.x(), 0.0);
+}
+
+/// A point of the unit sphere, the k-th of n, spread evenly.
+Vec3 on_sphere(int k, int n) {
+  const double z = 1.0 - (2.0 * k + 1.0) / n, turn = k * M_PI * (3.0 - std::sqrt(5.0)),
+               r = std::sqrt(1.0 - z * z);
+  return {r * std::cos(turn), r * std::sin(turn), z};
+}
+
+class HollowBallOf : public testing::TestWithParam<const char*> {};
+
+// Pressed from outside through its wall into the hollow and along there, the outer sheet of a ball holds.
+TEST_P(HollowBallOf, HoldsThroughItsWall) {
+  constexpr int kPoints = 6000;
+  constexpr double kOuter = 10.0, kGap = 1.4;  // three spacings
+  std::vector<Vec3> points;
+  for (const double radius : {kOuter, kOuter - kGap})
+    for (int k = 0; k < kPoints; ++k) points.push_back(radius * on_sphere(k, kPoints));
+  const test::Stepped renderer = prepared(cloud_of(points), GetParam());
+  constexpr int kFrames = 4000;
+  int lost = 0;
+  double lowest = kOuter;
+  for (int k = 0; k < kFrames; ++k) {
+    // In and out of the ball six times, to almost three times its wall.
+    const double share = static_cast<double>(k) / kFrames;
+    const double depth = 3.9 * std::sin(6.0 * M_PI * share) * std::sin(6.0 * M_PI * share) - 0.2;
+    const double turn = 4.0 * share;
+    const Vec3 way(std::cos(turn), std::sin(turn) * std::cos(2.0 * turn),
+                   std::sin(turn) * std::sin(2.0 * turn));
+    const Vec3 hip = (kOuter - depth) * way;
+    if (k == 0) renderer->restart(hip);
+    const Frame frame = renderer->step(hip, 1e-3);
+    if (depth < 0.1) continue;
+    lost += frame.contact ? 0 : 1;
+    if (frame.contact) lowest = std::min(lowest, frame.god_object_mm.norm());
+  }
+  EXPECT_EQ(lost, 0);
+  EXPECT_GT(lowest, kOuter - 0.1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Renderers, HollowBallOf, testing::Values("cloud", "cloud-smooth"));
+INSTANTIATE_TEST_SUITE_P(Renderers, HeldPlaceOf, testing::Values("cloud", "heightfield"));
+
+const Vec3 kA(0, 0, 0), kB(1, 0, 0), kC(0, 1, 0);
+
+TEST(Shading, ProjectedAreasAreExactInsideAFlatFacet) {
+  const Vec3 v = shaded_vector(Shading::kAreaProjected, Vec3(0.3, 0.2, -2.0), kA, kB, kC);
+  EXPECT_NEAR((v - Vec3(0, 0, 2)).norm(), 0.0, 1e-15);
+  // Outside the facet unsigned areas pull sideways; signed ones do not.
+  EXPECT_GT(
+      (shaded_vector(Shading::kAreaProjected, Vec3(-0.3, -0.2, -2.0), kA, kB, kC) - Vec3(0, 0, 2)).norm(),
+      0.1);
+  EXPECT_NEAR((shaded_vector(Shading::kFacet, Vec3(-0.3, -0.2, -2.0), kA, kB, kC) - Vec3(0, 0, 2)).norm(),
+              0.0, 1e-15);
+}
+
+TEST(Shading, RawAreasByHand) {
+  // h below the corner a: |fb x fc| for h = (0,0,-1) is |(1,1,1)| ... worked by hand: sqrt 3, 1, 1.
+  const Vec3 v = shaded_vector(Shading::kAreaRaw, Vec3(0, 0, -1), kA, kB, kC);
+  const double sum = std::sqrt(3.0) + 2.0;
+  EXPECT_NEAR((v - Vec3(1.0 / sum, 1.0 / sum, 1.0)).norm(), 0.0, 1e-15);
+}
+
+TEST(Shading, PrintedLengthsDoubleTheForceAndNormalisedOnesDoNot) {
+  // Far below a small facet all three lengths are nearly equal, so the weights' sum shows.
+  const Vec3 h(0.3, 0.3, -1000.0);
+  EXPECT_NEAR(shaded_vector(Shading::kLengthPrinted, h, kA, kB, kC).norm(), 2000.0, 0.01);
+  EXPECT_NEAR(shaded_vector(Shading::kLengthNormalised, h, kA, kB, kC).norm(), 1000.0, 0.01);
+}
+
+TEST(Shading, SliversFallBackAtEveryScale) {
+  for (const double s : {1e-3, 1.0, 1e6}) {
+    const Vec3 h(0.2 * s, 0.0, -s);
+    for (const Shading kind : {Shading::kAreaRaw, Shading::kAreaProjected, Shading::kFacet})
+      EXPECT_EQ(shaded_vector(kind, h, kA, s * kB, s * Vec3(2, 1e-3, 0)), kA - h);
+  }
+}
+
+TEST(Normals, CodeIsWithinItsBound) {
+  Random random(3);
+  for (int i = 0; i < 20000; ++i) {
+    Vec3 n(random.normal(), random.normal(), random.normal());
+    n.normalize();
+    EXPECT_LT(surface::decode_normal(surface::encode_normal(n)).cross(n).norm(), 1e-4);
+  }
+  for (const Vec3& axis : {Vec3(1, 0, 0), Vec3(0, -1, 0), Vec3(0, 0, 1), Vec3(0, 0, -1)})
+    EXPECT_EQ(surface::decode_normal(surface::encode_normal(axis)), axis);
 }
 
 }  // namespace

@@ -3,8 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <vector>
 
+#include "tests/toolkit/messages.h"
 #include "tests/toolkit/renderers/scenes.h"
+#include "toolkit/core/random.h"
+#include "toolkit/render/joint_contact.h"
 
 namespace palpate::render {
 namespace {
@@ -45,32 +50,31 @@ TEST(Motion, AScriptedTurnIsExactBetweenThePublishedPoses) {
   }
 }
 
+// Section 3.3.1: a plane that rises past a still probe is felt in every frame from then on.
 TEST(Motion, APlaneRisingPastARestingProbeIsFeltAndNeverLost) {
-  int lost = 0, runs = 0;
-  for (const double speed : {5.0, 20.0, 50.0, 100.0, 200.0, 500.0})
-    for (int run = 0; run < 20; ++run) {
-      ScriptedMotion motion;
-      motion.velocity_mm_s = Vec3(0, 0, speed);
-      motion.stop_s = 3.0 / speed;  // 1 mm below the probe to 2 mm above it
-      const SceneInput scene = moving(motion, plane_at(Vec3(0.37 * run, 0.21 * run, -1.0)));
-      const auto renderer = on_clock(scene, "cloud");
-      const Vec3 hip(0.1 + 0.013 * run, 0.2, 0);
-      renderer->restart(hip);
-      const int frames = static_cast<int>(3.0 / speed / kMotionDt) + 200;
-      bool before = false;
-      bool missing = false;
-      double force = 0.0;
-      for (int i = 0; i < frames; ++i) {
-        const Frame frame = renderer->step(hip, kMotionDt);
-        missing |= before && !frame.contact;
-        before = frame.contact;
-        force = frame.force_n.z();
+  for (const char* name : {"cloud", "heightfield"})
+    for (const double speed : {5.0, 20.0, 50.0, 100.0, 200.0, 500.0})
+      for (int run = 0; run < 20; ++run) {
+        SCOPED_TRACE(testing::Message() << name << ", " << speed << " mm/s, run " << run);
+        ScriptedMotion motion;
+        motion.velocity_mm_s = Vec3(0, 0, speed);
+        motion.stop_s = 3.0 / speed;  // 1 mm below the probe to 2 mm above it
+        const SceneInput scene = moving(motion, plane_at(Vec3(0.37 * run, 0.21 * run, -1.0)));
+        const auto renderer = on_clock(scene, name);
+        const Vec3 hip(0.1 + 0.013 * run, 0.2, 0);
+        renderer->restart(hip);
+        const int frames = static_cast<int>(3.0 / speed / kMotionDt) + 200;
+        Frame frame;
+        int lost = 0;
+        for (int i = 0; i < frames; ++i) {
+          const bool before = frame.contact;
+          frame = renderer->step(hip, kMotionDt);
+          lost += before && !frame.contact;
+        }
+        EXPECT_EQ(lost, 0);
+        EXPECT_TRUE(frame.contact);
+        EXPECT_NEAR(frame.force_n.z(), 0.5 * 2.0, 1e-6);
       }
-      ++runs;
-      lost += missing || !before;
-      EXPECT_NEAR(force, 0.5 * 2.0, 1e-6) << speed << " mm/s, run " << run;
-    }
-  EXPECT_EQ(lost, 0) << "of " << runs;
 }
 
 /// A model that stands where it is put: jumps of a motion that no script can write.
@@ -150,7 +154,7 @@ TEST(Motion, AModelThatTakesAnotherCourseIsFeltAtOnce) {
 TEST(Motion, AJumpOfAModelIsAnotherCourseAndARestIsNot) {
   PoseState state;
   MovingModel model(state);
-  const auto count = [&] { return model.courses()->load(); };
+  const auto count = [&] { return model.motion_version()->load(); };
   state.t_s = 0.005;
   model.publish(state);
   EXPECT_EQ(count(), 0u);
@@ -198,23 +202,28 @@ TEST(Motion, MovingModelAndMovingProbeAreTheSameThing) {
   const Scene still = generated("sphere:points=20000");
   const double radius = 0.5 * still.input.models[0].cloud->box_mm().extent_mm().x();
   const Vec3 centre = still.input.models[0].cloud->box_mm().centre_mm();
-  ScriptedMotion motion;
-  motion.velocity_mm_s = Vec3(30, 0, 0);
-  const SceneInput scene = moving(motion, still.input.models[0]);
-  const auto moved = on_clock(scene, "cloud");
-  const auto rested = prepared(still.input, "cloud");
-  const Vec3 hip = centre + Vec3(radius + 1.0, 0.3, 0.2);
-  moved->restart(hip);
-  rested->restart(hip);
-  for (int i = 1; i <= 100; ++i) {
-    const Frame a = moved->step(hip, kMotionDt);
-    const Frame b = rested->step(hip - Vec3(30, 0, 0) * (kMotionDt * i), kMotionDt);
-    ASSERT_EQ(a.contact, b.contact) << i;
-    EXPECT_LT((a.force_n - b.force_n).norm(), 1e-6) << i;
+  for (const char* name : {"cloud", "cloud-smooth"}) {
+    ScriptedMotion motion;
+    motion.velocity_mm_s = Vec3(30, 0, 0);
+    const SceneInput scene = moving(motion, still.input.models[0]);
+    const auto moved = on_clock(scene, name);
+    const auto rested = prepared(still.input, name);
+    const Vec3 hip = centre + Vec3(radius + 1.0, 0.3, 0.2);
+    moved->restart(hip);
+    rested->restart(hip);
+    int touched = 0;
+    for (int i = 1; i <= 100; ++i) {
+      const Frame a = moved->step(hip, kMotionDt);
+      const Frame b = rested->step(hip - Vec3(30, 0, 0) * (kMotionDt * i), kMotionDt);
+      ASSERT_EQ(a.contact, b.contact) << name << ", frame " << i;
+      EXPECT_LT((a.force_n - b.force_n).norm(), 1e-6) << name << ", frame " << i;
+      touched += a.contact;
+    }
+    EXPECT_GT(touched, 20) << name;
   }
 }
 
-// The oracle reads every point in the model's own frame of that instant.
+// The oracle reads every triangle in the model's own frame of that instant.
 TEST(Motion, TheOracleFollowsAndAgrees) {
   const Scene still = generated("sphere:points=3000");
   const cloud::Cloud& cloud = *still.input.models[0].cloud;
@@ -226,7 +235,7 @@ TEST(Motion, TheOracleFollowsAndAgrees) {
   motion.about_mm = centre;
   const SceneInput scene = moving(motion, still.input.models[0]);
   const auto moved = on_clock(scene, "brute-force");
-  const auto cloud_moved = on_clock(scene, "cloud:shading=none");
+  const auto cloud_moved = on_clock(scene, "cloud");
   const auto rested = prepared(still.input, "brute-force");
   const Vec3 hip = centre + Vec3(radius + 1.0, 0.3, 0.2);
   moved->restart(hip);
@@ -245,6 +254,206 @@ TEST(Motion, TheOracleFollowsAndAgrees) {
   }
   EXPECT_GT(contacts, 150);
   EXPECT_GT(agree, 0.95 * contacts);
+}
+
+// Many models at once: together, one by one, and the broad phase that tells which are near.
+
+constexpr double kDt = 1e-3;
+
+// The upper of two parallel planes holds the god object out of both: the lower one pushes nothing.
+TEST(ManyModels, TheOracleIsHeldJointlyWithFrictionAndRefusesWhatItCannotDo) {
+  SceneInput scene;
+  scene.models.push_back(plane_at(Vec3::Zero()));
+  scene.models.push_back(plane_at(Vec3(0, 0, 0.4)));
+  scene.models[1].surface.friction = {0.5, 0.5};
+  scene.models[0].surface.deformation = 0.25;
+  const auto renderer = prepared(scene, "brute-force");
+  renderer->restart(Vec3(-3, 0.1, 2));
+  (void)glide(renderer, Vec3(-3, 0.1, 2), Vec3(-3, 0.1, -1), 300);
+  const Frame frame = glide(renderer, Vec3(-3, 0.1, -1), Vec3(3, 0.1, -1), 300);
+  ASSERT_TRUE(frame.contact);
+  EXPECT_EQ(frame.model, 1);
+  EXPECT_NEAR(frame.force_n.z(), 0.5 * 1.4, 1e-6);
+  EXPECT_NEAR(frame.force_n.x(), -0.5 * 0.5 * 1.4, 1e-6);
+  scene.models[1].surface.dent = {0.5, 3.0, 20.0};
+  const Registry& registry = toolkit_renderers();
+  EXPECT_TRUE(test::refused(registry.check_supports(*registry.find("brute-force"), scene), "dent"));
+}
+
+TEST(ManyModels, TwoWallsOfACornerConstrainJointly) {
+  SceneInput scene;
+  scene.models.push_back(plane_at(Vec3::Zero()));
+  ModelInput wall = plane_at(Vec3::Zero());
+  wall.world_from_model.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 2, Vec3::UnitY()));
+  wall.world_from_model.translation_mm =
+      -(wall.world_from_model.rotation * wall.cloud->box_mm().centre_mm());  // the plane x = 0
+  scene.models.push_back(wall);
+  for (const char* spec : {"cloud", "brute-force", "analytic", "heightfield"}) {
+    SCOPED_TRACE(spec);
+    const auto joint = prepared(scene, spec);
+    joint->restart(Vec3(2, 0, 2));
+    const Frame frame = glide(joint, Vec3(2, 0.1, 2), Vec3(-1, 0.1, -2), 400);
+    ASSERT_TRUE(frame.contact);
+    EXPECT_LT((frame.god_object_mm - Vec3(0, 0.1, 0)).norm(), 1e-9);
+    EXPECT_LT((frame.force_n - 0.5 * Vec3(1, 0, 2)).norm(), 1e-9);
+  }
+}
+
+TEST(ManyModels, SteepWallsAddUpInTheSumAndNotJointly) {
+  // Two planes at 10 degrees to each other: together they push hardly more than one.
+  SceneInput scene;
+  scene.models.push_back(plane_at(Vec3::Zero()));
+  ModelInput tilted = plane_at(Vec3::Zero());
+  const Eigen::AngleAxisd turn(10 * std::numbers::pi / 180, Vec3::UnitY());
+  tilted.world_from_model.rotation = turn;
+  tilted.world_from_model.translation_mm = -(turn * tilted.cloud->box_mm().centre_mm());
+  scene.models.push_back(tilted);
+  const auto force = [&](const std::string& spec) {
+    const auto renderer = prepared(scene, spec);
+    renderer->restart(Vec3(0, 0, 1));
+    return glide(renderer, Vec3(0, 0, 1), Vec3(0, 0, -1), 200).force_n;
+  };
+  EXPECT_NEAR(force("cloud:combine=sum").norm(), 0.5 * (1.0 + std::cos(10 * std::numbers::pi / 180)), 0.01);
+  for (const char* spec : {"cloud:combine=joint", "analytic", "heightfield"}) {
+    const Vec3 joint = force(spec);
+    EXPECT_LT((joint - Vec3(0, 0, 0.5)).norm(), 1e-6) << spec << ": " << joint.transpose();
+  }
+  // The literal sum, bare: the middle points of both planes are the nearest, 1 mm straight above the HIP.
+  EXPECT_LT((force("cloud-literal:box_mm=0.6:shading=none:cells=adjacent") - Vec3(0, 0, 2 * 0.5)).norm(),
+            1e-6);
+}
+
+// More models touched at once than are answered together: the deepest are, wherever they stand in the scene.
+// The last one has more points than the others, so that a place on it is none of theirs.
+TEST(ManyModels, OfMoreThanEightTouchedTheDeepestAnswer) {
+  Random random(17);
+  for (int trial = 0; trial < 10; ++trial) {
+    SCOPED_TRACE(testing::Message() << "seed 17, trial " << trial);
+    const std::size_t count = kMaxTouched + 1 + random.below(6);
+    SceneInput scene;
+    std::vector<double> height;
+    for (std::size_t i = 0; i < count; ++i) {
+      height.push_back(0.5 * random.uniform());
+      scene.models.push_back(plane_at(Vec3(0, 0, height[i]), i + 1 == count ? 0.5 : 2.0));
+    }
+    if (trial % 2 == 0) {  // the ninth and last is the deepest, found when eight are there already
+      height.back() = 0.7;
+      scene.models.back() = plane_at(Vec3(0, 0, 0.7), 0.5);
+    }
+    const Vec3 hip(0.3 + random.uniform(), 0.2, -0.1 - random.uniform());
+    const auto force = [&](const std::string& spec, FrameStatus& status) {
+      const auto renderer = prepared(scene, spec);
+      const Vec3 start(0.1, 0.2, 2);
+      renderer->restart(start);
+      (void)glide(renderer, start, hip, 200);
+      // To and fro under all of them: nothing of another model's state may come into it.
+      for (int i = 0; i <= 200; ++i)
+        (void)renderer->step(hip + Vec3(8 * std::sin(0.1 * i), 5 * std::sin(0.07 * i), 0), kDt);
+      const Frame frame = renderer->step(hip, kDt);
+      status = frame.status;
+      EXPECT_TRUE(frame.contact);
+      const auto deepest = std::max_element(height.begin(), height.end());
+      EXPECT_EQ(frame.model, deepest - height.begin());
+      EXPECT_FALSE(glide(renderer, hip, start, 200).contact);
+      return frame.force_n;
+    };
+    std::vector<double> sorted = height;
+    std::sort(sorted.rbegin(), sorted.rend());
+    double sum = 0.0;
+    for (std::size_t i = 0; i < kMaxTouched; ++i) sum += 0.5 * (sorted[i] - hip.z());
+    FrameStatus status = FrameStatus::kOk;
+    EXPECT_LT((force("cloud", status) - Vec3(0, 0, 0.5 * (sorted[0] - hip.z()))).norm(), 1e-6);
+    EXPECT_EQ(status, FrameStatus::kBoundHit) << "some are left out, and the frame says so";
+    EXPECT_LT((force("cloud:combine=sum", status) - Vec3(0, 0, sum)).norm(), 1e-6);
+    EXPECT_EQ(status, FrameStatus::kBoundHit);
+  }
+}
+
+// None is dropped because others came first: as many planes as three vertices of meshes give.
+TEST(ManyModels, JointPlanesKnowTheirOwners) {
+  Random random(23);
+  const auto unit = [&] { return Vec3(random.normal(), random.normal(), random.normal()).normalized(); };
+  JointPlanes planes;
+  for (std::size_t i = 0; i < 48; ++i) {  // of eight touches at vertices of six facets
+    const geometry::HalfSpace plane{unit(), -random.uniform()};
+    planes.begin(i % 5);
+    planes.add(plane);
+    ASSERT_EQ(planes.planes().size(), i + 1);
+    EXPECT_EQ(planes.owner(i), i % 5);
+    EXPECT_EQ(planes.planes()[i].normal, plane.normal);
+    EXPECT_EQ(planes.planes()[i].offset, plane.offset);
+  }
+}
+
+/// n planes in a row, 60 mm apart.
+SceneInput row_of(std::size_t n) {
+  SceneInput scene;
+  const ModelInput plane = plane_at(Vec3::Zero(), 2.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    scene.models.push_back(plane);
+    scene.models.back().world_from_model.translation_mm.x() += 60.0 * static_cast<double>(i);
+  }
+  return scene;
+}
+
+TEST(ManyModels, AnyModelOfAThousandIsFeltAsIfItWereAlone) {
+  const SceneInput scene = row_of(1000);
+  const auto renderer = prepared(scene, "cloud");
+  const auto alone = prepared(row_of(1), "cloud");
+  renderer->restart(Vec3(0, 0, 5));
+  Random random(3);
+  for (int visit = 0; visit < 60; ++visit) {
+    const double model = std::floor(1000.0 * random.uniform());
+    const Vec3 over(60.0 * model + 3.0 * random.uniform(), 2.0, 5.0);
+    (void)renderer->step(over, kDt);  // a jump from one place in free space to another
+    const Vec3 way(0.3, 0.2, -7.0);
+    alone->restart(over - Vec3(60.0 * model, 0, 0));
+    for (int i = 1; i <= 100; ++i) {
+      const Vec3 h = over + way * (0.01 * i);
+      const Frame a = renderer->step(h, kDt);
+      const Frame b = alone->step(h - Vec3(60.0 * model, 0, 0), kDt);
+      ASSERT_EQ(a.contact, b.contact) << visit << " " << i;
+      if (a.contact) {
+        EXPECT_EQ(a.model, static_cast<std::int32_t>(model));
+        EXPECT_LT((a.force_n - b.force_n).norm(), 1e-9);
+      }
+    }
+    (void)renderer->step(over, kDt);
+  }
+}
+
+TEST(ManyModels, OneThatIsTouchedStaysHoweverDeep) {
+  const SceneInput scene = row_of(3);
+  const auto renderer = prepared(scene, "cloud");
+  renderer->restart(Vec3(60, 0, 5));
+  for (int i = 0; i <= 500; ++i) {
+    const Frame frame = renderer->step(Vec3(60.2, 0.1, 5 - 0.2 * i), kDt);
+    if (5 - 0.2 * i < -1e-6) {
+      ASSERT_TRUE(frame.contact) << i;
+    }
+  }
+}
+
+TEST(ManyModels, OneMovesThroughTheListsOfOthers) {
+  // A plane flies in from 500 mm away at 1 m/s to a resting probe among other models.
+  SceneInput scene = row_of(20);
+  auto simulation = std::make_shared<ScriptedSimulation>();
+  ScriptedMotion motion;
+  ModelInput flying = plane_at(Vec3(570, 0, -500), 2.0);
+  motion.start = flying.world_from_model;
+  motion.velocity_mm_s = Vec3(0, 0, 1000);
+  motion.stop_s = 0.511;
+  flying.motion = simulation->add(motion);
+  scene.models.push_back(flying);
+  scene.simulation = simulation;
+  const auto renderer = on_clock(scene, "cloud");
+  const Vec3 hip(570, 0.2, 10);
+  renderer->restart(hip);
+  Frame frame;
+  for (int i = 0; i < 600; ++i) frame = renderer->step(hip, kDt);
+  EXPECT_TRUE(frame.contact);
+  EXPECT_EQ(frame.model, 20);
+  EXPECT_NEAR(frame.force_n.z(), 0.5 * 1.0, 1e-6);
 }
 
 }  // namespace

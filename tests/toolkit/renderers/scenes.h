@@ -3,16 +3,18 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include <palpate/generate.h>
+#include <palpate/paths.h>
+#include <palpate/registry.h>
 #include "tests/stepped.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/render/registry.h"
-#include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/paths.h"
 
 namespace palpate::render {
 
@@ -45,24 +47,57 @@ inline SceneInput cloud_of(const std::vector<Vec3>& points) {
   return scene;
 }
 
-inline test::Stepped prepared(const SceneInput& scene, const std::string& spec, int threads = 1) {
-  Registry registry;
-  register_toolkit_renderers(registry);
+inline const Registry& toolkit_renderers() {
+  static const Registry all = [] {
+    Registry registry;
+    register_toolkit_renderers(registry);
+    return registry;
+  }();
+  return all;
+}
+
+inline std::unique_ptr<HapticRenderer> renderer_of(const std::string& spec) {
   const NamedOptions named = parse_named_options(spec).value();
-  auto renderer = registry.make(named.name, named.options).value();
+  return toolkit_renderers().make(named.name, named.options).value();
+}
+
+inline Result<PrepareReport> prepare_report(const SceneInput& scene, const std::string& spec,
+                                            int threads = 1) {
+  return renderer_of(spec)->prepare(scene, {threads, nullptr});
+}
+
+inline test::Stepped prepared(const SceneInput& scene, const std::string& spec, int threads = 1) {
+  auto renderer = renderer_of(spec);
   const auto report = renderer->prepare(scene, {threads, nullptr});
   EXPECT_TRUE(report) << (report ? "" : report.error().message());
   return renderer;
 }
 
+/// In a straight line in `frames` equal steps; the last frame, at `to`.
+inline Frame glide(const test::Stepped& renderer, const Vec3& from, const Vec3& to, int frames = 2000) {
+  Frame frame;
+  for (int i = 0; i <= frames; ++i)
+    frame = renderer->step(from + (to - from) * (static_cast<double>(i) / frames), 1e-3);
+  return frame;
+}
+
+/// Steps of at most `step_mm` from the last place to `to`; the last frame.
+inline Frame move(const test::Stepped& renderer, Vec3& at, const Vec3& to, double step_mm) {
+  const Vec3 from = std::exchange(at, to);
+  const double steps = std::max(1.0, std::ceil((to - from).norm() / step_mm));
+  Frame frame;
+  for (double k = 1.0; k <= steps; ++k) frame = renderer->step(from + (k / steps) * (to - from), 1e-3);
+  return frame;
+}
+
 inline trace::ProbePath path_over(const Scene& scene, const std::string& spec) {
-  trace::PathTarget target;
+  paths::PathTarget target;
   target.surface = scene.surface.get();
   target.cloud = scene.input.models[0].cloud.get();
   target.box_mm = target.cloud->box_mm();
   target.spacing_mm = scene.spacing_mm;
   target.world_from_model = scene.input.models[0].world_from_model;
-  Result<trace::ProbePath> path = trace::make_path(parse_named_options(spec).value(), target);
+  Result<trace::ProbePath> path = paths::make_path(parse_named_options(spec).value(), target);
   if (!path) throw std::runtime_error(path.error().message());
   return std::move(*path);
 }

@@ -1,12 +1,15 @@
 // Replay: what is counted, what is refused, and that every pass answers alike. Never how long anything took.
-#include "toolkit/trace/replay.h"
-
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numeric>
 
+#include <palpate/replay.h>
+#include "tests/toolkit/messages.h"
+#include "toolkit/core/bootstrap_interval.h"
 #include "toolkit/core/random.h"
-#include "toolkit/render/scene_free_renderer.h"
+#include "toolkit/render/wrapped_renderer.h"
+#include "toolkit/trace/timed_passes.h"
 
 namespace palpate::trace {
 namespace {
@@ -115,22 +118,20 @@ TEST(Replay, OneFrameForEachSample) {
   Wall wall;
   ProbePath path = path_of({0.5, -0.5, -1.0, 0.5});
   path.t_s = {0.0, 0.002, 0.003, 0.010};
-  const Result<ForceTrace> trace = replay(wall, path);
-  ASSERT_TRUE(trace) << trace.error().message();
-  ASSERT_EQ(trace->frames.size(), 4u);
-  EXPECT_EQ(trace->label, "wall");
-  EXPECT_FALSE(trace->frames[0].contact);
-  EXPECT_DOUBLE_EQ(trace->frames[2].force_n.z(), 0.5);
+  const auto trace = test::value_of(replay(wall, path));
+  ASSERT_EQ(trace.frames.size(), 4u);
+  EXPECT_EQ(trace.label, "wall");
+  EXPECT_FALSE(trace.frames[0].contact);
+  EXPECT_DOUBLE_EQ(trace.frames[2].force_n.z(), 0.5);
   EXPECT_NEAR(wall.first_dt_s, 0.002, 1e-15) << "the first frame takes the dt of the second";
   EXPECT_NEAR(wall.last_dt_s, 0.007, 1e-15);
 }
 
 TEST(Replay, AForceAtTheFirstSampleIsPartOfTheTrace) {
   Wall wall;
-  const Result<ForceTrace> felt = replay(wall, path_of({-0.1, 0.5}));
-  ASSERT_TRUE(felt) << felt.error().message();
-  EXPECT_TRUE(felt->frames[0].contact);
-  EXPECT_FALSE(felt->frames[1].contact);
+  const auto felt = test::value_of(replay(wall, path_of({-0.1, 0.5})));
+  EXPECT_TRUE(felt.frames[0].contact);
+  EXPECT_FALSE(felt.frames[1].contact);
 }
 
 TEST(Replay, RefusesWhatIsNoPath) {
@@ -151,23 +152,22 @@ TEST(Replay, RefusesWhatIsNoPath) {
 TEST(Measure, CountsContactAndAllFramesApart) {
   Wall wall;
   const ProbePath path = path_of({1, -1, -2, 1, 1, -1, 1});
-  const Result<ReplayReport> report = measure(wall, path, {});
-  ASSERT_TRUE(report) << report.error().message();
-  ASSERT_TRUE(report->contact && report->all);
-  EXPECT_EQ(report->contact->frames, 7u);
-  EXPECT_EQ(report->contact->contact_frames, 3u);
-  EXPECT_EQ(report->contact->timed_frames, 3u);
-  EXPECT_EQ(report->contact->bound_hits, 1u);
-  EXPECT_EQ(report->all->timed_frames, 7u);
-  EXPECT_EQ(report->all->contact_frames, 3u);
-  EXPECT_EQ(report->free->timed_frames, 4u);
-  EXPECT_EQ(report->contact->episodes, 2u);
-  EXPECT_EQ(report->free->episodes, 3u);
-  EXPECT_EQ(report->all->episodes, 2u) << "what is free belongs to the contact before it";
-  EXPECT_EQ(report->counters.frames, 7u);
-  EXPECT_EQ(report->trace.frame_ns.size(), 7u);
-  EXPECT_EQ(report->trace_hash, trace_hash(report->trace));
-  for (const FrameStatistics& s : {*report->contact, *report->all}) {
+  const auto report = test::value_of(measure(wall, path, {}));
+  ASSERT_TRUE(report.contact && report.all);
+  EXPECT_EQ(report.contact->frames, 7u);
+  EXPECT_EQ(report.contact->contact_frames, 3u);
+  EXPECT_EQ(report.contact->timed_frames, 3u);
+  EXPECT_EQ(report.contact->bound_hits, 1u);
+  EXPECT_EQ(report.all->timed_frames, 7u);
+  EXPECT_EQ(report.all->contact_frames, 3u);
+  EXPECT_EQ(report.free->timed_frames, 4u);
+  EXPECT_EQ(report.contact->episodes, 2u);
+  EXPECT_EQ(report.free->episodes, 3u);
+  EXPECT_EQ(report.all->episodes, 2u) << "what is free belongs to the contact before it";
+  EXPECT_EQ(report.counters.frames, 7u);
+  EXPECT_EQ(report.trace.frame_ns.size(), 7u);
+  EXPECT_EQ(report.trace_hash, trace_hash(report.trace));
+  for (const FrameStatistics& s : {*report.contact, *report.all}) {
     ASSERT_TRUE(s.min_us && s.mean_us && s.p50_us && s.p99_us && s.p999_us && s.max_us);
     expect_in_order(s);
     EXPECT_GE(*s.mean_us, 0.0);
@@ -177,20 +177,18 @@ TEST(Measure, CountsContactAndAllFramesApart) {
 
 TEST(Measure, WithoutContactThereAreNoContactTimes) {
   Wall wall;
-  const Result<ReplayReport> report = measure(wall, path_of({1, 2, 3}), {true, 2, 0, nullptr});
-  ASSERT_TRUE(report);
-  EXPECT_EQ(report->contact->timed_frames, 0u);
-  EXPECT_FALSE(report->contact->mean_us || report->contact->p50_us || report->contact->max_us);
-  EXPECT_TRUE(report->all->mean_us.has_value());
-  ASSERT_TRUE(report->paced.has_value());
-  EXPECT_FALSE(report->paced->frame.p50_us.has_value());
+  const auto report = test::value_of(measure(wall, path_of({1, 2, 3}), {true, 2, 0, nullptr}));
+  EXPECT_EQ(report.contact->timed_frames, 0u);
+  EXPECT_FALSE(report.contact->mean_us || report.contact->p50_us || report.contact->max_us);
+  EXPECT_TRUE(report.all->mean_us.has_value());
+  ASSERT_TRUE(report.paced.has_value());
+  EXPECT_FALSE(report.paced->frame.p50_us.has_value());
 }
 
 TEST(Measure, ASingleSampleIsAPath) {
   Wall wall;
-  const Result<ReplayReport> report = measure(wall, path_of({1}), {});
-  ASSERT_TRUE(report);
-  EXPECT_EQ(report->all->timed_frames, 1u);
+  const auto report = test::value_of(measure(wall, path_of({1}), {}));
+  EXPECT_EQ(report.all->timed_frames, 1u);
   EXPECT_NEAR(wall.last_dt_s, 1e-3, 1e-15);
 }
 
@@ -198,33 +196,29 @@ TEST(Measure, UntimedOnRequest) {
   Wall wall;
   ReplayOptions options;
   options.timed = false;
-  const Result<ReplayReport> report = measure(wall, path_of({1, -1}), options);
-  ASSERT_TRUE(report);
-  EXPECT_FALSE(report->contact || report->all || report->paced);
-  EXPECT_TRUE(report->trace.frame_ns.empty());
+  const auto report = test::value_of(measure(wall, path_of({1, -1}), options));
+  EXPECT_FALSE(report.contact || report.all || report.paced);
+  EXPECT_TRUE(report.trace.frame_ns.empty());
 }
 
 TEST(Measure, PacedStretchIncludesContact) {
   Wall wall;
   const ProbePath path = path_of({1, 1, 1, -1, -1, 1, 1, 1});
-  const Result<ReplayReport> report = measure(wall, path, {true, 3, 2, nullptr});
-  ASSERT_TRUE(report) << report.error().message();
-  ASSERT_TRUE(report->paced && report->paced_evicted);
-  EXPECT_EQ(report->paced->first_frame, 2u);
-  EXPECT_EQ(report->paced->frame.frames, 3u);
-  EXPECT_EQ(report->paced->frame.contact_frames, 2u);
-  EXPECT_EQ(report->paced->evicted_bytes, 0u);
-  EXPECT_EQ(report->paced_evicted->first_frame, 3u);
-  EXPECT_EQ(report->paced_evicted->frame.contact_frames, 2u);
-  EXPECT_EQ(report->paced_evicted->evicted_bytes, 64u * 1024u * 1024u);
-  EXPECT_TRUE(report->paced_evicted->frame.p50_us.has_value());
+  const auto report = test::value_of(measure(wall, path, {true, 3, 2, nullptr}));
+  ASSERT_TRUE(report.paced && report.paced_evicted);
+  EXPECT_EQ(report.paced->first_frame, 2u);
+  EXPECT_EQ(report.paced->frame.frames, 3u);
+  EXPECT_EQ(report.paced->frame.contact_frames, 2u);
+  EXPECT_EQ(report.paced->evicted_bytes, 0u);
+  EXPECT_EQ(report.paced_evicted->first_frame, 3u);
+  EXPECT_EQ(report.paced_evicted->frame.contact_frames, 2u);
+  EXPECT_EQ(report.paced_evicted->evicted_bytes, 64u * 1024u * 1024u);
+  EXPECT_TRUE(report.paced_evicted->frame.p50_us.has_value());
 }
 
 TEST(Measure, RefusesARendererThatAnswersDifferently) {
   Wall wall(true);
-  const Result<ReplayReport> report = measure(wall, path_of({1, -1, 1}), {});
-  ASSERT_FALSE(report);
-  EXPECT_NE(report.error().what.find("answered differently"), std::string::npos);
+  EXPECT_TRUE(test::refused(measure(wall, path_of({1, -1, 1}), {}), "answered differently"));
 }
 
 TEST(Measure, StopsWhenAsked) {
@@ -259,6 +253,128 @@ TEST(TraceHash, CoversForceGodObjectAndContactOnly) {
   trace.frames[1].god_object_mm.y() = 1e-300;
   EXPECT_NE(trace_hash(trace), plain);
   EXPECT_EQ(trace_hash({}), "cbf29ce484222325") << "the offset basis of FNV-1a";
+}
+
+// Timed passes: which frames belong together, what many passes say, and intervals that hold what they claim.
+// Never how long anything took.
+
+std::vector<render::Frame> frames_of(std::size_t n) {
+  return std::vector<render::Frame>(n);
+}
+
+/// So many contacts of `frames`, a free frame after each.
+std::vector<std::uint8_t> episodes(int count, std::size_t frames) {
+  std::vector<std::uint8_t> contact;
+  for (int e = 0; e < count; ++e) {
+    contact.insert(contact.end(), frames, 1);
+    contact.push_back(0);
+  }
+  return contact;
+}
+
+/// Every frame takes `ns`, in every pass.
+PassTimes even(const std::vector<std::uint8_t>& contact, std::size_t passes, std::uint32_t contact_ns,
+               std::uint32_t free_ns) {
+  PassTimes times;
+  times.stretches = frame_spans_of(contact);
+  for (std::size_t p = 0; p < passes; ++p) {
+    auto& by_span = times.by_span.emplace_back();
+    for (const FrameSpan& s : times.stretches) {
+      const auto ns = static_cast<std::int64_t>(s.end - s.begin) * (s.contact ? contact_ns : free_ns);
+      by_span.push_back({ns, ns / 2});
+    }
+    auto& by_frame = times.by_frame.emplace_back();
+    for (const std::uint8_t c : contact) by_frame.push_back(c != 0 ? contact_ns : free_ns);
+  }
+  return times;
+}
+
+TEST(Stretches, CoverThePathInOrder) {
+  const std::vector<FrameSpan> s = frame_spans_of(std::vector<std::uint8_t>{0, 0, 1, 1, 1, 0, 1});
+  ASSERT_EQ(s.size(), 4u);
+  EXPECT_EQ(s[1].begin, 2u);
+  EXPECT_EQ(s[1].end, 5u);
+  EXPECT_TRUE(s[1].contact && s[3].contact && !s[0].contact && !s[2].contact);
+  EXPECT_TRUE(frame_spans_of({}).empty());
+}
+
+TEST(PassStatistics, MeansAreTheMedianOfThePasses) {
+  const std::vector<std::uint8_t> contact = {0, 1, 1, 0, 1, 0};
+  PassTimes times = even(contact, 3, 200, 100);
+  for (FrameSpanTime& t : times.by_span[2]) t.wall_ns *= 50;  // one pass was disturbed
+  const PassStatistics s = pass_statistics(times, frames_of(contact.size()));
+  EXPECT_DOUBLE_EQ(*s.contact.mean_us, 0.2);
+  EXPECT_DOUBLE_EQ(*s.free.mean_us, 0.1);
+  EXPECT_DOUBLE_EQ(*s.all.mean_us, 0.15);
+  EXPECT_DOUBLE_EQ(*s.contact.cpu_mean_us, 0.1) << "the thread's own clock";
+  EXPECT_EQ(s.contact.timed_frames, 3u);
+  EXPECT_EQ(s.free.timed_frames, 3u);
+  EXPECT_EQ(s.all.timed_frames, 6u);
+  EXPECT_EQ(s.contact.passes, 3u);
+  EXPECT_EQ(s.contact.episodes, 2u);
+  EXPECT_EQ(s.all.episodes, 2u);
+}
+
+TEST(PassStatistics, WhatHitsAFrameOnceIsTheMachines) {
+  const std::vector<std::uint8_t> contact(100, 1);
+  PassTimes times = even(contact, 5, 200, 100);
+  times.by_frame[3][7] = 9'000'000;                    // once: an interrupt
+  for (auto& pass : times.by_frame) pass[60] = 5'000;  // always: the renderer
+  const PassStatistics s = pass_statistics(times, frames_of(contact.size()));
+  EXPECT_DOUBLE_EQ(*s.all.max_us, 5.0);
+  EXPECT_DOUBLE_EQ(*s.all.worst_us, 9'000.0) << "and it is not hidden";
+  EXPECT_EQ(s.all.deadline_misses_1khz, 0u);
+  EXPECT_EQ(s.frame_ns[60], 5'000);
+  EXPECT_EQ(s.frame_ns[7], 200);
+}
+
+TEST(PassStatistics, AnIntervalSaysHowMuchEpisodesDiffer) {
+  // Two hundred episodes of ten frames: alike in one path, very unlike in the other.
+  const std::vector<std::uint8_t> contact = episodes(200, 10);
+  const PassTimes alike = even(contact, 3, 200, 100);
+  PassTimes unlike = alike;
+  for (auto& pass : unlike.by_span)
+    for (std::size_t i = 0; i < pass.size(); i += 4) pass[i].wall_ns *= 10;
+  const PassStatistics a = pass_statistics(alike, frames_of(contact.size())),
+                       u = pass_statistics(unlike, frames_of(contact.size()));
+  EXPECT_DOUBLE_EQ(a.contact.mean_interval_us->low, 0.2);
+  EXPECT_DOUBLE_EQ(a.contact.mean_interval_us->high, 0.2);
+  // Half of them 0.2, half 2.0: mean 1.1, standard error 0.9 / sqrt(200) = 0.064; 95 % are 1.96 of those.
+  EXPECT_NEAR(u.contact.mean_interval_us->low, 1.1 - 1.96 * 0.064, 0.03);
+  EXPECT_NEAR(u.contact.mean_interval_us->high, 1.1 + 1.96 * 0.064, 0.03);
+}
+
+TEST(PassStatistics, ASlowThousandthStandsInItsInterval) {
+  const std::vector<std::uint8_t> contact = episodes(100, 50);
+  PassTimes times = even(contact, 1, 200, 100);
+  // One frame of 5 us in every tenth episode: 10 of 5,000 are 0.2 %.
+  for (std::size_t e = 0; e < 100; e += 10) times.by_frame[0][e * 51 + 3] = 5'000;
+  const PassStatistics s = pass_statistics(times, frames_of(contact.size()));
+  EXPECT_DOUBLE_EQ(*s.contact.p999_us, 5.0);
+  EXPECT_LE(s.contact.p999_interval_us->low, 5.0);
+  EXPECT_DOUBLE_EQ(s.contact.p999_interval_us->high, 5.0);
+}
+
+TEST(PassStatistics, WithoutContactThereIsNoTimeOfIt) {
+  const PassStatistics s = pass_statistics(even({0, 0, 0}, 2, 1, 100), frames_of(3));
+  EXPECT_FALSE(s.contact.mean_us || s.contact.mean_interval_us || s.contact.p999_us);
+  EXPECT_EQ(s.contact.episodes, 0u);
+  EXPECT_DOUBLE_EQ(*s.all.mean_us, 0.1);
+}
+
+TEST(Bootstrap, IsTheSameEveryTimeAndNothingWithoutClusters) {
+  const auto mean = [](std::span<const std::uint32_t> counts, Random&) {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < counts.size(); ++i) sum += static_cast<double>(i * counts[i]);
+    return std::optional<double>(sum / static_cast<double>(counts.size()));
+  };
+  const std::optional<Interval> once = bootstrap(40, mean), again = bootstrap(40, mean);
+  ASSERT_TRUE(once && again);
+  EXPECT_EQ(once->low, again->low);
+  EXPECT_EQ(once->high, again->high);
+  EXPECT_LT(once->low, 19.5);
+  EXPECT_GT(once->high, 19.5);
+  EXPECT_FALSE(bootstrap(0, mean).has_value());
 }
 
 }  // namespace

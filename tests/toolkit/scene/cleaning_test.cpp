@@ -1,15 +1,15 @@
 // What all cleaning steps share, with steps of our own; views and [[model.clean]] in scenes.
-#include "toolkit/scene/cleaning.h"
-
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <numeric>
 
+#include <palpate/cleaning.h>
+#include <palpate/generate.h>
+#include <palpate/scene.h>
+#include <palpate/write_mesh.h>
 #include "tests/in_folder.h"
-#include "toolkit/cloud/generate.h"
-#include "toolkit/io/write_mesh.h"
-#include "toolkit/scene/scene.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::scene {
 namespace {
@@ -21,8 +21,8 @@ Cleaning steps() {
                 "leaves out the first points",
                 "this test",
                 {{"points", OptionKind::kInteger, "1", "so many", {}, 0, 1e9}},
-                [](const StepInput& in) -> Result<StepOutput> {
-                  StepOutput out;
+                [](const CleaningStepInput& in) -> Result<CleaningStepOutput> {
+                  CleaningStepOutput out;
                   for (auto i = static_cast<std::size_t>(in.options.integer("points")); i < in.cloud.size();
                        ++i)
                     out.from.push_back(static_cast<std::uint32_t>(i));
@@ -32,27 +32,31 @@ Cleaning steps() {
                 "moves all up",
                 "this test",
                 {{"by", OptionKind::kNumber, "1", "spacings", {}, -10, 10}},
-                [](const StepInput& in) -> Result<StepOutput> {
-                  StepOutput out;
+                [](const CleaningStepInput& in) -> Result<CleaningStepOutput> {
+                  CleaningStepOutput out;
                   for (std::size_t i = 0; i < in.cloud.size(); ++i) {
                     out.from.push_back(static_cast<std::uint32_t>(i));
-                    out.placed_mm.push_back(in.cloud.local_mm(i) +
-                                            Vec3(0, 0, in.options.number("by") * in.spacing_mm));
+                    out.new_points_mm.push_back(in.cloud.local_mm(i) +
+                                                Vec3(0, 0, in.options.number("by") * in.spacing_mm));
                   }
                   return out;
                 }});
-  cleaning.add(
-      {"add", "adds one above the last", "this test", {}, [](const StepInput& in) -> Result<StepOutput> {
-         StepOutput out;
-         out.from.resize(in.cloud.size());
-         std::iota(out.from.begin(), out.from.end(), 0u);
-         out.from.push_back(kFromNearest);
-         out.placed_mm.push_back(in.cloud.local_mm(in.cloud.size() - 1) + Vec3(0, 0, 0.01));
-         return out;
-       }});
-  cleaning.add({"fail", "cannot", "this test", {}, [](const StepInput&) -> Result<StepOutput> {
-                  return Error{"it went wrong", "try another", {}, 0};
+  cleaning.add({"add",
+                "adds one above the last",
+                "this test",
+                {},
+                [](const CleaningStepInput& in) -> Result<CleaningStepOutput> {
+                  CleaningStepOutput out;
+                  out.from.resize(in.cloud.size());
+                  std::iota(out.from.begin(), out.from.end(), 0u);
+                  out.from.push_back(kNearestInputPoint);
+                  out.new_points_mm.push_back(in.cloud.local_mm(in.cloud.size() - 1) + Vec3(0, 0, 0.01));
+                  return out;
                 }});
+  cleaning.add(
+      {"fail", "cannot", "this test", {}, [](const CleaningStepInput&) -> Result<CleaningStepOutput> {
+         return Error{"it went wrong", "try another", {}, 0};
+       }});
   return cleaning;
 }
 
@@ -65,9 +69,8 @@ cloud::Cloud grid() {
 }
 
 CleanedCloud run(const Cleaning& cleaning, const cloud::Cloud& cloud, const std::string& text) {
-  const auto parsed = cleaning.parse(text);
-  EXPECT_TRUE(parsed.ok()) << parsed.error().message();
-  auto cleaned = cleaning.run(cloud, *parsed, 1, no_progress());
+  const auto parsed = test::value_of(cleaning.parse(text));
+  auto cleaned = cleaning.run(cloud, parsed, 1, no_progress());
   EXPECT_TRUE(cleaned.ok()) << cleaned.error().message();
   return *std::move(cleaned);
 }
@@ -105,19 +108,19 @@ TEST(Cleaning, ARasterStaysOneWhereItsPointsOnlyMove) {
 TEST(Cleaning, SaysWhatIsWrong) {
   const Cleaning cleaning = steps();
   EXPECT_EQ(cleaning.parse("dorp").error().remedy, "did you mean 'drop'?");
-  EXPECT_NE(cleaning.parse("zebra").error().remedy.find("drop, lift, add, fail"), std::string::npos);
-  EXPECT_NE(cleaning.parse("drop/number=2").error().message().find("points"), std::string::npos);
+  EXPECT_TRUE(test::contains(cleaning.parse("zebra").error().remedy, "drop, lift, add, fail"));
+  EXPECT_TRUE(test::contains(cleaning.parse("drop/number=2").error().message(), "points"));
   EXPECT_FALSE(cleaning.parse("lift/by=11").ok());
   EXPECT_FALSE(cleaning.parse("").ok());
   EXPECT_FALSE(cleaning.parse("drop++lift").ok());
-  EXPECT_NE(Cleaning{}.parse("drop").error().remedy.find("none in this program"), std::string::npos);
+  EXPECT_TRUE(test::contains(Cleaning{}.parse("drop").error().remedy, "none in this program"));
   const cloud::Cloud cloud = grid();
   const auto fails = [&](const std::string& text) {
     const auto parsed = cleaning.parse(text);
     return cleaning.run(cloud, *parsed, 1, no_progress()).error().message();
   };
   EXPECT_EQ(fails("lift+fail"), "it went wrong; try another");
-  EXPECT_NE(fails("drop/points=500").find("every one of 121"), std::string::npos);
+  EXPECT_TRUE(test::contains(fails("drop/points=500"), "every one of 121"));
 }
 
 TEST(Cleaning, StopsWhereTheUserAsksTo) {
@@ -127,7 +130,7 @@ TEST(Cleaning, StopsWhereTheUserAsksTo) {
   } stopped;
   const Cleaning cleaning = steps();
   const auto parsed = cleaning.parse("lift");
-  EXPECT_NE(cleaning.run(grid(), *parsed, 1, stopped).error().what.find("stopped"), std::string::npos);
+  EXPECT_TRUE(test::contains(cleaning.run(grid(), *parsed, 1, stopped).error().what, "stopped"));
 }
 
 class CleanScene : public InFolder {
@@ -168,32 +171,27 @@ TEST_F(CleanScene, StepsOfASceneAreTimedAndColumnsFollow) {
 
 TEST_F(CleanScene, GeneratedModelsKeepTheirFormulaAndLoseTheirFaces) {
   const Cleaning cleaning = steps();
-  const auto got = loaded(
-      "[[model]]\ngenerate = \"plane\"\npoints = 121\n  [[model.clean]]\n  step = \"drop\"\n", &cleaning);
-  ASSERT_TRUE(got.ok()) << got.error().message();
-  EXPECT_NE(got->input.models[0].analytic, nullptr);
-  EXPECT_EQ(got->input.models[0].original_mesh, nullptr);
+  const auto got = test::value_of(loaded(
+      "[[model]]\ngenerate = \"plane\"\npoints = 121\n  [[model.clean]]\n  step = \"drop\"\n", &cleaning));
+  EXPECT_NE(got.input.models[0].analytic, nullptr);
+  EXPECT_EQ(got.input.models[0].original_mesh, nullptr);
 }
 
 TEST_F(CleanScene, ErrorsNameTheLine) {
   const Cleaning cleaning = steps();
-  const std::string model = "[[model]]\ngenerate = \"plane\"\npoints = 121\n";
-  EXPECT_NE(refusal(model + "\n  [[model.clean]]\n  step = \"dorp\"\n", &cleaning).find("scene.toml:5: "),
-            std::string::npos);
-  EXPECT_NE(
-      refusal(model + "  [[model.clean]]\n  step = \"lift\"\n  by = \"high\"\n", &cleaning).find("toml:4"),
-      std::string::npos);
-  EXPECT_NE(refusal(model + "  [[model.clean]]\n  by = 1\n", &cleaning).find("needs 'step'"),
-            std::string::npos);
-  EXPECT_NE(refusal(model + "  [model.clean]\n  step = \"lift\"\n", &cleaning).find("two brackets"),
-            std::string::npos);
-  EXPECT_NE(refusal(model + "  [[model.clean]]\n  step = \"fail\"\n", &cleaning).find("went wrong"),
-            std::string::npos);
-  EXPECT_NE(refusal(model + "  [[model.clean]]\n  step = \"lift\"\n", nullptr).find("no cleaning step"),
-            std::string::npos)
+  const std::string model = "[[model]]\ngenerate = \"plane\"\npoints = 121\n",
+                    lift = "  [[model.clean]]\n  step = \"lift\"\n";
+  const std::pair<std::string, const char*> refused[] = {
+      {"\n  [[model.clean]]\n  step = \"dorp\"\n", "scene.toml:5: "},
+      {lift + "  by = \"high\"\n", "toml:4"},
+      {"  [[model.clean]]\n  by = 1\n", "needs 'step'"},
+      {"  [model.clean]\n  step = \"lift\"\n", "two brackets"},
+      {"  [[model.clean]]\n  step = \"fail\"\n", "went wrong"},
+      {"  [[model.view]]\n  cloud = \"a.ply\"\n", "'view' does nothing"}};
+  for (const auto& [text, why] : refused)
+    EXPECT_TRUE(test::contains(refusal(model + text, &cleaning), why)) << text;
+  EXPECT_TRUE(test::contains(refusal(model + lift, nullptr), "no cleaning step"))
       << "a program without steps does not leave them out in silence";
-  EXPECT_NE(refusal(model + "  [[model.view]]\n  cloud = \"a.ply\"\n", &cleaning).find("'view' does nothing"),
-            std::string::npos);
 }
 
 TEST_F(CleanScene, ViewsAreMergedByTheirPoses) {
@@ -212,12 +210,11 @@ TEST_F(CleanScene, ViewsAreMergedByTheirPoses) {
   };
   save("first.ply", first, "alone");
   save("second.ply", second, "other");
-  const auto got = loaded(
-      "[[model]]\ncloud = \"first.ply\"\nscale = 2\n  [[model.view]]\n  cloud = \"second.ply\"\n"
-      "  position_mm = [10, -20, 30]\n  rotation = [0.5, 0.5, -0.5, 0.5]\n",
-      nullptr);
-  ASSERT_TRUE(got.ok()) << got.error().message();
-  const cloud::Cloud& merged = *got->input.models[0].cloud;
+  const auto got = test::value_of(
+      loaded("[[model]]\ncloud = \"first.ply\"\nscale = 2\n  [[model.view]]\n  cloud = \"second.ply\"\n"
+             "  position_mm = [10, -20, 30]\n  rotation = [0.5, 0.5, -0.5, 0.5]\n",
+             nullptr));
+  const cloud::Cloud& merged = *got.input.models[0].cloud;
   ASSERT_EQ(merged.size(), whole.size());
   std::size_t at = 0, behind = first.size();
   const double rounding = 8.0 * merged.box_mm().extent_mm().norm() * 0x1p-24;  // of three stored roundings
@@ -228,24 +225,135 @@ TEST_F(CleanScene, ViewsAreMergedByTheirPoses) {
   ASSERT_EQ(merged.properties.size(), 1u) << "only what all views have";
   EXPECT_EQ(merged.properties[0].name, "both");
   EXPECT_EQ(merged.properties[0].values.size(), merged.size());
-  EXPECT_EQ(got->provenance[0].file_points, whole.size());
-  EXPECT_NE(got->provenance[0].format.find("2 views"), std::string::npos);
+  EXPECT_EQ(got.provenance[0].file_points, whole.size());
+  EXPECT_TRUE(test::contains(got.provenance[0].format, "2 views"));
 }
 
 TEST_F(CleanScene, ViewsThatCannotBeMergedAreRefused) {
   ASSERT_TRUE(io::write_cloud_ply(in("grid.ply"), grid()).ok());
   const std::string model = "[[model]]\ncloud = \"grid.ply\"\n";
-  EXPECT_NE(refusal(model + "  [[model.view]]\n  cloud = \"nowhere.ply\"\n", nullptr).find("nowhere.ply"),
-            std::string::npos);
-  EXPECT_NE(refusal(model + "  [[model.view]]\n  rotation = [1, 0, 0, 0]\n", nullptr).find("needs 'cloud'"),
-            std::string::npos);
-  EXPECT_NE(refusal(model + "  [[model.view]]\n  cloud = \"grid.ply\"\n  rotation = [2, 0, 0, 0]\n", nullptr)
-                .find("scene.toml:5"),
-            std::string::npos);
+  const std::pair<const char*, const char*> refused[] = {
+      {"  cloud = \"nowhere.ply\"\n", "nowhere.ply"},
+      {"  rotation = [1, 0, 0, 0]\n", "needs 'cloud'"},
+      {"  cloud = \"grid.ply\"\n  rotation = [2, 0, 0, 0]\n", "scene.toml:5"}};
+  for (const auto& [text, why] : refused)
+    EXPECT_TRUE(test::contains(refusal(model + "  [[model.view]]\n" + text, nullptr), why)) << text;
   std::ofstream(in("metres.obj")) << "# unit m\nv 0 0 0\nv 1 0 0\nv 0 1 0\n";
   const std::string other = refusal(model + "  [[model.view]]\n  cloud = \"metres.obj\"\n", nullptr);
   EXPECT_TRUE(other.empty() || other.find("unit") != std::string::npos) << other;
 }
+
+// Scene files that are refused, with the line and the remedy.
+
+struct Refused {
+  const char* name;
+  const char* text;   // "@" stands for a model with a cloud, on two lines
+  std::int64_t line;  // 0: any
+  const char* says;   // part of the message
+};
+
+class RefusedScene : public testing::TestWithParam<Refused> {};
+
+TEST_P(RefusedScene, NamesTheLineAndTheRemedy) {
+  std::string text = GetParam().text;
+  if (text.starts_with("@")) text.replace(0, 1, "[[model]]\ncloud = \"a.ply\"\n");
+  const Result<SceneFile> scene = parse_scene(text, "bad.toml");
+  ASSERT_TRUE(test::refused(scene, GetParam().says));
+  EXPECT_EQ(scene.error().file, "bad.toml");
+  if (GetParam().line > 0) {
+    EXPECT_EQ(scene.error().line, GetParam().line);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, RefusedScene,
+    testing::Values(
+        Refused{"empty", "", 1, "no model"}, Refused{"not_toml", "[[model]\ncloud = 3", 1, "column"},
+        Refused{"misspelt_key", "@scael = 2", 3, "did you mean 'scale'"},
+        Refused{"begun_key", "@[model.surface]\nstiffness = 2", 4, "did you mean 'stiffness_n_per_mm'"},
+        Refused{"later_key", "@[model.surface]\ndamping = 0.7", 4, "not in this version"},
+        Refused{"later_table", "@[device]\nname = \"x\"", 3, "not in this version"},
+        Refused{"friction_below_0", "@[model.surface]\nfriction = -0.1", 4, "from 0 to 10000"},
+        Refused{"friction_half", "@[model.surface]\nfriction = { static = 0.5 }", 4,
+                "'static' and 'dynamic'"},
+        Refused{"friction_reversed", "@[model.surface]\nfriction = { static = 0.3, dynamic = 0.5 }", 4,
+                "static >= dynamic"},
+        Refused{"deformation", "@[model.surface]\ndeformation = 1.0", 4, "below 1"},
+        Refused{"map", "@[model.surface]\nfriction = { image = \"a.pfm\" }", 4, "needs 'tile_mm'"},
+        Refused{"texture_kind", "@[model.surface.texture]\nkind = \"wood\"\ndepth_mm = 1\nwavelength_mm = 1",
+                4, "choose from grating, noise, image"},
+        Refused{"texture_without_image",
+                "@[model.surface.texture]\nkind = \"image\"\ndepth_mm = 1\nwavelength_mm = 1", 3,
+                "needs 'image'"},
+        Refused{"dent", "@[model.surface.dent]\nyield_mm = 1", 3, "needs 'radius_mm'"},
+        Refused{"region_empty", "@[[model.region]]\nx_mm = [0, 1]", 3, "changes nothing"},
+        Refused{"region_range", "@[[model.region]]\nx_mm = [1, 0]\nfriction = 1", 4, "[low, high]"},
+        Refused{"region_key", "@[[model.region]]\nfricton = 1", 4, "did you mean 'friction'"},
+        Refused{"motion_key", "@[model.motion]\nvelocity = 1", 4, "did you mean 'velocity_mm_s'"},
+        Refused{"motion_stop", "@[model.motion]\nstart_s = 2\nstop_s = 1", 5, "later than"},
+        Refused{"simulation", "@[simulation]\nrate_hz = 0", 4, "above 0"},
+        Refused{"unknown_table", "@[rendrer]\nname = \"x\"", 3, "did you mean 'renderer'"},
+        Refused{"both_sources", "@generate = \"plane\"", 0, "either 'cloud' or 'generate'"},
+        Refused{"no_source", "[[model]]\nscale = 2", 0, "either 'cloud' or 'generate'"},
+        Refused{"generator", "[[model]]\ngenerate = \"sinusiod\"", 2, "no generator"},
+        Refused{"generator_key", "[[model]]\ngenerate = \"plane\"\npoint = 100", 3, "did you mean 'points'"},
+        Refused{"generator_value", "[[model]]\ngenerate = \"plane\"\npoints = \"many\"", 0, "whole number"},
+        Refused{"unit_of_generated", "[[model]]\ngenerate = \"plane\"\nunit = \"m\"", 3,
+                "'unit' does nothing for a [[model]] with generate = \"plane\""},
+        Refused{"points_of_a_file", "@points = 100", 3, "it is of a [[model]] with a generator"},
+        Refused{"order_of_the_sphere", "[[model]]\ngenerate = \"sphere\"\norder = \"raster\"", 3,
+                "no key 'order'"},
+        Refused{"seed_without_jitter", "[[model]]\ngenerate = \"plane\"\nseed = 7", 0,
+                "seed=7 does nothing with jitter=0"},
+        Refused{
+            "axis_of_noise",
+            "@[model.surface.texture]\nkind = \"noise\"\ndepth_mm = 1\nwavelength_mm = 1\naxis = [1, 0, 0]",
+            7, "'axis' does nothing for a texture of kind \"noise\""},
+        Refused{"seed_of_a_grating",
+                "@[model.surface.texture]\nkind = \"grating\"\ndepth_mm = 1\nwavelength_mm = 1\nseed = 2", 7,
+                "'seed' does nothing"},
+        Refused{"image_of_a_grating",
+                "@[model.surface.texture]\nkind = \"grating\"\ndepth_mm = 1\nwavelength_mm = 1\nimage = "
+                "\"a.pfm\"",
+                7, "'image' does nothing"},
+        Refused{"texture_key", "@[model.surface.texture]\nkind = \"noise\"\nsed = 1", 5,
+                "did you mean 'seed'"},
+        Refused{"motion_of_nothing", "@[model.motion]\nstart_s = 1", 3, "moves nothing"},
+        Refused{"motion_about_no_turn", "@[model.motion]\nvelocity_mm_s = [1, 0, 0]\nabout_mm = [0, 0, 0]", 5,
+                "'about_mm' does nothing"},
+        Refused{"simulation_of_rest", "@[simulation]\nrate_hz = 200", 4, "no model moves"},
+        Refused{"unit", "@unit = \"parsec\"", 3, "parsec"},
+        Refused{"scale_zero", "@scale = 0", 3, "from 1e-12"},
+        Refused{"scale_nan", "@scale = nan", 3, "finite"},
+        Refused{"scale_text", "@scale = \"2\"", 3, "finite number"},
+        Refused{"rotation_length", "@rotation = [1, 1, 0, 0]", 3, "length 1.41421"},
+        Refused{"rotation_zero", "@rotation = [0, 0, 0, 0]", 3, "length 0"},
+        Refused{"rotation_count", "@rotation = [1, 0, 0]", 3, "4 numbers"},
+        Refused{"position_inf", "@position_mm = [inf, 0, 0]", 3, "finite"},
+        Refused{"stiffness_negative", "@[model.surface]\nstiffness_n_per_mm = -1", 4, "above 0"},
+        Refused{"model_no_list", "[model]\ncloud = \"a.ply\"", 0, "two brackets"},
+        Refused{"renderer_unnamed", "@[renderer]\nshading = \"none\"", 3, "needs 'name'"},
+        Refused{"stiffness_beyond", "@[model.surface]\nstiffness_n_per_mm = 1e300", 4, "up to 1000000000"},
+        Refused{"friction_beyond", "@[model.surface]\nfriction = 1e300", 4, "from 0 to 10000"},
+        Refused{"speed_beyond", "@[model.motion]\nvelocity_mm_s = [0, -1e300, 0]", 4,
+                "from -1000000000000000 to"},
+        Refused{"force_limit", "@[control]\nforce_limit_n = 0", 4, "above 0"},
+        Refused{"coupling_number", "@[control]\ncoupling = 0.5", 4, "must be a table"},
+        Refused{"coupling_without_spring", "@[control]\ncoupling = { damping_n_s_per_mm = 0.001 }", 4,
+                "stiffness_n_per_mm"},
+        Refused{"coupling_negative",
+                "@[control]\ncoupling = { stiffness_n_per_mm = 1, damping_n_s_per_mm = -1 }", 4,
+                "damping_n_s_per_mm"},
+        Refused{"coupling_key", "@[control]\ncoupling = { stifness_n_per_mm = 1 }", 4,
+                "did you mean 'stiffness_n_per_mm'"},
+        Refused{"passivity_text", "@[control]\npassivity = \"on\"", 4, "true or false"},
+        Refused{"passivity_limit", "@[control]\npassivity = { damping_limit_n_s_per_mm = 0 }", 4, "above 0"},
+        Refused{"rate_limit", "@[control]\nrate_limit_n_per_s = -1", 4, "above 0"},
+        Refused{"turn_limit", "@[control]\nturn_limit_deg_per_s = nan", 4, "finite"},
+        Refused{"filter_name", "@[control]\nrate_limit_n_per_s = 9\nfilter = \"kalman\"", 5, "no filter"},
+        Refused{"filter_of_nothing", "@[control]\nfilter = \"literal\"", 4, "limits nothing"},
+        Refused{"control_key", "@[control]\npasivity = true", 4, "did you mean 'passivity'"}),
+    [](const auto& tested) { return std::string(tested.param.name); });
 
 }  // namespace
 }  // namespace palpate::scene

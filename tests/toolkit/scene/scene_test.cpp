@@ -1,14 +1,17 @@
 // What a scene file says, and what is loaded for it.
-#include "toolkit/scene/scene.h"
-
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <regex>
+#include <sstream>
 
+#include <palpate/scene.h>
 #include "tests/in_folder.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::scene {
 namespace {
@@ -38,10 +41,9 @@ force_limit_n = 3.3
 )toml";
 
 TEST(SceneFile, ReadsEverythingTheSchemaHas) {
-  const Result<SceneFile> scene = parse_scene(kWhole, "folder/scene.toml");
-  ASSERT_TRUE(scene.ok()) << scene.error().message();
-  ASSERT_EQ(scene->models.size(), 2u);
-  const SceneModel& dragon = scene->models[0];
+  const auto scene = test::value_of(parse_scene(kWhole, "folder/scene.toml"));
+  ASSERT_EQ(scene.models.size(), 2u);
+  const SceneModel& dragon = scene.models[0];
   EXPECT_EQ(dragon.cloud, "folder/scans/dragon.ply.gz");
   EXPECT_EQ(dragon.name, "dragon");
   EXPECT_EQ(dragon.unit, io::Unit::kMetre);
@@ -50,29 +52,28 @@ TEST(SceneFile, ReadsEverythingTheSchemaHas) {
   EXPECT_NEAR(dragon.world_from_model.rotation.norm(), 1.0, 1e-15);
   EXPECT_NEAR(dragon.world_from_model.rotation.w(), std::sqrt(0.5), 1e-15);
   EXPECT_EQ(dragon.surface.stiffness_n_per_mm, 0.8);
-  const SceneModel& sinusoid = scene->models[1];
+  const SceneModel& sinusoid = scene.models[1];
   ASSERT_TRUE(sinusoid.generate.has_value());
   EXPECT_EQ(sinusoid.generate->name, "sinusoid");
   EXPECT_EQ(sinusoid.generate->options.text("points"), "10201");
   EXPECT_EQ(sinusoid.generate->options.text("jitter"), "0.1");
   EXPECT_TRUE(sinusoid.world_from_model.is_identity());
   EXPECT_EQ(sinusoid.surface.stiffness_n_per_mm, surface::Surface{}.stiffness_n_per_mm);
-  ASSERT_TRUE(scene->renderer.has_value());
-  EXPECT_EQ(scene->renderer->name, "cloud");
-  EXPECT_EQ(scene->renderer->options.text("shading"), "none");
-  EXPECT_EQ(scene->renderer->options.text("box_mm"), "0.15");
-  EXPECT_EQ(scene->force_limit_n, 3.3);
+  ASSERT_TRUE(scene.renderer.has_value());
+  EXPECT_EQ(scene.renderer->name, "cloud");
+  EXPECT_EQ(scene.renderer->options.text("shading"), "none");
+  EXPECT_EQ(scene.renderer->options.text("box_mm"), "0.15");
+  EXPECT_EQ(scene.force_limit_n, 3.3);
 }
 
 TEST(SceneFile, IdentityRotationStaysExact) {
-  const Result<SceneFile> scene =
-      parse_scene("[[model]]\ncloud = \"a.ply\"\nrotation = [1, 0, 0, 0]\n", "s.toml");
-  ASSERT_TRUE(scene.ok());
-  EXPECT_TRUE(scene->models[0].world_from_model.is_identity());
+  const auto scene =
+      test::value_of(parse_scene("[[model]]\ncloud = \"a.ply\"\nrotation = [1, 0, 0, 0]\n", "s.toml"));
+  EXPECT_TRUE(scene.models[0].world_from_model.is_identity());
 }
 
 TEST(SceneFile, ReadsSurfacesRegionsAndMotion) {
-  const Result<SceneFile> scene = parse_scene(R"toml(
+  const auto scene = test::value_of(parse_scene(R"toml(
 [[model]]
 generate = "plane"
   [model.surface]
@@ -105,9 +106,8 @@ generate = "plane"
 [simulation]
 rate_hz = 100
 )toml",
-                                              "scene.toml");
-  ASSERT_TRUE(scene.ok()) << scene.error().message();
-  const SceneModel& model = scene->models[0];
+                                                "scene.toml"));
+  const SceneModel& model = scene.models[0];
   EXPECT_EQ(model.sources.stiffness_column, "k");
   EXPECT_EQ(model.surface.friction.static_coefficient, 0.7);
   EXPECT_EQ(model.surface.friction.dynamic_coefficient, 0.5);
@@ -122,7 +122,7 @@ rate_hz = 100
   ASSERT_TRUE(model.motion.has_value());
   EXPECT_NEAR(model.motion->turn_rad_s.x(), 3.14159265358979, 1e-12);
   EXPECT_EQ(model.motion->about_mm->y(), 2.0);
-  EXPECT_EQ(scene->simulation_hz, 100.0);
+  EXPECT_EQ(scene.simulation_hz, 100.0);
 }
 
 std::string written(const std::string& name, const std::string& text) {
@@ -131,29 +131,32 @@ std::string written(const std::string& name, const std::string& text) {
   return file.string();
 }
 
+Result<LoadedScene> loaded_of(const Result<SceneFile>& scene, const LoadOptions& options = {}) {
+  if (!scene) return scene.error();
+  io::Readers readers;
+  io::add_standard_readers(readers);
+  return load(*scene, readers, options, no_progress());
+}
+Result<LoadedScene> loaded_of(const std::string& text) {
+  return loaded_of(parse_scene(text, "/scene.toml"));
+}
+
 TEST(SceneFile, RegionsAndColumnsBecomePropertiesOfPoints) {
   const std::string cloud = written("columns.csv", "x,y,z,mu\n0,0,0,0.1\n1,0,0,0.2\n2,0,0,0.3\n");
   const std::string head = "[[model]]\ncloud = \"" + cloud + "\"\nunit = \"mm\"\n";
-  const auto loaded = [&](const std::string& rest) {
-    const SceneFile scene = parse_scene(head + rest, "/scene.toml").value();
-    io::Readers readers;
-    io::add_standard_readers(readers);
-    return load(scene, readers, {}, no_progress());
-  };
-  const auto with_column = loaded(
-      "[model.surface]\nfriction = { column = \"mu\" }\n[[model.region]]\nx_mm = [1.5, 9]\n"
-      "friction = { static = 0.9, dynamic = 0.8 }\n");
-  ASSERT_TRUE(with_column) << with_column.error().message();
-  const auto& p = with_column->input.models[0].surface.per_point;
+  const auto loaded = [&](const std::string& rest) { return loaded_of(head + rest); };
+  const auto with_column = test::value_of(
+      loaded("[model.surface]\nfriction = { column = \"mu\" }\n[[model.region]]\nx_mm = [1.5, 9]\n"
+             "friction = { static = 0.9, dynamic = 0.8 }\n"));
+  const auto& p = with_column.input.models[0].surface.per_point;
   ASSERT_NE(p, nullptr);
   EXPECT_EQ(p->static_friction, (std::vector<float>{0.1f, 0.2f, 0.9f}));
   EXPECT_EQ(p->dynamic_friction, (std::vector<float>{0.1f, 0.2f, 0.8f}));
   EXPECT_TRUE(p->stiffness_n_per_mm.empty());
   const auto missing = loaded("[model.surface]\nfriction = { column = \"nu\" }\n");
-  ASSERT_FALSE(missing);
+  ASSERT_TRUE(test::refused(missing, "it has mu"));
   EXPECT_EQ(missing.error().file, "/scene.toml");
   EXPECT_EQ(missing.error().line, 4);
-  EXPECT_NE(missing.error().message().find("it has mu"), std::string::npos) << missing.error().message();
   EXPECT_EQ(loaded("")->input.models[0].surface.per_point, nullptr) << "nothing varies, nothing is stored";
 }
 
@@ -162,22 +165,14 @@ TEST(SceneFile, ImagesBecomeTexturesAndFrictionMaps) {
   std::string pfm = "Pf\n2 2\n-1.0\n";
   for (const float value : {0.0f, 1.0f, 0.0f, 1.0f}) pfm.append(reinterpret_cast<const char*>(&value), 4);
   const std::string image = written("two.pfm", pfm);
-  const SceneFile scene =
-      parse_scene(
-          "[[model]]\ngenerate = \"plane\"\nextent_mm = 4\nspacing_mm = 1\n[model.surface]\nfriction = { "
-          "image = "
-          "\"" +
-              image +
-              "\", tile_mm = 2, low = 0.2, high = 0.6 }\n[model.surface.texture]\nkind = \"image\"\n"
-              "depth_mm = 0.1\nwavelength_mm = 2\nimage = \"" +
-              image + "\"\n",
-          "/scene.toml")
-          .value();
-  io::Readers readers;
-  io::add_standard_readers(readers);
-  const auto loaded = load(scene, readers, {}, no_progress());
-  ASSERT_TRUE(loaded) << loaded.error().message();
-  const render::ModelInput& model = loaded->input.models[0];
+  const auto loaded = test::value_of(loaded_of(
+      "[[model]]\ngenerate = \"plane\"\nextent_mm = 4\nspacing_mm = 1\n[model.surface]\nfriction = { image = "
+      "\"" +
+      image +
+      "\", tile_mm = 2, low = 0.2, high = 0.6 }\n[model.surface.texture]\nkind = \"image\"\n"
+      "depth_mm = 0.1\nwavelength_mm = 2\nimage = \"" +
+      image + "\"\n"));
+  const render::ModelInput& model = loaded.input.models[0];
   ASSERT_NE(model.surface.texture.image, nullptr);
   EXPECT_EQ(model.surface.texture.image->height, (std::vector<std::uint16_t>{0, 65535, 0, 65535}));
   for (std::size_t i = 0; i < model.cloud->size(); ++i) {
@@ -189,14 +184,9 @@ TEST(SceneFile, ImagesBecomeTexturesAndFrictionMaps) {
 }
 
 TEST(SceneFile, MotionIsPublishedByTheSimulation) {
-  const SceneFile scene =
-      parse_scene(
-          "[[model]]\ngenerate = \"plane\"\npoints = 25\nposition_mm = [0, 0, 5]\n[model.motion]\n"
-          "velocity_mm_s = [0, 0, 10]\n",
-          "/scene.toml")
-          .value();
-  io::Readers readers;
-  const auto loaded = load(scene, readers, {}, no_progress());
+  const auto loaded = loaded_of(
+      "[[model]]\ngenerate = \"plane\"\npoints = 25\nposition_mm = [0, 0, 5]\n[model.motion]\n"
+      "velocity_mm_s = [0, 0, 10]\n");
   ASSERT_TRUE(loaded);
   ASSERT_NE(loaded->input.simulation, nullptr);
   loaded->input.simulation->reset();
@@ -205,36 +195,32 @@ TEST(SceneFile, MotionIsPublishedByTheSimulation) {
 }
 
 TEST(SceneFile, ControlIsOffUnlessAskedFor) {
-  const Result<SceneFile> scene =
-      parse_scene("[[model]]\ncloud = \"a.ply\"\n[control]\npassivity = false\n", "s.toml");
-  ASSERT_TRUE(scene.ok()) << scene.error().message();
-  EXPECT_FALSE(scene->control.any());
-  EXPECT_EQ(scene->force_limit_n, 0.0);
+  const auto scene =
+      test::value_of(parse_scene("[[model]]\ncloud = \"a.ply\"\n[control]\npassivity = false\n", "s.toml"));
+  EXPECT_FALSE(scene.control.any());
+  EXPECT_EQ(scene.force_limit_n, 0.0);
 }
 
 TEST(SceneFile, ReadsEveryControl) {
-  const Result<SceneFile> scene = parse_scene(
-      "[[model]]\ncloud = \"a.ply\"\n[control]\nforce_limit_n = 3.3\n"
-      "coupling = { stiffness_n_per_mm = 0.4, damping_n_s_per_mm = 0.0001 }\n"
-      "rate_limit_n_per_s = 200\nturn_limit_deg_per_s = 900\nfilter = \"literal\"\n"
-      "passivity = { damping_limit_n_s_per_mm = 0.002 }\n",
-      "s.toml");
-  ASSERT_TRUE(scene.ok()) << scene.error().message();
-  EXPECT_EQ(scene->force_limit_n, 3.3);
-  ASSERT_TRUE(scene->control.coupling);
-  EXPECT_EQ(scene->control.coupling->stiffness_n_per_mm, 0.4);
-  EXPECT_EQ(scene->control.coupling->damping_n_s_per_mm, 0.0001);
-  EXPECT_EQ(scene->control.filter.rate_limit_n_per_s, 200.0);
-  EXPECT_EQ(scene->control.filter.turn_limit_deg_per_s, 900.0);
-  EXPECT_EQ(scene->control.filter.form, control::FilterForm::kLiteral);
-  ASSERT_TRUE(scene->control.passivity);
-  EXPECT_EQ(scene->control.passivity->damping_limit_n_s_per_mm, 0.002);
+  const auto scene = test::value_of(
+      parse_scene("[[model]]\ncloud = \"a.ply\"\n[control]\nforce_limit_n = 3.3\n"
+                  "coupling = { stiffness_n_per_mm = 0.4, damping_n_s_per_mm = 0.0001 }\n"
+                  "rate_limit_n_per_s = 200\nturn_limit_deg_per_s = 900\nfilter = \"literal\"\n"
+                  "passivity = { damping_limit_n_s_per_mm = 0.002 }\n",
+                  "s.toml"));
+  EXPECT_EQ(scene.force_limit_n, 3.3);
+  ASSERT_TRUE(scene.control.coupling);
+  EXPECT_EQ(scene.control.coupling->stiffness_n_per_mm, 0.4);
+  EXPECT_EQ(scene.control.coupling->damping_n_s_per_mm, 0.0001);
+  EXPECT_EQ(scene.control.filter.rate_limit_n_per_s, 200.0);
+  EXPECT_EQ(scene.control.filter.turn_limit_deg_per_s, 900.0);
+  EXPECT_EQ(scene.control.filter.form, control::FilterForm::kLiteral);
+  ASSERT_TRUE(scene.control.passivity);
+  EXPECT_EQ(scene.control.passivity->damping_limit_n_s_per_mm, 0.002);
 }
 
 TEST(SceneFile, RefusesAFileTooLargeToBeAScene) {
-  const Result<SceneFile> scene = parse_scene(std::string(kMaxSceneBytes + 1, '#'), "big.toml");
-  ASSERT_FALSE(scene.ok());
-  EXPECT_NE(scene.error().what.find("larger"), std::string::npos);
+  EXPECT_TRUE(test::refused(parse_scene(std::string(kMaxSceneBytes + 1, '#'), "big.toml"), "larger"));
 }
 
 TEST(SceneFile, SurvivesDeepNesting) {
@@ -252,61 +238,46 @@ class SceneOnDisk : public InFolder {
 
 TEST_F(SceneOnDisk, LoadsAFileBesideTheSceneInMillimetres) {
   write("points.xyz", "0 0 0\n1 0 0\n0 1 0\n0 0 1\n");
-  const std::string file =
-      write("scene.toml", "[[model]]\ncloud = \"points.xyz\"\nunit = \"m\"\nscale = 2\n");
-  const Result<SceneFile> scene = open_scene(file);
-  ASSERT_TRUE(scene.ok()) << scene.error().message();
-  io::Readers readers;
-  io::add_standard_readers(readers);
-  const Result<LoadedScene> loaded = load(*scene, readers, {}, no_progress());
-  ASSERT_TRUE(loaded.ok()) << loaded.error().message();
-  ASSERT_EQ(loaded->input.models.size(), 1u);
-  const cloud::Cloud& cloud = *loaded->input.models[0].cloud;
+  const auto loaded = test::value_of(loaded_of(
+      open_scene(write("scene.toml", "[[model]]\ncloud = \"points.xyz\"\nunit = \"m\"\nscale = 2\n"))));
+  ASSERT_EQ(loaded.input.models.size(), 1u);
+  const cloud::Cloud& cloud = *loaded.input.models[0].cloud;
   ASSERT_EQ(cloud.size(), 4u);
   EXPECT_NEAR(cloud.box_mm().extent_mm().x(), 2000.0, 1e-3);
-  EXPECT_EQ(loaded->provenance[0].content_hash.size(), 16u);
-  EXPECT_FALSE(loaded->provenance[0].unit_guessed);
+  EXPECT_EQ(loaded.provenance[0].content_hash.size(), 16u);
+  EXPECT_FALSE(loaded.provenance[0].unit_guessed);
 }
 
 TEST_F(SceneOnDisk, AMissingModelIsAnErrorWithAPlace) {
   const std::string file = write("scene.toml", "\n[[model]]\ncloud = \"nowhere.ply\"\n");
-  const Result<SceneFile> scene = open_scene(file);
-  ASSERT_TRUE(scene.ok());
-  io::Readers readers;
-  io::add_standard_readers(readers);
-  const Result<LoadedScene> loaded = load(*scene, readers, {}, no_progress());
-  ASSERT_FALSE(loaded.ok());
   // The line would be the scene's, and the file is not there to have one.
-  EXPECT_EQ(loaded.error().message(), in("nowhere.ply") + ": no such file; check the path");
+  EXPECT_TRUE(
+      test::refused(loaded_of(open_scene(file)), in("nowhere.ply") + ": no such file; check the path"));
 }
 
 TEST_F(SceneOnDisk, WishesForFilesAreRefusedWhereThereIsNone) {
   write("points.xyz", "0 0 0\n1 0 0\n0 1 0\n0 0 1\n");
-  io::Readers readers;
-  io::add_standard_readers(readers);
   LoadOptions unit, post, vertical, non_finite;
   unit.unit = io::Unit::kMetre;
   post.post_mm = 1.0;
   vertical.vertical_mm = 1.0;
   non_finite.non_finite = cloud::NonFinite::kRefuse;
   const auto refused = [&](const std::string& scene, const LoadOptions& options) {
-    const Result<SceneFile> opened = open_scene(scene);
-    EXPECT_TRUE(opened.ok());
-    const Result<LoadedScene> loaded = load(*opened, readers, options, no_progress());
+    const Result<LoadedScene> loaded = loaded_of(open_scene(scene), options);
     return loaded ? std::string() : loaded.error().message();
   };
   for (const auto& [options, name] :
        {std::pair(unit, "--unit"), std::pair(post, "--post-mm"), std::pair(vertical, "--vertical-mm"),
         std::pair(non_finite, "--non-finite")})
-    EXPECT_NE(refused("plane:points=121", options).find(std::string(name) + " is of model files"),
-              std::string::npos);
+    EXPECT_TRUE(
+        test::contains(refused("plane:points=121", options), std::string(name) + " is of model files"));
   const std::string file = in("points.xyz");
   EXPECT_EQ(refused(file, unit), "");
   EXPECT_EQ(refused(file, non_finite), "");
-  EXPECT_NE(refused(file, post).find("'post_mm' is of grids of heights"), std::string::npos);
-  EXPECT_NE(refused(file, vertical).find("'vertical_mm' is of grids of heights"), std::string::npos);
+  EXPECT_TRUE(test::contains(refused(file, post), "'post_mm' is of grids of heights"));
+  EXPECT_TRUE(test::contains(refused(file, vertical), "'vertical_mm' is of grids of heights"));
   const std::string said = write("said.toml", "[[model]]\ncloud = \"points.xyz\"\nunit = \"m\"\n");
-  EXPECT_NE(refused(said, unit).find("--unit does nothing"), std::string::npos);
+  EXPECT_TRUE(test::contains(refused(said, unit), "--unit does nothing"));
 }
 
 TEST_F(SceneOnDisk, ARegionWithoutPointsIsWarnedOf) {
@@ -314,82 +285,115 @@ TEST_F(SceneOnDisk, ARegionWithoutPointsIsWarnedOf) {
       write("scene.toml",
             "[[model]]\ngenerate = \"plane\"\npoints = 121\n[[model.region]]\nx_mm = [900, "
             "901]\nfriction = 1\n[[model.region]]\nx_mm = [0, 10]\nfriction = 1\n");
-  const Result<SceneFile> scene = open_scene(file);
-  ASSERT_TRUE(scene.ok()) << scene.error().message();
-  const Result<LoadedScene> loaded = load(*scene, io::Readers{}, {}, no_progress());
-  ASSERT_TRUE(loaded.ok());
-  ASSERT_EQ(loaded->provenance[0].warnings.size(), 1u);
-  EXPECT_NE(loaded->provenance[0].warnings[0].find("line 4 holds no point"), std::string::npos)
-      << loaded->provenance[0].warnings[0];
+  const auto loaded = test::value_of(loaded_of(open_scene(file)));
+  ASSERT_EQ(loaded.provenance[0].warnings.size(), 1u);
+  EXPECT_TRUE(test::contains(loaded.provenance[0].warnings[0], "line 4 holds no point"));
 }
 
 TEST_F(SceneOnDisk, OnlyRegularFilesAreScenes) {
   ASSERT_EQ(::mkfifo(in("pipe.toml").c_str(), 0600), 0);  // nobody writes: opening it would wait for ever
-  EXPECT_NE(open_scene(in("pipe.toml")).error().message().find("a pipe"), std::string::npos);
+  EXPECT_TRUE(test::refused(open_scene(in("pipe.toml")), "a pipe"));
   std::filesystem::create_symlink("/dev/zero", in("zero.toml"));
-  EXPECT_NE(open_scene(in("zero.toml")).error().message().find("a device"), std::string::npos);
-  EXPECT_EQ(open_scene(in("none.toml")).error().message(),
-            in("none.toml") + ": no such file; check the path");
+  EXPECT_TRUE(test::refused(open_scene(in("zero.toml")), "a device"));
+  EXPECT_TRUE(test::refused(open_scene(in("none.toml")), in("none.toml") + ": no such file; check the path"));
   const std::string wide = write("wide.toml", std::string("\xFF\xFE[\0", 4));
-  EXPECT_NE(open_scene(wide).error().message().find("UTF-16"), std::string::npos);
+  EXPECT_TRUE(test::contains(open_scene(wide).error().message(), "UTF-16"));
   const std::string marked = write("marked.toml", "\xEF\xBB\xBF[[model]]\ngenerate = \"plane\"\n");
   EXPECT_TRUE(open_scene(marked).ok());
 }
 
 TEST_F(SceneOnDisk, GeneratorsLoadWithFormulaAndScale) {
-  const Result<SceneFile> scene = open_scene("plane:points=121:extent_mm=10:seed=1");
-  ASSERT_TRUE(scene.ok()) << scene.error().message();
   LoadOptions options;
   options.scale = 3.0;
-  const Result<LoadedScene> loaded = load(*scene, io::Readers{}, options, no_progress());
-  ASSERT_TRUE(loaded.ok()) << loaded.error().message();
-  EXPECT_NE(loaded->input.models[0].analytic, nullptr);
-  EXPECT_NE(loaded->input.models[0].original_mesh, nullptr);
-  EXPECT_NEAR(loaded->input.models[0].cloud->box_mm().extent_mm().x(), 30.0, 1e-4);
+  const auto loaded = test::value_of(loaded_of(open_scene("plane:points=121:extent_mm=10:seed=1"), options));
+  EXPECT_NE(loaded.input.models[0].analytic, nullptr);
+  EXPECT_NE(loaded.input.models[0].original_mesh, nullptr);
+  EXPECT_NEAR(loaded.input.models[0].cloud->box_mm().extent_mm().x(), 30.0, 1e-4);
 }
 
 TEST_F(SceneOnDisk, PointsAreTakenFromFacesThatNoRendererSees) {
-  const io::Readers readers;
-  const auto parsed = parse_scene(
-      "[[model]]\ngenerate = \"pebble\"\npoints = 300\nseed = 3\nsample = "
-      "\"blue:spacing=0.5:subdivide=1:seed=2\"\n",
-      "s.toml");
-  ASSERT_TRUE(parsed) << parsed.error().message();
-  const auto loaded = load(*parsed, readers, {}, no_progress());
-  ASSERT_TRUE(loaded) << loaded.error().message();
-  const render::ModelInput& model = loaded->input.models.front();
+  const auto sampled = [](const std::string& seed) {
+    return loaded_of(
+        "[[model]]\ngenerate = \"pebble\"\npoints = 300\nseed = 3\n"
+        "sample = \"blue:spacing=0.5:subdivide=1:seed=" +
+        seed + "\"\n");
+  };
+  const auto loaded = test::value_of(sampled("2"));
+  const render::ModelInput& model = loaded.input.models.front();
   EXPECT_EQ(model.original_mesh, nullptr);
   EXPECT_EQ(model.analytic, nullptr);
-  ASSERT_EQ(loaded->sampled_mesh.size(), 1u);
-  ASSERT_NE(loaded->sampled_mesh[0], nullptr);
-  EXPECT_GT(loaded->sampled_mesh[0]->triangles.size(), 2000u) << "four for one";
+  ASSERT_EQ(loaded.sampled_mesh.size(), 1u);
+  ASSERT_NE(loaded.sampled_mesh[0], nullptr);
+  EXPECT_GT(loaded.sampled_mesh[0]->triangles.size(), 2000u) << "four for one";
   EXPECT_GT(model.cloud->size(), 2000u);
-  EXPECT_NE(loaded->provenance[0].source.find("blue:"), std::string::npos);
-  const auto other = load(*parse_scene("[[model]]\ngenerate = \"pebble\"\npoints = 300\nseed = 3\nsample = "
-                                       "\"blue:spacing=0.5:subdivide=1:seed=4\"\n",
-                                       "s.toml"),
-                          readers, {}, no_progress());
-  EXPECT_NE(other->provenance[0].content_hash, loaded->provenance[0].content_hash);
+  EXPECT_TRUE(test::contains(loaded.provenance[0].source, "blue:"));
+  EXPECT_NE(sampled("4")->provenance[0].content_hash, loaded.provenance[0].content_hash);
   for (const char* bad : {"bleu", "blue:spacing=-1", "blue:views=2", "scan:sedd=1"}) {
     const auto refused =
         parse_scene(std::string("[[model]]\ngenerate = \"pebble\"\nsample = \"") + bad + "\"\n", "s.toml");
     ASSERT_FALSE(refused) << bad;
     EXPECT_EQ(refused.error().line, 3) << bad;
   }
-  const auto without =
-      parse_scene("[[model]]\ngenerate = \"torus\"\nmesh = false\nsample = \"blue\"\n", "s.toml");
-  ASSERT_TRUE(without);
-  const auto refused = load(*without, readers, {}, no_progress());
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("no faces"), std::string::npos);
+  EXPECT_TRUE(test::refused(loaded_of("[[model]]\ngenerate = \"torus\"\nmesh = false\nsample = \"blue\"\n"),
+                            "no faces"));
 }
 
 TEST_F(SceneOnDisk, NeitherFileNorGeneratorSaysWhatIsUnderstood) {
-  const Result<SceneFile> scene = open_scene("no-such-thing");
-  ASSERT_FALSE(scene.ok());
-  EXPECT_NE(scene.error().message().find("sinusoid"), std::string::npos);
+  EXPECT_TRUE(test::refused(open_scene("no-such-thing"), "sinusoid"));
   EXPECT_FALSE(open_scene("missing.toml").ok());
   EXPECT_FALSE(open_scene("plane:points=121:wrong=1").ok());
+}
+
+// The page about scene files names every key that is read, where it is read.
+
+/// The example of docs/reference/scene-keys.md.
+std::string example() {
+  std::ifstream page(PALPATE_SOURCE_ROOT "/docs/reference/scene-keys.md");
+  std::stringstream all;
+  all << page.rdbuf();
+  const std::string text = all.str(), fence = "```toml\n";
+  const std::size_t begin = text.find(fence);
+  EXPECT_NE(begin, std::string::npos);
+  return text.substr(begin + fence.size(), text.find("```", begin + fence.size()) - begin - fence.size());
+}
+
+/// What stands under each header, comments included; "" holds the headers.
+std::map<std::string, std::string> sections(const std::string& text) {
+  std::map<std::string, std::string> found;
+  std::string table, line;
+  std::istringstream lines(text);
+  const std::regex header(R"(^\s*\[\[?([a-z.]+)\]\]?(.*))");
+  for (std::smatch match; std::getline(lines, line); line.clear()) {
+    if (std::regex_match(line, match, header)) {
+      table = match[1];
+      found[""] += table + "\n";
+      line = match[2];
+    }
+    found[table] += line + "\n";
+  }
+  return found;
+}
+
+bool has_word(const std::string& text, const std::string& word) {
+  return std::regex_search(text, std::regex("(^|[^a-z_.])" + word + "($|[^a-z_.])"));
+}
+
+TEST(SceneKeys, ThePageHasThemAll) {
+  std::map<std::string, std::string> page = sections(example());
+  std::size_t keys = 0;
+  for (const TableKeys& table : scene_keys())
+    for (const std::string& key : table.keys) {
+      ++keys;
+      const std::string own_table = table.table.empty() ? key : table.table + "." + key;
+      EXPECT_TRUE(has_word(page[table.table], key) || has_word(page[""], own_table))
+          << "docs/reference/scene-keys.md does not name '" << key << "' of [" << table.table << "]";
+    }
+  EXPECT_GT(keys, 50u) << "the tables of fields were not found";
+}
+
+TEST(SceneKeys, TheExampleOfThePageIsRead) {
+  const auto scene = test::value_of(parse_scene(example(), "docs/reference/scene-keys.md"));
+  EXPECT_EQ(scene.models.size(), 3u);
 }
 
 }  // namespace

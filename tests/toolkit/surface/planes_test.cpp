@@ -1,5 +1,5 @@
 // Local planes against formulas, and the side that a surface agrees on: closed, open, thin, sharp, hostile.
-#include "toolkit/surface/planes.h"
+#include "toolkit/surface/oriented_points.h"
 
 #include <gtest/gtest.h>
 
@@ -7,25 +7,25 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/cloud/generate.h"
-#include "toolkit/core/options.h"
+#include <palpate/generate.h>
+#include <palpate/options.h>
 #include "toolkit/core/random.h"
-#include "toolkit/neighbourhood/knn.h"
-#include "toolkit/neighbourhood/walkable.h"
+#include "toolkit/search/connected_knn.h"
+#include "toolkit/search/knn.h"
 
 namespace palpate::surface {
 namespace {
 
 struct Prepared {
-  std::vector<SurfacePoint> points;
-  std::vector<neighbourhood::Neighbours> neighbours;
+  std::vector<OrientedPoint> points;
+  std::vector<search::Neighbours> neighbours;
   OrientReport report;
 };
 
 Prepared prepared(const cloud::Cloud& cloud, int threads = 0) {
   Prepared p;
-  neighbourhood::NeighbourTable table = neighbourhood::exact_knn(cloud, threads);
-  neighbourhood::make_walkable(cloud, table, threads);
+  search::NeighbourTable table = search::exact_knn(cloud, threads);
+  search::make_walkable(cloud, table, threads);
   p.neighbours = table.of;
   for (std::size_t i = 0; i < cloud.size(); ++i)
     p.points.push_back({cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], kNoNormal});
@@ -57,7 +57,7 @@ TEST(Planes, OfPointsOnALineOrAtOnePlaceThereAreNone) {
   for (int i = 0; i < 40; ++i) line.emplace_back(0.1 * i, 0.2 * i, -0.3 * i);
   for (const auto& points : {line, pile}) {
     const Prepared p = prepared(cloud_of(points));
-    for (const SurfacePoint& point : p.points) EXPECT_EQ(point.normal, kNoNormal);
+    for (const OrientedPoint& point : p.points) EXPECT_EQ(point.normal, kNoNormal);
     EXPECT_EQ(p.report.one_sided_points, 0u);
   }
 }
@@ -91,7 +91,7 @@ TEST(Planes, OpenSurfacesAgreeAndStayTwoSided) {
     const Prepared p = prepared(generated(spec).cloud);
     EXPECT_EQ(p.report.one_sided_points, 0u);
     const double sign = decode_normal(p.points[0].normal).z() > 0.0 ? 1.0 : -1.0;
-    for (const SurfacePoint& point : p.points) ASSERT_GT(sign * decode_normal(point.normal).z(), 0.0);
+    for (const OrientedPoint& point : p.points) ASSERT_GT(sign * decode_normal(point.normal).z(), 0.0);
   }
 }
 
@@ -110,7 +110,7 @@ TEST(Planes, TheSideHoldsAcrossASharpRim) {
   for (int i = 0; i < 126; ++i) points.emplace_back(std::cos(0.05 * i), std::sin(0.05 * i), 0.0);
   const Prepared p = prepared(cloud_of(points));
   std::size_t wrong = 0, judged = 0;
-  for (const SurfacePoint& point : p.points) {
+  for (const OrientedPoint& point : p.points) {
     if (point.normal == kNoNormal) continue;
     const Vec3 at = point.at();
     if (std::abs(at.z()) < 3.0 * step) continue;  // the rim itself, where a point has no one plane
@@ -136,7 +136,7 @@ TEST(Planes, AVolumeOfNoiseIsSurvived) {
   for (int i = 0; i < 3000; ++i) points.emplace_back(random.uniform(), random.uniform(), random.uniform());
   for (int i = 0; i < 50; ++i) points.emplace_back(0.5, 0.5, 0.5);
   const Prepared p = prepared(cloud_of(points));
-  for (const SurfacePoint& point : p.points)
+  for (const OrientedPoint& point : p.points)
     if (point.normal != kNoNormal) {
       EXPECT_NEAR(decode_normal(point.normal).norm(), 1.0, 1e-12);
     }

@@ -1,6 +1,7 @@
 // Natural neighbours against their definition: two points are neighbours where a sphere (in a plane, a
 // circle) through both and two (one) others holds no point.
 #include "toolkit/voronoi/voronoi.h"
+#include "tests/toolkit/messages.h"
 
 #include <gtest/gtest.h>
 
@@ -9,15 +10,16 @@
 #include <numeric>
 #include <set>
 
+#include <palpate/registry.h>
 #include "toolkit/core/random.h"
-#include "toolkit/neighbourhood/builders.h"
+#include "toolkit/search/neighbour_builders.h"
 
 namespace palpate::voronoi {
 namespace {
 
-using neighbourhood::kNeighbours;
-using neighbourhood::Neighbours;
-using neighbourhood::NeighbourTable;
+using search::kNeighbours;
+using search::Neighbours;
+using search::NeighbourTable;
 
 cloud::Cloud built(const std::vector<Vec3>& points) {
   return cloud::build_cloud(points, cloud::NonFinite::kRefuse).value();
@@ -141,12 +143,11 @@ TEST(Voronoi, DoesNotDependOnOrderOrThreads) {
 
 TEST(Voronoi, IsABuilderOnceRegistered) {
   const cloud::Cloud cloud = built({Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)});
-  EXPECT_FALSE(neighbourhood::build_neighbours("voronoi", cloud, 1));
+  EXPECT_FALSE(search::build_neighbours("voronoi", cloud, 1));
   register_voronoi();
-  const Result<neighbourhood::Built> built_table = neighbourhood::build_neighbours("voronoi", cloud, 1);
-  ASSERT_TRUE(built_table) << built_table.error().message();
-  EXPECT_EQ(built_table->table.count(0), 3u);
-  EXPECT_EQ(built_table->notes.size(), 1u);
+  const auto built_table = test::value_of(search::build_neighbours("voronoi", cloud, 1));
+  EXPECT_EQ(built_table.table.count(0), 3u);
+  EXPECT_EQ(built_table.notes.size(), 1u);
 }
 
 }  // namespace

@@ -1,0 +1,26 @@
+// Registers the baseline renderers and cleaning steps.
+//
+// First:
+//   palpate::render::Registry registry;
+//   palpate::render::register_toolkit_renderers(registry);
+//   palpate::baselines::register_baseline_renderers(registry);
+//   auto rival = registry.make("mesh-godobject", {});
+#pragma once
+
+#include <palpate/registry.h>
+
+namespace palpate::scene {
+class Cleaning;  // cleaning.h
+}
+
+namespace palpate::baselines {
+
+/// Adds all rivals on meshes and on points.
+void register_baseline_renderers(render::Registry& registry);
+
+/// Cleaning steps for raw scans, by CGAL: outliers, smooth, thin, upsample, fill-holes.
+/// Adds every step. Lengths are in spacings (square root of the occupied area per point), so results scale
+/// with the cloud. CGAL uses one thread: the result does not depend on `threads`.
+void register_cleaning(scene::Cleaning& cleaning);
+
+}  // namespace palpate::baselines

@@ -1,0 +1,118 @@
+// The interface of a haptic device for the servo loop: position in, governed force out. Device frame, mm and
+// N; drivers convert counts and motor commands below it.
+//
+// First:
+//   auto opened = device.open();  // zero force commanded
+//   if (!opened) return failed(opened.error());
+//   const palpate::device::DeviceState state = device.read();
+//   if (state.status == palpate::device::ReadStatus::kFresh) target_mm = state.position_mm;
+//   device.close();
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include <palpate/aabb.h>
+#include <palpate/result.h>
+#include <palpate/vec.h>
+
+namespace palpate::device {
+
+/// The only force type that devices accept. Only the governor can make one, so the compiler refuses any way
+/// around it. Device frame, N. For one sending: movable, not copyable, zero after a move, so that no old
+/// force can be sent again past the slew limit.
+class GovernedForce {
+ public:
+  GovernedForce(const GovernedForce&) = delete;
+  GovernedForce& operator=(const GovernedForce&) = delete;
+  GovernedForce(GovernedForce&& other) noexcept : newtons_(other.newtons_) { other.newtons_.setZero(); }
+  GovernedForce& operator=(GovernedForce&&) = delete;
+  ~GovernedForce() = default;
+
+  [[nodiscard]] const Vec3& newtons() const noexcept { return newtons_; }
+
+ private:
+  friend class ForceGovernor;
+  explicit GovernedForce(const Vec3& newtons) noexcept : newtons_(newtons) {}
+
+  Vec3 newtons_;
+};
+
+/// The shape of the workspace; it fills its box.
+enum class WorkspaceShape : std::uint8_t {
+  kBox,
+  kEllipsoid,  ///< arms on a ball joint; a sphere in a cubic box
+  kCylinder,   ///< about the box's z axis, elliptic in general
+};
+
+/// A device's capabilities.
+struct DeviceLimits {
+  double force_max_n = 0.0;             ///< continuous, in any direction
+  geometry::Aabb workspace_mm;          ///< device frame
+  double resolution_mm = 0.0;           ///< smallest step of position
+  double rate_hz = 0.0;                 ///< packets of the link per second
+  double stiffness_max_n_per_mm = 0.0;  ///< the stiffest wall without oscillation; 0: unknown
+  double damping_max_n_s_per_mm = 0.0;  ///< the largest damping it can render; 0: unknown
+  WorkspaceShape workspace_shape = WorkspaceShape::kBox;
+};
+
+/// A received packet, for recordings.
+struct RawPacket {
+  static constexpr std::size_t kMost = 64;
+  std::array<std::uint8_t, kMost> bytes{};
+  std::uint8_t size = 0;  ///< 0: none
+};
+
+enum class ReadStatus : std::uint8_t {
+  kFresh,       ///< a new state since the last read
+  kNothingNew,  ///< the link is silent: the last state again
+  kGarbled,     ///< bytes without a valid packet for too long
+  kLost,        ///< the device is gone
+};
+
+struct DeviceState {
+  ReadStatus status = ReadStatus::kNothingNew;
+  Vec3 position_mm = Vec3::Zero();  ///< as measured, unchecked; the governor checks it
+  std::uint32_t buttons = 0;        ///< one bit each
+  std::int64_t packet_ns = 0;       ///< arrival of the newest packet, on the servo's clock
+  bool homed = true;                ///< its zero is known; else positions are meaningless
+  RawPacket raw{};
+  /// Progress of homing in the driver's own count; MadeDevice::homing_prompt turns it into words, outside the
+  /// frame.
+  std::uint8_t homing_step = 0;
+};
+
+/// One device. Owned and used by one thread at a time (the servo thread between open and close), except
+/// cut_force. The destructor of a device with motors closes it.
+class Device {
+ public:
+  Device() = default;
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
+  virtual ~Device() = default;
+
+  /// Its name for the user and recordings.
+  [[nodiscard]] virtual std::string name() const = 0;
+  /// Makes the device ready with zero force. May take long and fail.
+  [[nodiscard]] virtual Status open() = 0;
+  /// Commands zero force and closes. Safe at any time, and repeatedly.
+  virtual void close() noexcept = 0;
+  /// Valid while open.
+  [[nodiscard]] virtual DeviceLimits limits() const noexcept = 0;
+
+  /// The newest state. Never blocks or allocates.
+  [[nodiscard]] virtual DeviceState read() noexcept = 0;
+  /// Commands a force. Never blocks or allocates. Call it every frame: the device may hold its last force for
+  /// ever.
+  virtual void send(GovernedForce force) noexcept = 0;
+
+  /// Commands zero force now, for watchdogs and program ends: from any thread, also during read or send and
+  /// after close(). Never blocks or allocates; its command is made in open(). False: nothing was sent
+  /// (closed, gone or unsupported). Required of devices with motors; a simulated one in the servo's thread
+  /// has nothing to cut.
+  virtual bool cut_force() noexcept { return false; }
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,53 @@
+// One fault in the whole chain of hand, link, device, renderer, governor and watchdog, up to motor release.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <palpate/device/force_governor.h>
+#include <palpate/result.h>
+
+namespace palpate::device {
+
+/// The fault's place and kind.
+struct TrialFault {
+  enum class Where : std::uint8_t {
+    kLink,      ///< in the simulated link: `kind` of LinkFault
+    kRenderer,  ///< the renderer answers NaN
+    kStuck,     ///< the renderer blocks for `lasts_s`
+    kLate,      ///< the loop pauses for `lasts_s`
+  };
+  std::string name;
+  Where where = Where::kLink;
+  int kind = 0;           ///< of LinkFault::Kind
+  double lasts_s = 1.0;   ///< exceeds every limit
+  bool harmless = false;  ///< too short for a fault: the force stays or returns
+  Fault expected = Fault::kNone;
+};
+
+/// All faults that a process survives; described in docs/results/hands-and-loops.md.
+[[nodiscard]] const std::vector<TrialFault>& trial_faults();
+
+struct TrialOptions {
+  double rate_hz = 1000.0;
+  std::uint64_t seed = 1;  ///< decides the phase of the fault within a period
+  bool real_time = false;  ///< real clock with the watchdog's thread; else a virtual clock
+};
+
+struct TrialOutcome {
+  Fault fault = Fault::kNone;    ///< latched
+  double force_before_n = 0.0;   ///< motor force at the start of the fault
+  double force_at_end_n = 0.0;   ///< at the trial's end
+  double detected_ms = -1.0;     ///< from the fault's start to its detection; below 0: never
+  double zero_ms = -1.0;         ///< from the fault's start to the final release of the motors
+  double zero_after_ms = -1.0;   ///< from detection to release; 0 if released first
+  int frames_to_zero = 0;        ///< frames with force begun after the detection
+  std::uint64_t late_looks = 0;  ///< the watchdog's: the machine stalled
+};
+
+/// Presses into a wall, triggers the fault and continues for 0.1 s. Virtual time is deterministic. Error: the
+/// device does not open.
+[[nodiscard]] Result<TrialOutcome> run_trial(const TrialFault& fault, const TrialOptions& options);
+
+}  // namespace palpate::device

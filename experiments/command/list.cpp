@@ -1,0 +1,96 @@
+// What can be named: renderers and paths.
+#include <fmt/format.h>
+
+#include <palpate/paths.h>
+#include <palpate/trace.h>
+#include "experiments/command/catalogue.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
+#include "experiments/run/arguments.h"
+#include "experiments/session/session.h"
+
+namespace palpate::experiments {
+namespace {
+
+struct RenderersArguments {
+  std::string name;  ///< empty: all
+  bool json = false;
+};
+
+void declare_renderers(const Declaration& declare, RenderersArguments& a) {
+  declare.text("NAME", a.name, "show this one alone (default: all)");
+  declare_json(declare, a.json);
+}
+
+Result<int> print_renderers(const RenderersArguments& arguments, Context& /*context*/) {
+  const render::Registry registry = all_renderers();
+  std::vector<CatalogueEntry> entries;
+  for (const render::RendererInfo& info : registry.all())
+    entries.push_back({info.name, info.summary, info.source, info.options, std::string(name_of(info.role)),
+                       std::string(name_of(info.geometry)), names_of(info.supports)});
+  PALPATE_TRY(keep_named(entries, arguments.name));
+  print_catalogue(entries, arguments.json);
+  if (!arguments.json)
+    fmt::print(
+        "Options follow the name after colons, as in cloud:refine=1; label=TEXT names one used twice;\n"
+        "clean=STEP+STEP cleans the points before (`palpate list steps`).\n");
+  return kExitOk;
+}
+
+CatalogueEntry entry(const std::string& name, const std::string& summary, std::span<const OptionSpec> options,
+                     const std::string& models, const std::string& example) {
+  CatalogueEntry made{name, summary, {}, options};
+  made.models = models;
+  made.example = example;
+  return made;
+}
+
+struct PathsArguments {
+  std::string name;  ///< empty: all
+  bool json = false;
+};
+
+void declare_paths(const Declaration& declare, PathsArguments& a) {
+  declare.text("NAME", a.name, "show this one alone (default: all)");
+  declare_json(declare, a.json);
+}
+
+Result<int> print_paths(const PathsArguments& arguments, Context& /*context*/) {
+  std::vector<CatalogueEntry> entries;
+  for (const paths::PathGenerator& g : paths::path_generators())
+    entries.push_back(entry(g.name, g.summary, g.options, g.models, g.example));
+  entries.push_back(entry("FILE.csv", fmt::format("a recorded path, its first line {}", trace::kPathHeader),
+                          {}, "any", "probe.csv"));
+  entries.push_back(
+      entry("FILE.traj",
+            "a recording in columns between blanks, tabs, commas or semicolons; lines that begin with # "
+            "or %, and a first line of names, are skipped",
+            recording_columns(), "any", "probe.traj:t=0:x=1:y=2:z=3:mm_per_unit=1000"));
+  PALPATE_TRY(keep_named(entries, arguments.name));
+  print_catalogue(entries, arguments.json);
+  if (!arguments.json)
+    fmt::print(
+        "Options follow the name after colons. A recording of any other ending: --path "
+        "probe.txt:t=0:x=1:y=2:z=3.\n"
+        "Lengths are in mm of the model's frame; docs/reference/documents.md says more.\n");
+  return kExitOk;
+}
+
+}  // namespace
+
+Subcommand renderers_subcommand() {
+  return subcommand("list renderers", "the renderers with their options, defaults and sources",
+                    {"palpate list renderers", "palpate list renderers cloud"}, declare_renderers,
+                    print_renderers);
+}
+
+Subcommand paths_subcommand() {
+  return subcommand("list paths",
+                    "the probe paths that --path takes: generators with their options, and recorded files",
+                    {"palpate list paths", "palpate list paths tap",
+                     "palpate compare sinusoid:points=10201 --renderers cloud --path "
+                     "raster:lines=8:speed_mm_s=100 --out out/raster"},
+                    declare_paths, print_paths);
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,146 @@
+// The kinds of `palpate test`.
+#include <fmt/format.h>
+
+#include "experiments/behaviours/watch.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
+#include "experiments/goals/goals.h"
+#include "experiments/hunt/hunt.h"
+#include "experiments/stability/stability.h"
+#include "experiments/stress/stress.h"
+
+namespace palpate::experiments {
+namespace {
+
+void declare_behaviours(const Declaration& declare, BehavioursArguments& a) {
+  declare_renderers(declare, a.renderers, "every method");
+  declare.text("--only", a.only, "these behaviours, separated by commas (default: all)");
+  declare_required_out(declare, a.out);
+  declare_threads(declare, a.threads);
+  declare_json(declare, a.json);
+  declare.verbose();
+}
+
+void declare_stress(const Declaration& declare, StressArguments& a) {
+  constexpr NumberRange kSeconds{0, 1e7}, kCellSeconds{1, 1e5};
+  declare_renderers(declare, a.renderers, "every one");
+  declare.text("--cases", a.cases, "cases or groups of cases, separated by commas (default: all)");
+  declare_required_out(declare, a.out);
+  declare.number("--budget", a.budget_s, kSeconds,
+                 "seconds after which no further cell is begun; 0: as long as it takes (default: 0)");
+  declare.rare().number(
+      "--cell-limit", a.cell_s, kCellSeconds,
+      fmt::format("seconds of processor time that one cell may take; then it has failed (default: {:g})",
+                  a.cell_s));
+  declare.flag("--quick", a.quick, "the short set of cases");
+  declare.flag("--full", a.full, "ten million points too");
+  declare.excludes("--quick", "--full");
+  declare.text(
+      "--against", a.against,
+      "stress.json of another run (another compiler, processor or number of threads): the trace hashes "
+      "must be the same");
+  declare_json(declare, a.json);
+  declare.verbose();
+}
+
+void declare_hunt(const Declaration& declare, HuntArguments& a) {
+  constexpr NumberRange kMinutes{0.0, 10'080.0, true};  // a week
+  constexpr NumberRange kTrials{1, 1'000'000'000}, kSeeds{0, 1'000'000'000};
+  declare_renderers(declare, a.renderers, "all of ours; options that are given stay");
+  declare.number("--minutes", a.minutes, kMinutes,
+                 "how long, with what an interrupted hunt took before (default: 10)");
+  declare.integer("--trials", a.trials, kTrials, "so many trials instead, whatever time they take");
+  declare.flag("--as-given", a.as_given, "turn no options of renderers");
+  declare.integer("--seed", a.seed, kSeeds, "of the random search (default: 1)");
+  declare_required_out(declare, a.out);
+  declare_json(declare, a.json);
+  declare.verbose();
+  declare.excludes("--minutes", "--trials");
+}
+
+void declare_stability(const Declaration& declare, StabilityArguments& a) {
+  constexpr NumberRange kJitterMs{0.0, 10.0}, kSlew{0.0, 1e9, true};
+  RunArguments& run = a.run;
+  declare.required("SCENE", run.scene, kSceneHelp);
+  declare_renderers(declare, run.renderers, "the scene's or the plan's, cloud, and a mesh");
+  declare.text("--device", a.device,
+               "the simulated device: omni, touch, falcon, omega3, or admittance (default: omni)");
+  declare.text("--grip", a.hand,
+               "the simulated hand: hand, finger, arm or released (default: hand); released, a steady push "
+               "alone, is measured as well");
+  declare.text("--rates", a.rates, "of the servo, Hz (default: 500,1000,2000,4000,8000)");
+  declare.text("--delays", a.delays, "from position to force, ms, at 1 kHz (default: 0,1,2,4)");
+  declare.text("--dampings", a.dampings,
+               "of the wall, N s/mm, at 1 kHz (default: 0,0.0001,0.0002,0.0005,0.001,0.002)");
+  declare.flag("--cross", a.cross,
+               "every rate with every delay too, without control, behind a passive coupling and under the "
+               "passivity controller: minutes a renderer");
+  declare.rare().number("--jitter", a.jitter_ms, kJitterMs,
+                        "each tick is late by up to so many ms (default: 0)");
+  declare.rare().number("--slew", a.slew_n_per_s, kSlew, "limit of the governor, N/s (default: 1000)");
+  declare_path(declare, run.path, "six seconds, by the model's size");
+  declare_scene_run(declare, run);
+}
+
+void declare_goals(const Declaration& declare, GoalsArguments& a) {
+  declare.text("--out", a.out, "folder for the results (default: out/goals)");
+  declare.flag("--quick", a.quick,
+               "small models and short paths, half a minute: a trial of the machinery, no measurement");
+  declare_json(declare, a.json);
+  declare.verbose();
+  declare_threads(declare, a.threads);
+}
+
+}  // namespace
+
+Subcommand behaviours_subcommand() {
+  return subcommand(
+      "test behaviours",
+      "small scenes on which methods differ, each counted: a matrix of renderers and behaviours",
+      {"palpate test behaviours --out out/behaviours",
+       "palpate test behaviours --renderers cloud,mesh-godobject --only thin-plate,ridge --out out/two"},
+      declare_behaviours, watch_behaviours);
+}
+
+Subcommand stress_subcommand() {
+  return subcommand(
+      "test stress",
+      "every renderer at the extremes of scale, place, motion and shape: a matrix of what holds",
+      {"palpate test stress --budget 900 --out out/stress",
+       "palpate test stress --renderers cloud,cloud-smooth --cases one-point,hip-nan --out out/few",
+       "palpate test stress --quick --budget 60 --out out/quick",
+       "palpate test stress --renderers cloud --cases one-point --against out/few/stress.json --out "
+       "out/here"},
+      declare_stress, run_stress);
+}
+
+Subcommand hunt_subcommand() {
+  return subcommand(
+      "test hunt",
+      "random search for the worst a renderer does: longest frame, largest force, contact that "
+      "sticks, jumps, energy, hands that are caught, lost or kicked",
+      {"palpate test hunt --out out/hunt",
+       "palpate test hunt --renderers cloud,heightfield --trials 40 --as-given --seed 7 --out out/hunt-two"},
+      declare_hunt, hunt);
+}
+
+Subcommand stability_subcommand() {
+  return subcommand(
+      "test stability",
+      "renderers in a loop with a simulated hand and device: the stiffness that stays stable",
+      {"palpate test stability sinusoid:points=10201 --out out/stability",
+       "palpate test stability sinusoid:points=10201 --renderers cloud,cloud-smooth --device falcon --grip "
+       "finger "
+       "--rates 1000,4000 --delays 0,2 --dampings 0,0.001 --out out/falcon",
+       "palpate test stability sinusoid:points=10201 --renderers cloud --cross --dampings 0 --out out/cross"},
+      declare_stability, run_stability);
+}
+
+Subcommand goals_subcommand() {
+  return subcommand(
+      "test goals", "the goals of the thesis (section 1.4), each answered by a measurement: a page for each",
+      {"palpate test goals --out out/goals", "palpate test goals --quick --out out/goals-quick"},
+      declare_goals, run_goals);
+}
+
+}  // namespace palpate::experiments

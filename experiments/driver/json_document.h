@@ -1,0 +1,52 @@
+// JSON that commands write: documents with schema and provenance, and values that outlast an interruption.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "toolkit/metrics/result_json.h"
+
+/// A number or text that is missing is null.
+template <class T>
+struct nlohmann::adl_serializer<std::optional<T>> {
+  template <class Json>
+  static void to_json(Json& json, const std::optional<T>& value) {
+    if (value)
+      json = *value;
+    else
+      json = nullptr;
+  }
+  template <class Json>
+  static void from_json(const Json& json, std::optional<T>& value) {
+    value = json.is_null() ? std::nullopt : std::optional<T>(json.template get<T>());
+  }
+};
+
+namespace palpate::experiments {
+
+using DocumentJson = nlohmann::ordered_json;
+
+/// Schema and provenance (see metrics::DocumentHead); the command's own keys follow.
+[[nodiscard]] DocumentJson begin_json(const char* schema, const metrics::DocumentHead& head);
+/// Null for an empty text.
+[[nodiscard]] DocumentJson text_or_null(const std::string& text);
+/// Lines with an indent of one and a last line's end. Bytes that are no UTF-8 are replaced.
+[[nodiscard]] std::string document_text(const DocumentJson& json);
+
+/// A value as one line and back; false for a line of something else.
+template <class T>
+[[nodiscard]] std::string to_line(const T& value) {
+  return nlohmann::json(value).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+template <class T>
+[[nodiscard]] bool from_line(const std::string& line, T& value) {
+  try {
+    value = nlohmann::json::parse(line).get<T>();
+    return true;
+  } catch (const nlohmann::json::exception&) {
+    return false;
+  }
+}
+
+}  // namespace palpate::experiments

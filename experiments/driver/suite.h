@@ -1,0 +1,79 @@
+// A measuring command: checks its arguments, does its cases one after the other, each once whatever
+// interrupts it, and writes a document and a page.
+//
+//   Suite suite(context);
+//   PALPATE_TRY(suite.open(arguments.out));
+//   PALPATE_TRY(suite.begin(RunKey().add(arguments.path)));
+//   PALPATE_ASSIGN(const Row row, suite.once<Row>("cloud", key, [&] { return measure(); }));
+//   PALPATE_TRY(suite.publish({"rows.json", to_json(row), {table_of(row)}}, page, arguments.json));
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "experiments/report/page.h"
+#include "experiments/session/run_key.h"
+#include "experiments/session/session.h"
+
+namespace palpate::experiments {
+
+/// What a suite leaves and prints.
+struct SuiteResults {
+  std::string file;                     ///< of the document
+  std::string json;                     ///< its text
+  std::vector<Table> tables;            ///< printed, where the document is not
+  std::vector<std::string> warnings{};  ///< told on standard error
+};
+
+class Suite {
+ public:
+  explicit Suite(Context& context) : context_(context) {}
+
+  /// Opens the result folder (OutputFolder::open). Error too: it is one of the files `read`.
+  [[nodiscard]] Status open(const std::string& out, std::span<const std::string> read = {});
+  /// Begins, or goes on from an interrupted run with the same key. From here on an Error is a run that fell
+  /// short, before it one of bad input (Context::working).
+  [[nodiscard]] Status begin(const RunKey& key);
+
+  [[nodiscard]] Context& context() const { return context_; }
+  [[nodiscard]] ProgressBar& progress() const { return context_.progress; }
+  [[nodiscard]] const OutputFolder& folder() const { return *folder_; }
+
+  /// The value that an interrupted run has kept of a case; false: there is none. A T has to_text(value) and
+  /// from_text(text, value).
+  template <class T>
+  [[nodiscard]] bool take(const std::string& name, const std::string& key, T& value) const {
+    return folder_->take_over(name, key, [&](const std::string& text) { return from_text(text, value); });
+  }
+  /// Keeps a case, with the files claimed since the last one.
+  template <class T>
+  [[nodiscard]] Status keep(const std::string& name, const std::string& key, const T& value) const {
+    PALPATE_TRY(folder_->keep(name, key, to_text(value)));
+    folder_->start_part();
+    return Done{};
+  }
+  /// A case's value: kept by an interrupted run, or measured now and kept. `name`: a file name, shown to the
+  /// user. `measure`: a Result<T>.
+  template <class T, class Measure>
+  [[nodiscard]] Result<T> once(const std::string& name, const std::string& key,
+                               const Measure& measure) const {
+    T value{};
+    if (take(name, key, value)) return value;
+    folder_->start_part();
+    PALPATE_ASSIGN(value, measure());
+    PALPATE_TRY(keep(name, key, value));
+    return value;
+  }
+
+  /// Writes document and page, completes the folder, and prints: the document with `json`, else the tables
+  /// and where the page is.
+  [[nodiscard]] Status publish(const SuiteResults& results, const Page& page, bool json) const;
+
+ private:
+  Context& context_;
+  std::optional<OutputFolder> folder_;
+};
+
+}  // namespace palpate::experiments

@@ -1,0 +1,186 @@
+// Rivals on small models, to be stepped by hand.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <palpate/baselines.h>
+#include <palpate/generate.h>
+#include <palpate/registry.h>
+#include "tests/baselines/meshes.h"
+#include "tests/stepped.h"
+#include "toolkit/core/random.h"
+
+namespace palpate::test {
+
+inline constexpr double kStiffness = 0.5;
+inline constexpr double kDt = 1e-3;
+
+struct Probe {
+  test::Stepped renderer;
+  render::PrepareReport report;
+
+  render::Frame to(const Vec3& hip) const { return renderer->step(hip, kDt); }
+  /// In straight steps of at most `step_mm`.
+  render::Frame glide(const Vec3& from, const Vec3& to_mm, double step_mm) const {
+    const int steps = std::max(1, static_cast<int>(std::ceil((to_mm - from).norm() / step_mm)));
+    render::Frame frame;
+    for (int i = 1; i <= steps; ++i) frame = to(from + (to_mm - from) * (double(i) / steps));
+    return frame;
+  }
+  /// The same, free at `from`.
+  render::Frame press(const Vec3& from, const Vec3& to_mm, double step_mm) const {
+    renderer->restart(from);
+    return glide(from, to_mm, step_mm);
+  }
+};
+
+inline cloud::Cloud cloud_of(const std::vector<Vec3>& points) {
+  auto built = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
+  EXPECT_TRUE(built.ok());
+  return std::move(built).value();
+}
+inline render::ModelInput model_of(cloud::Cloud cloud) {
+  render::ModelInput model;
+  model.name = "test";
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(cloud));
+  model.surface.stiffness_n_per_mm = kStiffness;
+  return model;
+}
+inline render::ModelInput model_of(const std::vector<Vec3>& points) {
+  return model_of(cloud_of(points));
+}
+/// At rest, its points the mesh's vertices.
+inline render::ModelInput model_of(const TriangleMesh& mesh) {
+  render::ModelInput model = model_of(mesh.vertices_mm);
+  model.original_mesh = std::make_shared<const TriangleMesh>(mesh);
+  return model;
+}
+inline render::SceneInput scene_of(const render::ModelInput& model) {
+  render::SceneInput scene;
+  scene.models.push_back(model);
+  return scene;
+}
+
+/// A rival by name and options, or why there is none.
+inline Result<std::unique_ptr<render::HapticRenderer>> made(const std::string& options) {
+  render::Registry registry;
+  baselines::register_baseline_renderers(registry);
+  const auto named = parse_named_options(options);
+  if (!named.ok()) return named.error();
+  return registry.make(named->name, named->options);
+}
+inline test::Stepped rival(const std::string& options) {
+  auto renderer = made(options);
+  EXPECT_TRUE(renderer.ok()) << (renderer.ok() ? "" : renderer.error().message());
+  return std::move(renderer).value();
+}
+/// Why a scene is not prepared; there must be a reason with a remedy.
+inline Error refusal(const std::string& options, const render::SceneInput& scene) {
+  const auto report = rival(options)->prepare(scene, {});
+  EXPECT_FALSE(report.ok()) << options;
+  if (report.ok()) return {};
+  EXPECT_FALSE(report.error().remedy.empty()) << report.error().message();
+  return report.error();
+}
+inline Probe prepare(const render::SceneInput& scene, const std::string& options, int threads = 1) {
+  Probe probe{rival(options), {}};
+  auto report = probe.renderer->prepare(scene, {threads, nullptr});
+  EXPECT_TRUE(report.ok()) << (report.ok() ? "" : report.error().message());
+  if (report.ok()) probe.report = *report;
+  return probe;
+}
+inline Probe prepare(const render::ModelInput& model, const std::string& options, int threads = 1) {
+  return prepare(scene_of(model), options, threads);
+}
+inline Probe make(const TriangleMesh& mesh, const std::string& options = "mesh-godobject:mesh=original",
+                  const geometry::RigidTransform& pose = {}, double limit_n = 0.0) {
+  render::SceneInput scene = scene_of(model_of(mesh));
+  scene.force_limit_n = limit_n;
+  scene.models[0].world_from_model = pose;
+  return prepare(scene, options);
+}
+inline cloud::GeneratedModel generated(const std::string& generator) {
+  return cloud::generate(parse_named_options(generator).value()).value();
+}
+
+/// A square grid of `n` x `n` points, `spacing` apart, on z = f(x, y).
+template <class F>
+std::vector<Vec3> height_points(int n, double spacing, F&& f, double jitter = 0.0) {
+  Random random(5);
+  std::vector<Vec3> points;
+  for (int row = 0; row < n; ++row)
+    for (int column = 0; column < n; ++column) {
+      const double x = (column - 0.5 * (n - 1) + jitter * random.uniform(-1.0, 1.0)) * spacing;
+      const double y = (row - 0.5 * (n - 1) + jitter * random.uniform(-1.0, 1.0)) * spacing;
+      points.push_back({x, y, f(x, y)});
+    }
+  return points;
+}
+
+/// The same on z = 0.
+inline std::vector<Vec3> flat_points(int n, double spacing) {
+  return height_points(n, spacing, [](double, double) { return 0.0; });
+}
+
+/// The surface point wanders; the HIP goes `depth` in and as much out along the normal there, five times.
+inline std::vector<Vec3> weaving(const geometry::AnalyticSurface& surface, std::size_t frames, double depth) {
+  constexpr double kPi = 3.14159265358979323846;
+  std::vector<Vec3> path;
+  for (std::size_t i = 0; i < frames; ++i) {
+    const double t = static_cast<double>(i) / static_cast<double>(frames);
+    const auto at = surface.at(0.5 + 0.3 * std::sin(1.2 * t), 0.5 + 0.3 * std::sin(1.9 * t));
+    path.push_back(at.point_mm + depth * std::cos(2.0 * kPi * 5.0 * t) * at.normal);
+  }
+  return path;
+}
+
+/// Along the sinusoid 1.5 mm below it, in steps of `step_mm`: the most that the force's direction turns in
+/// one.
+inline double largest_turn(Probe& probe, double step_mm) {
+  const auto below = [](double x) { return Vec3(x, 3, sinusoid(x, 3) - 1.5); };
+  Vec3 last = probe.press({-20, 3, 30}, below(-20), 0.1).force_n;
+  double most = 0.0;
+  for (double x = -20; x < 20; x += step_mm) {
+    const Vec3 force = probe.to(below(x)).force_n;
+    most = std::max(most, (force.normalized() - last.normalized()).norm());
+    last = force;
+  }
+  return most;
+}
+
+/// On facets the force turns at once where the god object crosses an edge, however small the step. Shaded it
+/// turns there by the second pass alone: the target is put back on to the facet, off the shading normal by
+/// the square of the sine of the angle between the two, about half of the edge's, on either side.
+inline void expect_shading_to_smooth_edges(const std::string& renderer, double carriers) {
+  const TriangleMesh coarse = height_mesh(30, 50.0, sinusoid);
+  Probe bare = make(coarse, renderer);
+  Probe shaded = make(coarse, renderer + ":shading=interpolated");
+  const double edge = largest_turn(bare, 0.02);
+  EXPECT_GT(edge, 0.05) << "the facets' edges are felt";
+  EXPECT_GT(largest_turn(bare, 0.005), 0.9 * edge);
+  const double half = std::sin(0.5 * edge);
+  EXPECT_LT(largest_turn(shaded, 0.02), carriers * 2.0 * half * half);
+  EXPECT_LT(largest_turn(shaded, 0.005), carriers * 2.0 * half * half);
+}
+
+inline void expect_near(const Vec3& a, const Vec3& b, double tolerance) {
+  EXPECT_LT((a - b).norm(), tolerance) << a.transpose() << " against " << b.transpose();
+}
+
+/// The name of a parametrised test of a renderer: its letters and digits.
+inline std::string test_name(std::string options) {
+  std::replace_if(
+      options.begin(), options.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; },
+      '_');
+  return options;
+}
+
+}  // namespace palpate::test

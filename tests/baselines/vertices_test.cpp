@@ -1,0 +1,295 @@
+// `cloud-vertices`: planes at every point against the truth, and what may not be felt of how boxes are found.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include <palpate/replay.h>
+#include "tests/baselines/vertices_scenes.h"
+#include "toolkit/core/random.h"
+#include "toolkit/core/tolerances.h"
+
+namespace palpate::baselines::vertices {
+namespace {
+
+struct Ran {
+  std::string hash;
+  FrameCounters counters;
+  std::size_t contacts = 0;
+};
+
+struct Setting {
+  Setting(const std::string& model, const std::string& way)
+      : scene(generated(model)), path(path_over(scene, way)) {}
+  Scene scene;
+  trace::ProbePath path;
+};
+
+Ran run(const Setting& setting, const std::string& spec) {
+  Ran ran;
+  const auto renderer = ready(setting.scene.input, spec);
+  const trace::ForceTrace trace = trace::replay(*renderer, setting.path).value();
+  ran.hash = trace::trace_hash(trace);
+  ran.counters = renderer->counters();
+  for (const Frame& frame : trace.frames) ran.contacts += frame.contact;
+  return ran;
+}
+
+Frame glide(const test::Stepped& renderer, const Vec3& from, const Vec3& to) {
+  constexpr int kFrames = 2000;
+  Frame frame;
+  for (int i = 0; i <= kFrames; ++i)
+    frame = renderer->step(from + (to - from) * (static_cast<double>(i) / kFrames), 1e-3);
+  return frame;
+}
+
+TEST(CloudVertices, AnyPartitionDrivesItToTheSameTrace) {
+  const std::vector<std::pair<std::string, std::string>> settings = {
+      {"sinusoid:points=10000", "weave:frames=4000"},
+      {"sinusoid:points=10000:jitter=0.4:nonuniform=0.5", "exploration:frames=6000"},
+      {"sphere:points=8000", "weave:frames=4000"},
+      {"slab:points=8000", "exploration:frames=6000"},
+      {"wedge:points=4000:scale=1e-3", "weave:frames=4000:depth_mm=2e-3:clearance_mm=4e-4:speed_mm_s=0.05"},
+      {"torus:points=8000:scale=1e6", "weave:frames=4000:depth_mm=2e6:clearance_mm=4e5:speed_mm_s=5e7"},
+  };
+  for (const auto& [model, path] : settings) {
+    const Setting made(model, path);
+    for (const std::string box : {"global", "per-vertex"}) {
+      const Ran grid = run(made, "cloud-vertices:box=" + box);
+      EXPECT_GT(grid.contacts, 0u) << model;
+      EXPECT_LT(grid.contacts, made.path.size()) << model;
+      for (const std::string other : {"octree", "quadtree"}) {
+        const Ran tree = run(made, "cloud-vertices:box=" + box + ":partition=" + other);
+        EXPECT_EQ(tree.hash, grid.hash) << model << " " << path << " " << other << " " << box;
+        EXPECT_EQ(tree.contacts, grid.contacts) << model;
+        // Ten points a leaf instead of some twenty-five a cell: far fewer boxes are looked at.
+        EXPECT_LT(tree.counters.box_tests, grid.counters.box_tests) << model << " " << other;
+      }
+    }
+  }
+}
+
+// The side of a contact is judged by planes, so finding a sheet earlier changes nothing but the work.
+TEST(CloudVertices, ASweptSphereFindsMoreBoxesAndChangesNoFrame) {
+  const Setting made("sinusoid:points=10000", "weave:frames=4000");
+  const Ran box = run(made, "cloud-vertices");
+  EXPECT_EQ(box.counters.sphere_only, 0u);
+  std::uint64_t last = 0;
+  for (const std::string sphere : {"0.05", "0", "2"}) {
+    const Ran swept = run(made, "cloud-vertices:test=swept-sphere:sphere_mm=" + sphere);
+    EXPECT_EQ(swept.hash, box.hash) << sphere;
+    EXPECT_GT(swept.counters.sphere_only, last) << sphere;
+    EXPECT_GE(swept.counters.box_tests, box.counters.box_tests) << sphere;
+    last = swept.counters.sphere_only;
+  }
+  const Ran tree = run(made, "cloud-vertices:test=swept-sphere:partition=octree");
+  EXPECT_EQ(tree.hash, box.hash);
+  EXPECT_GT(tree.counters.sphere_only, 0u);
+}
+
+TEST(CloudVertices, CellsOfUnevenCloudsHoldFewPointsAndChangeNoFrame) {
+  // One sparse place decides the resolution of a whole cloud.
+  Scene scene = generated("sinusoid:points=10000:extent_mm=40:amplitude_mm=2:wavelength_mm=40");
+  const cloud::Cloud& even = *scene.input.models[0].cloud;
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < even.size(); ++i) {
+    const Vec3 p = even.point_mm(i);
+    if (p.x() < 14.0 || p.y() < 14.0 || i % 16 == 0) points.push_back(p);
+  }
+  const SceneInput uneven = cloud_of(points);
+  paths::PathTarget target;
+  target.cloud = uneven.models[0].cloud.get();
+  target.box_mm = target.cloud->box_mm();
+  const trace::ProbePath path =
+      paths::make_path(parse_named_options("exploration:frames=20000:seed=2").value(), target).value();
+  std::vector<FrameCounters> counters;
+  std::vector<std::vector<Frame>> frames;
+  for (const char* spec : {"cloud-vertices:cell=5", "cloud-vertices"}) {
+    const auto renderer = ready(uneven, spec);
+    renderer->restart(path.hip_mm[0]);
+    std::vector<Frame>& own = frames.emplace_back();
+    for (const Vec3& h : path.hip_mm) own.push_back(renderer->step(h, 1e-3));
+    counters.push_back(renderer->counters());
+  }
+  for (std::size_t i = 0; i < frames[0].size(); ++i)
+    ASSERT_EQ(frames[0][i].force_n, frames[1][i].force_n) << i;
+  EXPECT_EQ(counters[0].bound_hits, 0u);
+  EXPECT_EQ(counters[1].bound_hits, 0u);
+  EXPECT_LT(3 * counters[1].box_tests, counters[0].box_tests);
+}
+
+/// Frames in contact, unshaded on the eight nearest, and those in which the god object is not the nearest
+/// point of all.
+struct Nearest {
+  std::size_t contacts = 0, farther = 0;
+};
+Nearest nearest_of_all(const std::string& spec) {
+  const Scene scene = generated(spec);
+  const cloud::Cloud& points = *scene.input.models[0].cloud;
+  const trace::ProbePath path = path_over(scene, "weave:frames=3000:depth_mm=1");
+  const auto renderer = ready(scene.input, "cloud-vertices:neighbours=exact-knn:shading=none");
+  renderer->restart(path.hip_mm[0]);
+  Nearest result;
+  for (const Vec3& hip : path.hip_mm) {
+    const Frame frame = renderer->step(hip, 1e-3);
+    if (!frame.contact) continue;
+    ++result.contacts;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < points.size(); ++i)
+      nearest = std::min(nearest, (points.point_mm(i) - hip).norm());
+    result.farther += (frame.god_object_mm - hip).norm() > nearest * (1.0 + 1e-12);
+  }
+  return result;
+}
+
+TEST(CloudVertices, GodObjectIsTheNearestPointOfAll) {
+  for (const char* spec : {"sinusoid:points=2601", "saddle:points=2601", "sphere:points=3000"}) {
+    SCOPED_TRACE(spec);
+    const Nearest found = nearest_of_all(spec);
+    EXPECT_GT(found.contacts, 1500u);
+    EXPECT_EQ(found.farther, 0u);
+  }
+}
+
+// On steep jittered parts planes turn from point to point as at an edge, where the god object keeps to its
+// face, and the eight nearest in space need not surround a point: it may stop beside the nearest one of all.
+TEST(CloudVertices, OnJitteredPointsTheGodObjectIsSeldomBesideTheNearest) {
+  const Nearest found = nearest_of_all("sinusoid:points=2601:jitter=0.4");
+  EXPECT_GT(found.contacts, 1500u);
+  EXPECT_LT(found.farther, found.contacts / 50);
+}
+
+TEST(CloudVertices, PermutedPointsAnswerTheSame) {
+  const Scene scene = generated("sinusoid:points=10201:jitter=0.3");
+  auto shuffled = std::make_shared<cloud::Cloud>(*scene.input.models[0].cloud);
+  shuffled->raster.reset();
+  Random random(9);
+  for (std::size_t i = shuffled->size(); i > 1; --i) {
+    const std::size_t j = random.below(i);
+    std::swap(shuffled->x_mm[i - 1], shuffled->x_mm[j]);
+    std::swap(shuffled->y_mm[i - 1], shuffled->y_mm[j]);
+    std::swap(shuffled->z_mm[i - 1], shuffled->z_mm[j]);
+  }
+  SceneInput other = scene.input;
+  other.models[0].cloud = shuffled;
+  const trace::ProbePath path = path_over(scene, "weave:frames=3000");
+  const auto a = ready(scene.input, "cloud-vertices:neighbours=exact-knn"),
+             b = ready(other, "cloud-vertices:neighbours=exact-knn");
+  EXPECT_EQ(trace::trace_hash(trace::replay(*a, path).value()),
+            trace::trace_hash(trace::replay(*b, path).value()));
+}
+
+TEST(CloudVertices, ALonePointLetsGoWhenTheProbeLeavesSideways) {
+  const auto cloud = ready(cloud_of({Vec3(0, 0, 0)}), "cloud-vertices:box_mm=2");
+  cloud->restart(Vec3(0, 0, 5));
+  Frame f;
+  for (int i = 0; i <= 55; ++i) f = cloud->step(Vec3(0, 0, 5 - 0.1 * i), 1e-3);
+  EXPECT_TRUE(f.contact);
+  for (int i = 0; i <= 100; ++i) f = cloud->step(Vec3(0.1 * i, 0, -0.5), 1e-3);
+  EXPECT_FALSE(f.contact);
+}
+
+TEST(CloudVertices, WorkPastTheBoundIsDoneInTheNextFrame) {
+  // A pile of more boxes than one frame may test: the touch comes a few frames later, and every such frame
+  // says so.
+  std::vector<Vec3> points;
+  Random random(4);
+  for (int i = 0; i < 60000; ++i)
+    points.emplace_back(random.uniform(), random.uniform(), 1e-3 * random.uniform());
+  points.emplace_back(40, 40, 0);  // a far pair makes the resolution, so all the rest is in one cell
+  points.emplace_back(44, 40, 0);
+  const auto cloud = ready(cloud_of(points), "cloud-vertices:neighbours=exact-knn");
+  cloud->restart(Vec3(0.5, 0.5, 100));
+  Frame f = cloud->step(Vec3(0.5, 0.5, -1), 1e-3);
+  int frames = 1;
+  while (!f.contact && frames < 200) {
+    EXPECT_EQ(f.status, FrameStatus::kBoundHit);
+    f = cloud->step(Vec3(0.5, 0.5, -1), 1e-3);
+    ++frames;
+  }
+  EXPECT_TRUE(f.contact);
+  EXPECT_GT(frames, 3);
+  EXPECT_GT(cloud->counters().bound_hits, 0u);
+}
+
+// A sphere with a hole is taken for a whole one: in by the hole, out through the
+// surface, and everything is as it was before.
+TEST(CloudVertices, AHoleDoesNotTurnItInsideOut) {
+  constexpr double kRadius = 50.0;
+  const Scene whole = generated("sphere:points=20000:extent_mm=100");
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < whole.input.models[0].cloud->size(); ++i) {
+    const Vec3 p = whole.input.models[0].cloud->point_mm(i);
+    if (p.x() < 0.98 * kRadius) points.push_back(p);  // the hole is 20 mm wide
+  }
+  const auto cloud = ready(cloud_of(points), "cloud-vertices");
+  const Vec3 before(kRadius + 10, 0, 0), middle(0, 0, 0), above(0, 0.3, kRadius + 5);
+  cloud->restart(before);
+  Frame frame = glide(cloud, before, middle);
+  EXPECT_FALSE(frame.contact);
+  frame = glide(cloud, middle, above);
+  EXPECT_FALSE(frame.contact);
+  frame = glide(cloud, above, Vec3(0, 0.3, kRadius - 1));
+  ASSERT_TRUE(frame.contact);
+  // 1 mm deep at the default 0.5 N/mm. A facet lies below the sphere, by no more than the square of its
+  // corners' distance from its middle over the diameter, and is tilted by that distance over the radius. The
+  // corners are neighbours, whose triangles the spacing spans.
+  const double spacing = std::sqrt(4.0 * std::numbers::pi * kRadius * kRadius / 20000.0);
+  EXPECT_GT(frame.force_n.norm(), 0.5 * (1.0 - spacing * spacing / (2.0 * kRadius)));
+  EXPECT_LT(frame.force_n.norm(), 0.5 * 1.0001);
+  const Vec3 outward = Vec3(0, 0.3, kRadius - 1).normalized();
+  EXPECT_LT((frame.force_n.normalized() - outward).norm(), spacing / kRadius);
+}
+
+// A change of point moves the force by stiffness x the largest spacing: just under what is felt nothing is
+// shaded, just over it everything that asks for it is.
+TEST(CloudVertices, ShadingTurnsExactlyWhereAStepIsFelt) {
+  Scene scene = generated("sinusoid:points=2601");
+  const auto decided = [&] {
+    Registry registry;
+    registry.add(cloud_vertices_info());
+    return registry.make("cloud-vertices", {}).value()->decide(scene.input, {1, nullptr}).value().models[0];
+  };
+  const double spacing_mm = decided().spacing_mm.value();
+  for (const double share : {0.2, 0.999999, 1.000001, 5.0}) {
+    scene.input.models[0].surface.stiffness_n_per_mm = share * kPerceptibleForceStepN / spacing_mm;
+    const ModelDecisions said = decided();
+    const auto shading = std::find_if(said.decisions.begin(), said.decisions.end(),
+                                      [](const Decision& d) { return d.about == "shading"; });
+    ASSERT_NE(shading, said.decisions.end());
+    EXPECT_EQ(shading->choice, share > 1.0 ? "facet, where a point's spacing asks for it" : "none") << share;
+  }
+}
+
+// However fine cells are asked for and however large boxes: a segment spans 64 cells, and a box reaches one
+// beyond, which is (64 + 4) x 5 x 5 with the borders that rounding touches.
+TEST(CloudVertices, FineCellsAreNoMoreThanAFrameMayLookAt) {
+  constexpr std::uint64_t kMostCells = 68 * 5 * 5;
+  Random random(53);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 2000; ++i)
+    points.push_back(Vec3{random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.1 * random.uniform()});
+  for (const std::string text : {"cloud-vertices:cell=0.02", "cloud-vertices:box_mm=20",
+                                 "cloud-vertices:test=swept-sphere:sphere_mm=15"}) {
+    SCOPED_TRACE(text);
+    const auto renderer = ready(cloud_of(points), text);
+    renderer->restart(Vec3(0, 0, 40));
+    std::uint64_t before = 0;
+    for (int k = 1; k <= 200; ++k) {
+      const Vec3 hip{random.uniform(-12.0, 12.0), random.uniform(-12.0, 12.0), random.uniform(-5.0, 5.0)};
+      (void)renderer->step(hip, 1e-3);
+      const std::uint64_t now = renderer->counters().cells_visited;
+      ASSERT_LE(now - before, kMostCells) << "frame " << k;
+      before = now;
+    }
+    EXPECT_GT(before, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::baselines::vertices

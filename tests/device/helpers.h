@@ -1,0 +1,97 @@
+// What the tests of devices share: waiting on a busy machine, what a message says, drivers' refusals, a
+// corpus.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include <palpate/clock.h>
+#include <palpate/device/drivers.h>
+#include <palpate/device/force_governor.h>
+
+namespace palpate::device {
+
+/// Waits until it is so; false after a patience that is no deadline: after it a test fails instead of
+/// hanging.
+template <class Condition>
+[[nodiscard]] bool comes(const Condition& condition) {
+  constexpr double kPatienceMs = 30'000.0;
+  const Stopwatch watch;
+  while (!condition()) {
+    if (watch.ms() > kPatienceMs) return false;
+    std::this_thread::sleep_for(std::chrono::microseconds(500));
+  }
+  return true;
+}
+
+/// Options of a governor that a busy machine does not trip.
+[[nodiscard]] inline GovernorOptions patient_governor(double soft_start_s = 0.05) {
+  GovernorOptions options;
+  options.soft_start_s = soft_start_s;
+  options.late_zero_s = options.latch_late_s = options.silence_s = 30.0;
+  return options;
+}
+
+/// Whether a text has this part; a failure shows the text.
+[[nodiscard]] inline testing::AssertionResult says(std::string_view text, std::string_view part) {
+  if (text.find(part) != std::string_view::npos)
+    return testing::AssertionSuccess() << "it says '" << part << "': " << text;
+  return testing::AssertionFailure() << "'" << part << "' is not in: " << text;
+}
+
+/// Whether a Status or Result is none of an Error; a failure shows its message.
+template <class Answer>
+[[nodiscard]] testing::AssertionResult ok(const Answer& answer) {
+  return answer ? testing::AssertionSuccess() : testing::AssertionFailure() << answer.error().message();
+}
+
+/// Whether it is an Error whose message has this part.
+template <class Answer>
+[[nodiscard]] testing::AssertionResult refused(const Answer& answer, std::string_view part) {
+  if (answer) return testing::AssertionFailure() << "it was not refused";
+  return says(answer.error().message(), part);
+}
+
+/// The driver of a device's name, which `add` registers.
+[[nodiscard]] inline Driver driver_of(void (*add)(Drivers&), const std::string& name) {
+  Drivers drivers;
+  add(drivers);
+  const Driver* driver = drivers.of(name);
+  EXPECT_NE(driver, nullptr) << name;
+  return driver == nullptr ? Driver{} : *driver;
+}
+
+/// The message with which a driver refuses a request; "made": it did not.
+[[nodiscard]] inline std::string refusal_of(const Driver& driver, const DeviceRequest& request) {
+  const MonotonicClock clock;
+  const Result<MadeDevice> made = driver.make(request, clock);
+  return made ? std::string("made") : made.error().message();
+}
+
+/// The contents of all files of a folder.
+[[nodiscard]] inline std::vector<std::vector<std::uint8_t>> corpus_of(const std::string& folder) {
+  std::vector<std::vector<std::uint8_t>> all;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    std::ifstream file(entry.path(), std::ios::binary);
+    all.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+  }
+  return all;
+}
+
+}  // namespace palpate::device
+
+#if defined(__SANITIZE_THREAD__) || defined(PALPATE_STD_THREADS)
+#define PALPATE_SKIP_FORKS() GTEST_SKIP() << "ThreadSanitizer cannot be forked"
+#else
+#define PALPATE_SKIP_FORKS() static_cast<void>(0)
+#endif

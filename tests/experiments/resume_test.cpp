@@ -1,0 +1,118 @@
+// Every command that takes long goes on where it was killed: a case that is kept is not done again.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "experiments/session/session.h"
+#include "tests/experiments/program.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+const char* const kWavesToGoOn = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kPathToGoOn = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+
+/// A command that is killed once `part` is kept. Then `text` in the part becomes `marked`: only a run that
+/// takes the part over shows kMark in `document`.
+const char* const kMark = "987654";
+struct Killed {
+  const char* name;
+  std::vector<std::string> words;
+  const char *part, *text, *marked, *document;
+};
+
+std::vector<Killed> killed_commands() {
+  return {
+      {"compare",
+       {"compare", kWavesToGoOn, "--renderers", "cloud,cloud-literal,brute-force", "--path", kPathToGoOn},
+       ".palpate-parts/cloud",
+       R"(\"reason\": null)",
+       R"(\"reason\": \"987654\")",
+       "result.json"},
+      {"behaviours",
+       {"test", "behaviours", "--renderers", "cloud,cloud-literal,brute-force", "--only",
+        "thin-plate,hovering"},
+       ".palpate-parts/cloud",
+       R"("failure":"")",
+       R"("failure":"987654")",
+       "behaviours.json"},
+      {"stress",
+       {"test", "stress", "--renderers", "cloud,brute-force,penalty-grid", "--cases", "one-point,scale-unit"},
+       ".palpate-parts/cloud",
+       R"("cause":"")",
+       R"("cause":"987654")",
+       "stress.json"},
+      {"stability",
+       {"test", "stability", kWavesToGoOn, "--renderers", "cloud", "--path", kPathToGoOn, "--rates", "1000",
+        "--delays", "0", "--dampings", "0"},
+       ".palpate-parts/truth",
+       R"("control":"none")",
+       R"("control":"987654")",
+       "stability.json"},
+      {"goals",
+       {"test", "goals", "--quick"},
+       ".palpate-parts/one-machine",
+       R"("about":")",
+       R"("about":"987654 )",
+       "goals.json"},
+      {"hunt",
+       {"test", "hunt", "--renderers", "cloud", "--minutes", "0.12"},
+       ".palpate-parts/hunt",
+       R"("faulty":0)",
+       R"("faulty":987654)",
+       "hunt.json"},
+      {"ablate",
+       {"compare", "ablate", kWavesToGoOn, "--renderer", "cloud", "--friction", "0.7,0.5", "--deformation",
+        "0.2", "--path", kPathToGoOn, "--budget", "0"},
+       ".palpate-parts/1",
+       R"("instead":")",
+       R"("instead":"987654 )",
+       "ablate.json"},
+      {"sweep",
+       {"compare", "sweep", kWavesToGoOn, "--renderers", "cloud,cloud-literal", "--axes", "rate,precision",
+        "--path", kPathToGoOn, "--passes", "2", "--budget", "10"},
+       "rows.jsonl",
+       R"("reason":"")",
+       R"("reason":"987654")",
+       "sweep.json"}};
+}
+
+class GoesOn : public InFolder, public testing::WithParamInterface<Killed> {};
+
+TEST_P(GoesOn, WhereItWasKilled) {
+  const Killed& killed = GetParam();
+  std::vector<std::string> words = killed.words;
+  words.insert(words.end(), {"--out", in("out")});
+  const std::string part = in("out/" + std::string(killed.part));
+  {
+    Started run(folder_, words);
+    ASSERT_TRUE(run.wait_for([&] { return !file_text(part).empty(); })) << run.err();
+    run.send(SIGKILL);
+    ASSERT_NE(run.end(), 0) << "it was done before it was killed";
+  }
+  std::string text = file_text(part);
+  json kept = json::parse(text, nullptr, false);
+  const bool wrapped = kept.is_object() && kept.contains("text");
+  if (wrapped) text = kept["text"];
+  const std::size_t at = text.find(killed.text);
+  ASSERT_NE(at, std::string::npos) << text.substr(0, 2000);
+  text.replace(at, std::string(killed.text).size(), killed.marked);
+  if (wrapped) kept["text"] = text;
+  write_text(part, wrapped ? kept.dump() : text);
+  const ProcessOutcome next = palpate_process(words);
+  EXPECT_LE(next.exit_code, 1) << next.err;
+  if (wrapped) {
+    EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(in("out/.palpate-parts")));
+  EXPECT_NE(file_text(in("out/" + std::string(killed.document))).find(kMark), std::string::npos)
+      << "the case was done again: " << next.err;
+}
+
+INSTANTIATE_TEST_SUITE_P(Commands, GoesOn, testing::ValuesIn(killed_commands()),
+                         [](const auto& killed) { return killed.param.name; });
+
+}  // namespace
+}  // namespace palpate::experiments

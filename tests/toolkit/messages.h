@@ -1,0 +1,39 @@
+// What a message or an error must say, and values that must be there.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <initializer_list>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include <palpate/result.h>
+
+namespace palpate::test {
+
+/// Whether `text` has each of `parts` in it.
+template <class... Parts>
+testing::AssertionResult contains(std::string_view text, const Parts&... parts) {
+  for (const std::string_view part : {std::string_view(parts)...})
+    if (text.find(part) == std::string_view::npos)
+      return testing::AssertionFailure() << "no \"" << part << "\" in \"" << text << "\"";
+  return testing::AssertionSuccess() << "all of it in \"" << text << "\"";
+}
+
+/// Whether `result` is an error whose message has each of `parts` in it.
+template <class R, class... Parts>
+testing::AssertionResult refused(const R& result, const Parts&... parts) {
+  if (result) return testing::AssertionFailure() << "accepted";
+  if constexpr (sizeof...(parts) > 0) return contains(result.error().message(), parts...);
+  return testing::AssertionSuccess();
+}
+
+/// What is in `result`; an error ends the test with its message.
+template <class T>
+T value_of(Result<T> result) {
+  if (!result) throw std::runtime_error(result.error().message());
+  return *std::move(result);
+}
+
+}  // namespace palpate::test

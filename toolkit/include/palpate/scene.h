@@ -1,0 +1,175 @@
+// Scenes: models with poses and surfaces, and the renderer. The schema is docs/reference/scene-keys.md.
+//
+// First:
+//   auto file = palpate::scene::open_scene("dragon.toml");
+//   if (!file) return failed(file.error());  // file, line, remedy
+//   auto loaded = palpate::scene::load(*file, readers, {}, palpate::no_progress());
+//   if (!loaded) return failed(loaded.error());
+//   const palpate::render::SceneInput& scene = loaded->input;
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <palpate/aabb.h>
+#include <palpate/cleaning.h>
+#include <palpate/cloud.h>
+#include <palpate/control.h>
+#include <palpate/options.h>
+#include <palpate/progress.h>
+#include <palpate/read_model.h>
+#include <palpate/renderer.h>
+#include <palpate/result.h>
+#include <palpate/rigid_transform.h>
+#include <palpate/surface.h>
+#include <palpate/triangle_mesh.h>
+
+namespace palpate::scene {
+
+/// A coefficient spread over a model by a tiled image seen along z: the lowest value gives `low`, the highest
+/// `high`.
+struct FrictionMap {
+  std::string image;  ///< path of a height image or grid
+  double tile_mm = 0.0;
+  double low = 0.0, high = 0.0;
+};
+
+/// Columns or images that give properties of [model.surface]; empty names: none.
+struct SurfaceSources {
+  std::string stiffness_column, static_friction_column, dynamic_friction_column, deformation_column;
+  std::optional<FrictionMap> friction_map;
+  std::string texture_image;
+  std::int64_t line = 0;
+};
+
+/// One [[model.region]]: a box in the model frame, mm, with its own properties. Later regions win.
+struct SceneRegion {
+  geometry::Aabb box_mm;
+  std::optional<double> stiffness_n_per_mm;
+  std::optional<surface::Friction> friction;
+  std::optional<double> deformation;
+  std::int64_t line = 0;
+};
+
+/// [model.motion]; it starts at the model's pose.
+struct SceneMotion {
+  Vec3 velocity_mm_s = Vec3::Zero();
+  Vec3 turn_rad_s = Vec3::Zero();
+  std::optional<Vec3> about_mm;  ///< world; empty: the model's position
+  double start_s = 0.0;
+  std::optional<double> stop_s;
+};
+
+/// One [[model.view]]: a further scan of the same object from another place.
+struct SceneView {
+  std::string cloud;                         ///< path, resolved against the scene file
+  geometry::RigidTransform model_from_view;  ///< mm; applied after the unit, before the scale
+};
+
+/// One [[model.clean]]: a cleaning step, checked when the scene is loaded.
+struct SceneCleaningStep {
+  NamedOptions step;
+  std::int64_t line = 0;
+};
+
+/// One [[model]] of a scene: exactly one of a file, a scan known by name, or a generator.
+struct SceneModel {
+  std::string name;              ///< file name without folders and extensions, or the generator's name
+  std::string cloud;             ///< file path, resolved against the scene file; or empty
+  std::string scan;              ///< a scan known by name; the application resolves it to `cloud` before
+                                 ///< load()
+  std::vector<SceneView> views;  ///< further files, merged by their poses, in order
+  std::optional<NamedOptions> generate;  ///< the generator with its options
+  std::optional<NamedOptions> sample;    ///< for models with faces: samples points on them
+  std::vector<SceneCleaningStep> clean;  ///< in order
+  std::optional<io::Unit> unit;          ///< unit of the file; empty: the file's statement, else a guess
+  double scale = 1.0;                    ///< multiplies all lengths after the unit
+  double post_mm = 0.0;                  ///< height grids: post distance; 0: the file's
+  double vertical_mm = 0.0;              ///< height grids: mm per unit of height; 0: the file's
+  std::optional<double> no_data;         ///< height grids: see io::ReadOptions
+  geometry::RigidTransform world_from_model;
+  surface::Surface surface;
+  SurfaceSources sources;
+  std::vector<SceneRegion> regions;
+  std::optional<SceneMotion> motion;
+  std::int64_t line = 0;  ///< in the scene file; 0 if none
+};
+
+/// A parsed scene; nothing is loaded.
+struct SceneFile {
+  std::string path;                ///< the file, or the model or generator that stands for it
+  std::vector<SceneModel> models;  ///< at least one
+  std::optional<NamedOptions> renderer;
+  std::int64_t renderer_line = 0;                ///< line of [renderer]
+  double simulation_hz = render::kSimulationHz;  ///< rate at which poses are published
+  double force_limit_n = 0.0;                    ///< 0 = none
+  control::ControlOptions control;               ///< the rest of [control]: stages around any renderer
+  std::string view_up;  ///< [view]: up direction for pictures, such as "-y"; empty: not given. Never felt
+};
+
+/// Largest scene file that is read; a thousand models take some 300 kB.
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{1} << 20;
+
+/// Parses a TOML scene. Unknown keys are Errors with line, column and the nearest known key; keys of later
+/// versions say so. Relative paths are resolved against the folder of `path`.
+[[nodiscard]] Result<SceneFile> parse_scene(std::string_view text, const std::string& path);
+[[nodiscard]] Result<SceneFile> read_scene(const std::string& path);
+
+/// The keys of one table of a scene file.
+struct TableKeys {
+  std::string table;  ///< "model.surface.dent"; inline tables belong to their table
+  std::vector<std::string> keys;
+};
+/// Every key that parse_scene reads, except the options of generators, renderers and cleaning steps.
+[[nodiscard]] std::vector<TableKeys> scene_keys();
+
+/// Opens a SCENE argument: a .toml file, a generator with options ("sinusoid:points=10201:seed=1"), or a
+/// model file. A file wins over a generator of the same name.
+[[nodiscard]] Result<SceneFile> open_scene(const std::string& argument);
+
+/// Command-line options for model files.
+struct LoadOptions {
+  std::optional<io::Unit> unit;  ///< for files whose scene gives none
+  std::optional<double> scale;   ///< replaces the scene's scale of every model
+  double post_mm = 0.0;          ///< height grids: see io::ReadOptions
+  double vertical_mm = 0.0;
+  std::optional<double> no_data;
+  std::optional<cloud::NonFinite> non_finite;   ///< default: dropped
+  std::uint64_t max_bytes = kMemoryLimitBytes;  ///< see io::ReadOptions; for every file
+  const Cleaning* cleaning = nullptr;           ///< the steps that [[model.clean]] may name; null: none
+  int threads = 0;                              ///< for cleaning; 0 = all
+};
+
+/// The origin of a loaded model, for reports.
+struct Provenance {
+  std::string source;        ///< file, or the generator with every option
+  std::string format;        ///< "PLY, ASCII", "generated", ..
+  std::string content_hash;  ///< of the coordinates in mm; sixteen hexadecimal digits
+  io::Unit unit = io::Unit::kMillimetre;
+  bool unit_guessed = false;
+  std::size_t file_points = 0;  ///< before dropping
+  std::size_t non_finite = 0;   ///< dropped
+  std::vector<std::string> warnings;
+  std::vector<render::PreparePhase> cleaning;  ///< steps of [[model.clean]] with times
+  std::vector<std::string> cleaned;            ///< what each step did
+};
+
+struct LoadedScene {
+  render::SceneInput input;
+  control::ControlOptions control;     ///< as in the file
+  std::string view_up;                 ///< as in the file
+  std::vector<Provenance> provenance;  ///< one per model
+  /// Per model: the mesh that `sample` took points from. It is the truth and hidden from renderers. Null for
+  /// a file's own points.
+  std::vector<std::shared_ptr<const geometry::TriangleMesh>> sampled_mesh;
+};
+
+/// Reads or generates every model, with progress. An Error names the file that failed.
+[[nodiscard]] Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers,
+                                       const LoadOptions& options, Progress& progress);
+
+}  // namespace palpate::scene

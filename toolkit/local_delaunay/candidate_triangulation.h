@@ -1,0 +1,209 @@
+// State of every point while the local Delaunay mesh is built. Internal to local_delaunay.
+#pragma once
+
+#include <palpate/vec.h>
+#include <Eigen/Geometry>  // cross products
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "toolkit/core/large_pages.h"
+#include "toolkit/local_delaunay/planar_voronoi_cell.h"
+#include "toolkit/local_delaunay/spatial_sort.h"
+
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+namespace palpate::local_delaunay {
+
+/// Nearest points from which a star is made. One random star in a thousand reaches its twelfth neighbour;
+/// sixteen leave room for those that the layout rejects.
+inline constexpr std::size_t kNearest = 16;
+using NearestPoints = std::array<std::uint32_t, kNearest>;
+/// Stands for "no point".
+inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
+
+/// The triangles around a point: its ring of neighbours, counter-clockwise about its normal; sector k lies
+/// between ring points k and k + 1. Ring points are distinct. Most reads touch one cache line.
+struct alignas(64) Star {
+  std::uint32_t size = 0;
+  std::uint32_t open = 0;    ///< bit k: sector k has no triangle
+  std::uint32_t agreed = 0;  ///< bit k: the stars of both other corners have the triangle too
+  std::array<std::uint32_t, kMaxCorners> ring{};
+
+  [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
+  [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
+  [[nodiscard]] bool has_sector(std::uint32_t k) const noexcept { return (open >> k & 1u) == 0; }
+  [[nodiscard]] bool is_agreed(std::uint32_t k) const noexcept { return (agreed >> k & 1u) != 0; }
+  [[nodiscard]] bool has_sectors() const noexcept { return open != (1u << size) - 1u; }
+  [[nodiscard]] bool has_agreed_all() const noexcept { return agreed == (1u << size) - 1u; }
+  [[nodiscard]] std::uint32_t sectors() const noexcept { return size - bits_of(open); }
+  [[nodiscard]] std::uint32_t agreements() const noexcept { return bits_of(agreed); }
+  /// The point's index in the ring, or size.
+  [[nodiscard]] std::uint32_t find(std::uint32_t b) const noexcept {
+    for (std::uint32_t first = 0; first < size; first += kFound) {
+      const unsigned same = same_in(first, b);
+      if (same == 0) continue;
+      const std::uint32_t k = first + static_cast<std::uint32_t>(__builtin_ctz(same));
+      return k < size ? k : size;
+    }
+    return size;
+  }
+  /// True if the star has the triangle with ring point k and c, on either side of k. False for k = size.
+  [[nodiscard]] bool holds(std::uint32_t k, std::uint32_t c) const noexcept {
+    if (k == size) return false;
+    if (ring[next(k)] == c && has_sector(k)) return true;
+    const std::uint32_t before = previous(k);
+    return ring[before] == c && has_sector(before);
+  }
+  [[nodiscard]] bool closed_and_agreed() const noexcept { return size >= 3 && has_agreed_all(); }
+
+ private:
+  static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once
+  static_assert(kMaxCorners % kFound == 0 && kMaxCorners < 32);
+  /// Bit k: ring point first + k (or memory past the ring's end) is b.
+  [[nodiscard]] unsigned same_in(std::uint32_t first, std::uint32_t b) const noexcept {
+#if defined(__SSE2__)
+    const __m128i wanted = _mm_set1_epi32(static_cast<int>(b));
+    const auto four = [&](std::uint32_t at) {
+      const __m128i these = _mm_loadu_si128(reinterpret_cast<const __m128i*>(&ring[at]));
+      return _mm_cmpeq_epi32(these, wanted);
+    };
+    const __m128i eight = _mm_packs_epi32(four(first), four(first + kFound / 2));
+    return static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(eight, _mm_setzero_si128())));
+#else
+    unsigned same = 0;
+    for (std::uint32_t k = 0; k < kFound; ++k) same |= static_cast<unsigned>(ring[first + k] == b) << k;
+    return same;
+#endif
+  }
+  [[nodiscard]] static std::uint32_t bits_of(std::uint32_t x) noexcept {
+    return static_cast<std::uint32_t>(std::popcount(x));
+  }
+};
+
+struct CandidateTriangulation {
+  int threads = 0;
+  bool both_sides = false;  ///< see BuildOptions
+  /// The weights break ties on lattices (find_nearest.cpp).
+  UninitializedVector<SortedPoint> point;
+  UninitializedVector<NearestPoints> near;  ///< nearest first; unused entries hold the point's own index
+  std::vector<Vec3f> normal;                ///< unit, either sign; zero if none
+  std::vector<std::uint8_t> welded;         ///< 1: (nearly) coincides with another point and has no star
+  std::vector<std::uint8_t> sparse;    ///< 1: `near` holds the nearest in each direction, others lie between
+  std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see PlanarLayout
+  std::vector<std::uint8_t> crossed;   ///< 1: another sheet crosses here
+  std::vector<std::uint8_t> doubtful;  ///< 1: its star's triangles disagreed, see fill_holes()
+  UninitializedVector<Star> star;
+
+  [[nodiscard]] std::size_t size() const noexcept { return point.size(); }
+  [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return point[i].at(); }
+};
+
+/// Finds the nearest points, normals and weights; welds points that coincide, exactly (`doubled`) or nearly.
+/// Parallel.
+void find_nearest(CandidateTriangulation& candidate, const std::vector<std::uint8_t>& duplicate);
+/// Makes a star for every point and marks agreed sectors. Parallel.
+void make_stars(CandidateTriangulation& candidate);
+/// The same with some stars known: nearest_from_stars() takes the known rings as nearest points and sets all
+/// weights; find_nearest_of() searches for those in `wanted`; make_stars_of() makes the wanted stars and
+/// checks agreement for `asked`. Empty means all. Parallel.
+void nearest_from_stars(CandidateTriangulation& candidate);
+void find_nearest_of(CandidateTriangulation& candidate, const std::vector<std::uint8_t>& duplicate,
+                     std::span<const std::uint8_t> wanted);
+void make_stars_of(CandidateTriangulation& candidate, std::span<const std::uint8_t> wanted,
+                   std::span<const std::uint8_t> asked);
+/// Remakes stars that neighbours do not confirm, laid out in the plane of the confirmed part. Parallel.
+void repair_stars(CandidateTriangulation& candidate);
+
+/// Squared radius of the ball that holds a point's nearest.
+[[nodiscard]] inline double ball_sq(const CandidateTriangulation& candidate, std::uint32_t point) noexcept {
+  const NearestPoints& near = candidate.near[point];
+  std::size_t last = kNearest - 1;
+  while (last > 0 && near[last] == point) --last;
+  return (candidate.at(near[last]) - candidate.at(point)).squaredNorm();
+}
+/// Largest circle of a triangle, relative to that ball. For random points one circle in a million has a
+/// radius of 2.4 mean spacings; the ball's is 2.3.
+inline constexpr double kReachPerBall = 1.5;
+
+/// How a point's surroundings are projected to a plane.
+struct PlanarLayout {
+  Vec3 normal = Vec3::Zero();
+  double steepest = 1.0;  ///< leaves out neighbours that rise by more than this share of their distance
+  bool apart = false;     ///< leaves out neighbours on a sheet that crosses this one
+  /// Places neighbours at their orthogonal projection, not at their distance in space. Distances in space
+  /// agree between two points on a surface, but not in noise.
+  bool flat = false;
+};
+/// Makes a star of the nearest points and `more`. Sets `crossed`, if given, to 1 when a neighbour on a
+/// crossing sheet was left out.
+[[nodiscard]] Star star_in_plane(const CandidateTriangulation& candidate, std::uint32_t point,
+                                 const PlanarLayout& layout, std::span<const std::uint32_t> more = {},
+                                 std::uint8_t* crossed = nullptr);
+/// The neighbours' variance across the point's plane as a share of all; 0 on a plane.
+[[nodiscard]] double share_across(const CandidateTriangulation& candidate, std::uint32_t point);
+/// Bits of the star's sectors that their other corners' stars have too.
+[[nodiscard]] std::uint32_t agreed_sectors(const CandidateTriangulation& candidate, std::uint32_t point,
+                                           const Star& star);
+
+}  // namespace palpate::local_delaunay
+
+// Resolves disagreeing stars triangle by triangle, so that every edge has at most two triangles and every
+// point has separate fans. Internal to local_delaunay.
+namespace palpate::local_delaunay {
+
+/// Longest loop that counts as a hole: some twenty points surround one as wide as the widest allowed circle,
+/// 3.4 mean spacings.
+inline constexpr std::size_t kMaxLoop = 20;
+
+struct HoleFillReport {
+  std::size_t voted = 0;   ///< triangles that one or two of their three stars had
+  std::size_t filled = 0;  ///< triangles put into small loops
+};
+
+/// Afterwards each sector is agreed or open. Agreed stars stay. Independent of the number of threads. O(n),
+/// and O(m log m) in the m doubtful triangles.
+HoleFillReport fill_holes(CandidateTriangulation& candidate);
+
+/// For stars that fully agree: removes the triangles of `points`, fills the loops that remain, and returns
+/// their number.
+std::size_t refill_without(CandidateTriangulation& candidate, const std::vector<std::uint32_t>& points);
+
+}  // namespace palpate::local_delaunay
+
+// Orients each piece consistently. Internal to local_delaunay.
+namespace palpate::local_delaunay {
+
+/// Whether a piece encloses a volume and is felt from one side.
+enum class VolumeEnclosure : std::uint8_t { kOpen, kWithHoles, kWhole };
+
+/// Points per part in the far-field approximation: large enough to make a million points fast, small enough
+/// that small pieces have the 16 parts their test needs.
+inline constexpr int kPointsPerPart = 16;
+
+struct OrientedComponents {
+  UninitializedVector<std::uint32_t> of;  ///< by point; kNoPoint without triangles
+  std::vector<VolumeEnclosure> closed;    ///< by piece
+  double min_enclosed = 1.0;  ///< 1 - the widest geometry::opening_fraction() of pieces with holes
+  /// Corners of triangles dropped because their sides could not agree.
+  std::vector<std::array<std::uint32_t, 3>> unorientable;
+};
+
+/// Turns the stars so that neighbours have the same orientation, counter-clockwise from outside on pieces
+/// that enclose a volume (holes allowed). Every sector must be agreed. O(n), parallel except across chunks
+/// and in doubtful places; independent of the number of threads.
+OrientedComponents orient_stars(CandidateTriangulation& candidate);
+
+/// Reverses the orientation.
+void reverse(Star& star) noexcept;
+
+/// In noise, for oriented stars: triangles that face away from the surrounding planes. They would trap a
+/// moving probe, and no smooth surface has them.
+[[nodiscard]] std::vector<std::array<std::uint32_t, 3>> overhanging(const CandidateTriangulation& candidate);
+
+}  // namespace palpate::local_delaunay

@@ -1,0 +1,222 @@
+// Perceptual scores: lag, ripple, relief, and the share of indistinguishable frames.
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <deque>
+#include <numbers>
+
+#include "toolkit/core/bootstrap_interval.h"
+#include "toolkit/core/percentiles.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/metrics/score_input.h"
+#include "toolkit/metrics/vibration_threshold.h"
+
+namespace palpate::metrics {
+namespace {
+
+constexpr double kMsPerS = 1e3;
+
+double median_step_s(const trace::ProbePath& path) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < path.size(); ++i) steps.push_back(path.t_s[i] - path.t_s[i - 1]);
+  return steps.empty() ? 0.0 : upper_median(std::move(steps));
+}
+
+// ---- lag
+
+constexpr std::size_t kMaxLag = 200;  // samples: a fifth of a second at 1 kHz, half a stroke of the weave
+constexpr double kExplained = 0.5;    // reduction of the squared error from which it is a delay
+
+void score_lag(const ScoreInput& in, Accuracy& a) {
+  const std::size_t n = in.frames.size(), most = std::min(kMaxLag, n / 4);
+  double energy = 0.0;
+  for (const render::Frame& frame : in.frames) energy += frame.force_n.squaredNorm();
+  if (!(energy > 0.0)) return;
+  // The same frames for every delay, for comparable sums.
+  const auto error_of = [&](std::size_t lag) {
+    double sum = 0.0;
+    for (std::size_t i = most; i < n; ++i)
+      if (in.decided(i)) sum += (in.rendered(i) - in.wanted(i - lag)).squaredNorm();
+    return sum;
+  };
+  const double now = error_of(0);
+  double best = kExplained * now;
+  std::size_t lag = 0;
+  for (std::size_t l = 1; l <= most; ++l)
+    if (const double error = error_of(l); error < best) {
+      best = error;
+      lag = l;
+    }
+  a.lag_ms = static_cast<double>(lag) * median_step_s(in.path) * kMsPerS;
+}
+
+// ---- ripple
+
+constexpr double kLowHz = 20.0, kHighHz = 500.0;
+// The mass that the force moves: a Phantom Omni's 45 g and the literature's default hand, in SI.
+constexpr double kMassKg = 0.045 + 0.15, kDampingNsPerM = 4.5, kStiffnessNPerM = 400.0;
+constexpr double kUmPerM = 1e6;
+constexpr std::size_t kWindow = 256;  // a quarter of a second at 1 kHz: bins of 3.9 Hz
+
+double moved_um_per_n(double hz) {
+  const double w = 2.0 * std::numbers::pi * hz;
+  return kUmPerM / std::abs(std::complex<double>(kStiffnessNPerM - kMassKg * w * w, kDampingNsPerM * w));
+}
+
+/// Welch's estimate over windows of unbroken true contact, half overlapping.
+void score_ripple(const ScoreInput& in, Accuracy& a) {
+  const double step_s = median_step_s(in.path);
+  if (!(step_s > 0.0)) return;
+  const double bin_hz = 1.0 / (step_s * kWindow);
+  std::vector<double> shape(kWindow), cosine(kWindow), sine(kWindow);
+  double weight = 0.0;
+  for (std::size_t k = 0; k < kWindow; ++k) {
+    const double turn = 2.0 * std::numbers::pi * static_cast<double>(k) / kWindow;
+    cosine[k] = std::cos(turn);
+    sine[k] = std::sin(turn);
+    shape[k] = 0.5 - 0.5 * cosine[k];  // Hann
+    weight += shape[k];
+  }
+  std::vector<double> power(kWindow / 2 + 1, 0.0);
+  std::vector<Vec3> error(kWindow);
+  std::size_t windows = 0, unbroken = 0;
+  for (std::size_t i = 0; i < in.frames.size(); ++i) {
+    unbroken = in.in_true_contact(i) ? unbroken + 1 : 0;
+    if (unbroken < kWindow) continue;
+    unbroken = kWindow / 2;
+    ++windows;
+    Vec3 mean = Vec3::Zero();
+    for (std::size_t k = 0; k < kWindow; ++k) {
+      const std::size_t at = i + 1 - kWindow + k;
+      error[k] = in.rendered(at) - in.wanted(at);
+      mean += error[k] / kWindow;
+    }
+    for (std::size_t bin = 1; bin < power.size(); ++bin) {
+      const double hz = static_cast<double>(bin) * bin_hz;
+      if (hz < kLowHz || hz > kHighHz) continue;
+      Vec3 re = Vec3::Zero(), im = Vec3::Zero();
+      for (std::size_t k = 0; k < kWindow; ++k) {
+        const Vec3 value = shape[k] * (error[k] - mean);
+        re += cosine[bin * k % kWindow] * value;
+        im += sine[bin * k % kWindow] * value;
+      }
+      power[bin] += re.squaredNorm() + im.squaredNorm();
+    }
+  }
+  if (windows == 0) return;
+  a.ripple_ratio = 0.0;
+  for (std::size_t bin = 1; bin < power.size(); ++bin) {
+    const double hz = static_cast<double>(bin) * bin_hz;
+    if (hz < kLowHz || hz > kHighHz) continue;
+    // A pure tone has no twin of negative frequency only at half the sampling rate.
+    const double twin = bin + 1 == power.size() ? 1.0 : 2.0;
+    const double amplitude_n = twin * std::sqrt(power[bin] / static_cast<double>(windows)) / weight;
+    const double ratio = amplitude_n * moved_um_per_n(hz) / detection_threshold_um(hz);
+    if (ratio <= *a.ripple_ratio) continue;
+    a.ripple_ratio = ratio;
+    a.ripple_hz = hz;
+  }
+}
+
+// ---- relief
+
+// Louw, Kappers and Koenderink 2000: a finger notices bumps of width w from 8 mm (w / 240 mm)^1.3 on.
+constexpr double kBumpMm = 8.0, kBumpWidthMm = 240.0, kBumpExponent = 1.3;
+constexpr double kWidthsMm[] = {1.0, 3.0, 10.0};
+
+/// Largest difference of two values within any `width` of the way.
+double most_relief(const std::vector<double>& way_mm, const std::vector<double>& height_mm, double width_mm) {
+  std::deque<std::size_t> highest, lowest;
+  double most = 0.0;
+  for (std::size_t i = 0; i < way_mm.size(); ++i) {
+    while (!highest.empty() && height_mm[highest.back()] <= height_mm[i]) highest.pop_back();
+    while (!lowest.empty() && height_mm[lowest.back()] >= height_mm[i]) lowest.pop_back();
+    highest.push_back(i);
+    lowest.push_back(i);
+    while (way_mm[i] - way_mm[highest.front()] > width_mm) highest.pop_front();
+    while (way_mm[i] - way_mm[lowest.front()] > width_mm) lowest.pop_front();
+    most = std::max(most, height_mm[highest.front()] - height_mm[lowest.front()]);
+  }
+  return most;
+}
+
+void score_relief(const ScoreInput& in, Accuracy& a) {
+  std::vector<double> way_mm, height_mm;
+  const auto take = [&] {
+    for (const double width : kWidthsMm) {
+      if (way_mm.empty() || way_mm.back() < width) continue;
+      const double ratio =
+          most_relief(way_mm, height_mm, width) / (kBumpMm * std::pow(width / kBumpWidthMm, kBumpExponent));
+      if (a.relief_ratio && ratio <= *a.relief_ratio) continue;
+      a.relief_ratio = ratio;
+      a.relief_width_mm = width;
+    }
+    way_mm.clear();
+    height_mm.clear();
+  };
+  for (std::size_t i = 0; i < in.frames.size(); ++i) {
+    if (!in.decided(i) || !in.frames[i].contact || !in.truth[i].frame.contact) {
+      take();
+      continue;
+    }
+    const Vec3& g = in.truth[i].frame.god_object_mm;
+    const double step = way_mm.empty() ? 0.0 : (g - in.truth[i - 1].frame.god_object_mm).norm();
+    way_mm.push_back(way_mm.empty() ? 0.0 : way_mm.back() + step);
+    height_mm.push_back((in.frames[i].god_object_mm - g).dot(in.truth[i].normal));
+  }
+  take();
+}
+
+// ---- the headline
+
+void score_headline(const ScoreInput& in, const Episodes& episodes, Accuracy& a) {
+  std::vector<double> same(episodes.count), asked(episodes.count);
+  for (std::size_t i = 0; i < in.frames.size(); ++i) {
+    const double wanted = in.wanted(i).norm();
+    // Differences below the device's floor decide nothing.
+    if (!in.decided(i) || !(std::max(wanted, in.rendered(i).norm()) > a.floor_n)) continue;
+    const std::uint32_t e = episodes.of_frame[i];
+    asked[e] += 1.0;
+    const bool near = (in.rendered(i) - in.wanted(i)).norm() <= std::max(kForceJnd * wanted, a.floor_n);
+    const bool smooth =
+        i == 0 || !in.decided(i - 1) || in.true_edge(i, a.floor_n) || in.jump_error_n(i) <= a.floor_n;
+    if (near && smooth) same[e] += 1.0;
+  }
+  const auto share = [&](std::span<const std::uint32_t> counts) -> std::optional<double> {
+    double good = 0.0, all = 0.0;
+    for (std::size_t e = 0; e < episodes.count; ++e) {
+      const double times = counts.empty() ? 1.0 : static_cast<double>(counts[e]);
+      good += times * same[e];
+      all += times * asked[e];
+    }
+    return all > 0.0 ? std::optional(kToPercent * good / all) : std::nullopt;
+  };
+  a.indistinguishable_percent = share({});
+  a.indistinguishable_interval = bootstrap(
+      episodes.count, [&](std::span<const std::uint32_t> counts, Random&) { return share(counts); });
+}
+
+}  // namespace
+
+Episodes episodes_of(const std::vector<trace::TruthFrame>& truth) {
+  Episodes episodes;
+  bool before = false;
+  for (const trace::TruthFrame& frame : truth) {
+    const bool now = felt(frame.frame.force_n);
+    if (now && !before) ++episodes.in_contact;
+    before = now;
+    episodes.of_frame.push_back(
+        static_cast<std::uint32_t>(episodes.in_contact == 0 ? 0 : episodes.in_contact - 1));
+  }
+  episodes.count = std::max<std::size_t>(episodes.in_contact, 1);
+  return episodes;
+}
+
+void score_perception(const ScoreInput& in, const Episodes& episodes, Accuracy& a) {
+  score_lag(in, a);
+  score_ripple(in, a);
+  score_relief(in, a);
+  score_headline(in, episodes, a);
+}
+
+}  // namespace palpate::metrics

@@ -1,0 +1,232 @@
+#include "toolkit/paths/visible_surface_paths.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include <palpate/result.h>
+
+namespace palpate::paths {
+namespace {
+
+// Samples per smallest detail; at least one in two steps of the HIP.
+constexpr double kLooksPerDetail = 4.0, kLooksPerStep = 0.5;
+// Slope limit of the HIP towards an end of the surface: 45 degrees.
+constexpr double kRise = 1.0;
+// Samples before giving up: finds a surface that fills a hundred-thousandth of the box.
+constexpr std::size_t kMaxLooks = 200'000;
+// Side of the search lattice of nearest_visible().
+constexpr int kLattice = 64;
+
+/// A place that the HIP passes.
+struct Station {
+  Vec3 point = Vec3::Zero();   ///< of the surface, or of the HIP itself
+  Vec3 normal = Vec3::Zero();  ///< zero: crossing where there is no surface
+  double room_mm = 0.0;        ///< along the surface to its nearer end
+};
+
+Vec3 hip_at(const Station& station, double offset_mm, double clearance_mm) {
+  if (station.normal.isZero()) return station.point;
+  return station.point + std::max(offset_mm, clearance_mm - kRise * station.room_mm) * station.normal;
+}
+
+/// A look along the line of sight at one place of the curve.
+struct Look {
+  Vec3 plan = Vec3::Zero();
+  std::optional<geometry::SurfacePoint> surface;
+};
+
+/// The stations along a curve, computed on demand.
+class Track {
+ public:
+  Track(const VisibleSurface& seen, const Curve& curve, const PathTiming& timing)
+      : seen_(seen),
+        curve_(curve),
+        clearance_mm_(timing.clearance_mm),
+        stride_mm_(std::max(seen.detail_mm() / kLooksPerDetail, timing.step_mm() / kLooksPerStep)) {}
+
+  /// Stations for this length.
+  [[nodiscard]] Result<std::vector<Station>> over(double path_length_mm) {
+    double guess = kFirstGuess;
+    for (std::size_t looks = 0; length_mm_ < path_length_mm; ++looks) {
+      if (stations_.empty() && piece_.empty() && looks > kMaxLooks) return nothing_to_follow();
+      take(look());
+      const double next = advance([&](double t) { return in_plan(t); }, tau_, stride_mm_, guess);
+      if (!(next > tau_)) return step_does_not_fit();
+      guess = 0.25 * (next - tau_);  // never beyond a nearby turn of the curve
+      tau_ = next;
+    }
+    finish_piece();
+    if (stations_.empty()) return nothing_to_follow();
+    cross(std::nullopt);
+    return std::move(stations_);
+  }
+
+ private:
+  static Error nothing_to_follow() {
+    return {"the path meets no surface seen from there",
+            "look from another side: from=x, -x, y, -y, z or -z",
+            {},
+            0};
+  }
+  [[nodiscard]] Vec3 in_plan(double tau) const {
+    const SurfaceParameters at = curve_(tau);
+    return seen_.view().in_plan(at.u, at.v);
+  }
+  [[nodiscard]] Look look() const {
+    const SurfaceParameters at = curve_(tau_);
+    return {seen_.view().in_plan(at.u, at.v), seen_.at(at.u, at.v)};
+  }
+  [[nodiscard]] bool goes_on(const Look& next) const {
+    if (!next.surface || piece_.empty()) return false;
+    const double rise = seen_.view().height(next.surface->point_mm - piece_.back().surface->point_mm);
+    return std::abs(rise) <= kSteepest * (next.plan - piece_.back().plan).norm();
+  }
+
+  void take(Look look) {
+    if (!piece_.empty() && !goes_on(look)) finish_piece();
+    if (look.surface) {
+      if (!piece_.empty()) piece_mm_ += (look.surface->point_mm - piece_.back().surface->point_mm).norm();
+      piece_.push_back(std::move(look));
+    } else {
+      gap_.push_back(look);
+    }
+    const double crossed_mm = stations_.empty() ? 0.0 : stride_mm_ * static_cast<double>(gap_.size());
+    length_mm_ = written_mm_ + crossed_mm + piece_mm_;
+  }
+
+  /// Turns the piece into stations, preceded by a crossing; pieces shorter than the surface's detail are
+  /// crossed.
+  void finish_piece() {
+    if (piece_.empty()) return;
+    if (piece_mm_ < seen_.detail_mm()) {
+      gap_.insert(gap_.end(), piece_.begin(), piece_.end());
+    } else {
+      if (!stations_.empty()) cross(piece_.front().surface);
+      double done = 0.0;
+      for (std::size_t i = 0; i < piece_.size(); ++i) {
+        const geometry::SurfacePoint& at = *piece_[i].surface;
+        if (i > 0) done += (at.point_mm - piece_[i - 1].surface->point_mm).norm();
+        write({at.point_mm, at.normal, std::min(done, piece_mm_ - done)});
+      }
+      gap_.clear();
+    }
+    piece_.clear();
+    piece_mm_ = 0.0;
+  }
+
+  /// Crosses from the last station, above everything seen, to where the surface continues, if it does.
+  void cross(const std::optional<geometry::SurfacePoint>& goal) {
+    const ViewFrame& view = seen_.view();
+    const Vec3 from = hip_at(stations_.back(), clearance_mm_, clearance_mm_);
+    const Vec3 to = goal ? Vec3(goal->point_mm + clearance_mm_ * goal->normal) : from;
+    double top = std::max(view.height(from), view.height(to));
+    for (const Look& look : gap_)
+      if (look.surface) top = std::max(top, view.height(look.surface->point_mm) + clearance_mm_);
+    const auto raised = [&](const Vec3& p) { return Vec3(p + (top - view.height(p)) * view.towards_eye); };
+    write({raised(from), Vec3::Zero(), 0.0});
+    for (const Look& look : gap_) write({raised(look.plan), Vec3::Zero(), 0.0});
+    if (goal) write({raised(to), Vec3::Zero(), 0.0});
+  }
+
+  void write(const Station& station) {
+    if (!stations_.empty()) written_mm_ += (station.point - stations_.back().point).norm();
+    stations_.push_back(station);
+  }
+
+  const VisibleSurface& seen_;
+  const Curve& curve_;
+  double clearance_mm_, stride_mm_;
+  double tau_ = 0.0;
+  std::vector<Look> piece_,
+      gap_;  ///< seen since the last station: no surface yet, nothing before it
+  double piece_mm_ = 0.0, written_mm_ = 0.0, length_mm_ = 0.0;
+  std::vector<Station> stations_;
+};
+
+}  // namespace
+
+Result<std::vector<Vec3>> follow(const VisibleSurface& seen, const Curve& curve, const PathTiming& timing) {
+  PALPATE_ASSIGN(std::vector<Station> stations,
+                 Track(seen, curve, timing)
+                     .over(timing.path_length_mm() + (timing.depth_mm + timing.clearance_mm) / kRise));
+  std::vector<Vec3> path;
+  path.reserve(timing.frames);
+  std::size_t at = 0;
+  double done = 0.0;  // beyond the station
+  for (std::size_t k = 0; k < timing.frames; ++k) {
+    const auto length = [&] { return (stations[at + 1].point - stations[at].point).norm(); };
+    while (at + 1 < stations.size() && done >= length()) {
+      done -= length();
+      ++at;
+    }
+    Vec3 hip = hip_at(stations[at], timing.offset_mm(k), timing.clearance_mm);
+    if (at + 1 < stations.size() && done > 0.0)
+      hip += (done / length()) * (hip_at(stations[at + 1], timing.offset_mm(k), timing.clearance_mm) - hip);
+    path.push_back(k == 0 ? hip : limit_step(path.back(), hip, timing.farthest_mm()));
+    done += timing.step_mm(k);
+  }
+  return path;
+}
+
+Result<VisiblePoint> nearest_visible(const VisibleSurface& seen, double u, double v) {
+  if (const std::optional<geometry::SurfacePoint> here = seen.at(u, v)) return VisiblePoint{*here, u, v};
+  std::optional<VisiblePoint> best;
+  double best_sq = std::numeric_limits<double>::infinity();
+  for (int row = 0; row <= kLattice; ++row)
+    for (int column = 0; column <= kLattice; ++column) {
+      const double du = static_cast<double>(column) / kLattice - u,
+                   dv = static_cast<double>(row) / kLattice - v;
+      if (du * du + dv * dv >= best_sq) continue;
+      const std::optional<geometry::SurfacePoint> there = seen.at(u + du, v + dv);
+      if (!there) continue;
+      best = VisiblePoint{*there, u + du, v + dv};
+      best_sq = du * du + dv * dv;
+    }
+  if (best) return *best;
+  return Error{"no surface shows from there", "look from another side: from=x, -x, y, -y, z or -z", {}, 0};
+}
+
+Result<std::vector<Vec3>> slide_over(const VisibleSurface& seen, const VisiblePoint& start,
+                                     const PathTiming& timing) {
+  const ViewFrame& view = seen.view();
+  if (!(view.extent_u_mm > 0.0))
+    return Error{"the model has no width to slide over", "look from another side", {}, 0};
+  const double stride = std::max(seen.detail_mm() / kLooksPerDetail, timing.step_mm() / kLooksPerStep);
+  const double du = std::min(stride / view.extent_u_mm, kSlideOvershoot);
+  std::vector<Vec3> lower, upper;
+  geometry::SurfacePoint last = start.surface;
+  const auto write = [&](const geometry::SurfacePoint& at) {
+    lower.push_back(at.point_mm - timing.depth_mm * at.normal);
+    upper.push_back(at.point_mm + timing.clearance_mm * at.normal);
+  };
+  write(last);
+  double u = start.u + du;
+  for (; u <= 1.0 + du; u += du) {
+    const std::optional<geometry::SurfacePoint> next = seen.at(u, start.v);
+    if (!next || std::abs(view.height(next->point_mm - last.point_mm)) > kSteepest * du * view.extent_u_mm)
+      break;
+    last = *next;
+    write(last);
+  }
+  // Past the end: straight on in the view direction, until something is as high as the HIP.
+  const double lowest = view.height(lower.back());
+  double free_mm = 0.0;
+  for (const double end = u + kSlideOvershoot; u <= end; u += du) {
+    const std::optional<geometry::SurfacePoint> next = seen.at(u, start.v);
+    if (next && view.height(next->point_mm) + timing.clearance_mm > lowest) break;
+    free_mm += du * view.extent_u_mm;
+  }
+  if (lower.size() == 1 && !(free_mm > 0.0))
+    return Error{"the surface ends where the slide begins", "give it another place: u and v, 0 to 1", {}, 0};
+  if (free_mm > 0.0) {
+    lower.push_back(lower.back() + free_mm * view.across_u);
+    upper.push_back(upper.back() + free_mm * view.across_u);
+  }
+  return slide(lower, upper, timing);
+}
+
+}  // namespace palpate::paths

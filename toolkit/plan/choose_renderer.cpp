@@ -1,0 +1,195 @@
+#include "toolkit/plan/choose_renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/core/number_format.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/render/coordinate_precision.h"
+#include "toolkit/spline_sdf/spline_sdf_model.h"
+
+namespace palpate::plan {
+
+using render::Decision;
+
+namespace {
+
+/// Noise of a height grid, in spacings, that is felt: at 0.1 the slope between posts is off by 8 degrees and
+/// the force by a sixth.
+constexpr double kNoisyHeightsShare = 0.1;
+/// From here on triangles between points leave holes and fold (felt_surface, sets tnoise to tn50).
+constexpr double kTornShare = 0.2;
+/// Pieces along the probe's way are strips, whose borders get fewer bricks than their points suggest: 0.69 to
+/// 1.05 of those in a model's middle (nine generated models of 40,000 points without edges: even, random,
+/// uneven, noisy), most at density steps. This is the geometric middle.
+constexpr double kBricksOfStrips = 0.85;
+
+/// In spacings, or empty if not measurable.
+struct Noise {
+  double share = 0.0;
+  double spacing_mm = 0.0;
+  [[nodiscard]] std::string words() const {
+    return spacing_mm > 0.0 ? fmt::format("; noise of {:.2g} spacings was measured", share) : "";
+  }
+};
+
+Noise noise_of(const render::ModelInput& model, const render::PrepareContext& context) {
+  const Result<render::SplineSdfDecision> measured = render::decide_spline_sdf(model, {}, context);
+  if (!measured || !(measured->spacing_mm > 0.0)) return {};
+  return {measured->noise_mm / measured->spacing_mm, measured->spacing_mm};
+}
+
+double largest_stiffness_n_per_mm(const surface::Surface& surface) {
+  if (surface.per_point == nullptr || surface.per_point->stiffness_n_per_mm.empty())
+    return surface.stiffness_n_per_mm;
+  const std::vector<float>& each = surface.per_point->stiffness_n_per_mm;
+  return static_cast<double>(*std::max_element(each.begin(), each.end()));
+}
+
+/// Decides by the felt step between points: on triangles the force changes by up to stiffness x spacing at
+/// edges and in noise. Of eleven shapes under a hand `cloud-smooth` was nearer on 7 to 10 at any noise, lost
+/// contact a quarter as often and kicked 4 times against 605 (docs/results/smooth.md, "Which to take"). Below
+/// that step `fast` is as good. `facts`: of the points, in words.
+Decision choose_by_step(const render::ModelInput& model, const Noise& noise, const std::string& fast,
+                        const std::string& facts, const std::string& reason) {
+  const double step_n = largest_stiffness_n_per_mm(model.surface) * noise.spacing_mm;
+  const std::string step =
+      fmt::format("{}{}; at a spacing of {} mm the force moves by {} N from point to point on triangles",
+                  facts, noise.words(), format_number(noise.spacing_mm), format_number(step_n));
+  if (noise.share >= kTornShare)
+    return {"renderer", "cloud-smooth",
+            facts + noise.words() +
+                ": triangles between such points have holes, a smooth surface near them has none"};
+  if (step_n < kPerceptibleForceStepN) return {"renderer", fast, step + ", too little to be felt" + reason};
+  return {"renderer", "cloud-smooth",
+          step + ", which is felt at edges and in noise, a smooth surface near them is not"};
+}
+
+bool says(const render::ModelDecisions& model, const std::string& about) {
+  return std::any_of(model.decisions.begin(), model.decisions.end(),
+                     [&](const Decision& d) { return d.about == about; });
+}
+
+/// Every renderer of points reads stored floats.
+void say_precision(const render::SceneInput& scene, const render::PrepareContext& context, Plan& plan) {
+  for (std::size_t i = 0; i < scene.models.size(); ++i) {
+    const render::ModelInput& model = scene.models[i];
+    const Noise measured = noise_of(model, context);
+    plan.spacing_mm.push_back(measured.spacing_mm);
+    render::ModelDecisions& said = plan.decided.models[i];
+    if (!says(said, "coordinates"))
+      said.decisions.push_back(render::coordinates_decision(*model.cloud, measured.spacing_mm));
+    if (!render::float_precision_suffices(*model.cloud, measured.spacing_mm))
+      plan.warnings.push_back(fmt::format(
+          "Single precision is too coarse for {}: a stored coordinate rounds to more than a hundredth of the "
+          "spacing. Cut it into several models.",
+          model.name));
+  }
+}
+
+}  // namespace
+
+Decision choose_renderer(const render::SceneInput& scene, const render::PrepareContext& context) {
+  if (scene.models.size() != 1) return {"renderer", "cloud", "several models"};
+  const render::ModelInput& model = scene.models.front();
+  if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
+  const cloud::HeightFieldSummary facts = cloud::summarise_height_field(*model.cloud);
+  const Noise noise = noise_of(model, context);
+  if (!facts.is) return choose_by_step(model, noise, "cloud", facts.words, ": they are the fastest");
+  const double bytes =
+      static_cast<double>(sizeof(float) * facts.posts()) / static_cast<double>(model.cloud->size());
+  const std::string field = fmt::format("the points are a height field on {}", facts.words);
+  const std::string reason = fmt::format(
+      "; its answers are nearer and faster than those of cloud, from {:.3g} bytes a point", bytes);
+  if (noise.share < kNoisyHeightsShare) return {"renderer", "heightfield", field + noise.words() + reason};
+  return choose_by_step(model, noise, "heightfield", field, reason);
+}
+
+Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<NamedOptions>& wanted,
+                       const render::Registry& registry, const render::PrepareContext& context) {
+  if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+  Plan plan;
+  Decision chosen =
+      wanted ? Decision{"renderer", wanted->name, "as given", true} : choose_renderer(scene, context);
+  plan.renderer = wanted ? *wanted : NamedOptions{chosen.choice, {}};
+  const Result<std::unique_ptr<render::HapticRenderer>> renderer =
+      registry.make(plan.renderer.name, plan.renderer.options);
+  if (!renderer) return renderer.error();
+  Result<render::Decisions> decided = (*renderer)->decide(scene, context);
+  if (!decided) return std::move(decided).error();
+  plan.decided = *std::move(decided);
+  say_precision(scene, context, plan);
+  plan.decided.decisions.insert(plan.decided.decisions.begin(), std::move(chosen));
+  return plan;
+}
+
+void estimate_on_machine(Plan& plan, const render::SceneInput& scene, const render::Registry& registry,
+                         const std::string& path, Machine machine) {
+  Result<FrameCost> cost =
+      estimate_frame_cost({scene, plan.renderer, plan.decided, plan.spacing_mm, path}, registry, machine);
+  if (!cost) return;
+  plan.decided.bytes = 0;
+  for (std::size_t i = 0; i < plan.decided.models.size(); ++i) {
+    render::ModelDecisions& model = plan.decided.models[i];
+    // Numbers of bricks and refined places depend on the surface.
+    if (i < cost->bytes_share.size() && (says(model, "bricks") || says(model, "refined"))) {
+      const bool strips = says(model, "bricks") && model.points > kMaxWholePilotPoints;
+      const double share = cost->bytes_share[i] / (strips ? kBricksOfStrips : 1.0);
+      model.bytes = static_cast<std::uint64_t>(static_cast<double>(model.bytes) * share);
+    }
+    plan.decided.bytes += model.bytes;
+  }
+  if (!(cost->frame_us > 0.0)) return;
+  // The frame's loop over near models counts in the sum only.
+  double of_models = 0.0;
+  for (const render::ModelDecisions& model : plan.decided.models)
+    of_models = std::max(of_models, model.frame_us.value_or(0.0));
+  const double around = plan.decided.frame_us ? std::max(0.0, *plan.decided.frame_us - of_models) : 0.0;
+  plan.decided.frame_us = cost->frame_us + around;
+  plan.cost = *std::move(cost);
+  plan.machine = std::move(machine);
+}
+
+namespace {
+
+std::string lines(const std::vector<Decision>& decisions, const char* indent) {
+  std::string out;
+  for (const Decision& d : decisions)
+    out += fmt::format("{}{:<26}{}\n{}{:<26}  {}{}\n", indent, d.about, d.choice, indent, "", d.reason,
+                       d.given ? " (given)" : "");
+  return out;
+}
+
+std::string bytes_or_unknown(std::uint64_t bytes) {
+  return bytes > 0 ? "some " + format_bytes(static_cast<double>(bytes)) : "no bytes known beforehand";
+}
+
+}  // namespace
+
+std::string text(const Plan& plan) {
+  const render::Decisions& decided = plan.decided;
+  std::string out = lines(decided.decisions, "");
+  for (const render::ModelDecisions& model : decided.models) {
+    out +=
+        fmt::format("\n{}: {} points, {}{}\n", model.name, format_count(model.points),
+                    model.spacing_mm ? fmt::format("spacing {} mm, ", format_number(*model.spacing_mm)) : "",
+                    bytes_or_unknown(model.bytes));
+    out += lines(model.decisions, "  ");
+  }
+  out += fmt::format(
+      "\nexpected: {} beside the points, {} of preparation, {} a frame in contact ({})\n",
+      bytes_or_unknown(decided.bytes),
+      decided.prepare_ms ? "some " + format_duration(*decided.prepare_ms) : "a time that was never measured",
+      decided.frame_us ? fmt::format("some {} µs", format_number(*decided.frame_us))
+                       : "a time that was never measured",
+      plan.cost ? "on this machine" : render::kReferenceMachine);
+  if (plan.cost) out += fmt::format("frame: {}\n{}\n", plan.cost->reason, text(*plan.machine));
+  return out;
+}
+
+}  // namespace palpate::plan

@@ -1,0 +1,298 @@
+#include "toolkit/plan/frame_cost.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+#include <limits>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include <palpate/paths.h>
+#include <palpate/replay.h>
+#include <palpate/result.h>
+#include "toolkit/core/instruction_counter.h"
+#include "toolkit/core/number_format.h"
+#include "toolkit/trace/timed_passes.h"
+
+namespace palpate::plan {
+namespace {
+
+/// Timed passes; the fastest counts, because slower ones include other work of the machine.
+constexpr int kPilotPasses = 5, kColdPasses = 3;
+constexpr double kWarmUpS = 0.005;
+constexpr double kNsPerUs = 1e3, kNsPerSecond = 1e9;
+constexpr double kLineBytes = 64.0;
+constexpr std::size_t kWordsALine = 64 / sizeof(std::uint64_t);
+/// Memory walked through before a cold pass: the largest size with a measured read.
+constexpr std::size_t kEvictedWords = (std::size_t{1} << 26) / sizeof(std::uint64_t);
+/// The slowest of several models is expected; the bound limits the time.
+constexpr std::size_t kMaxModels = 4;
+
+double pilot_cpu_ns() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return kNsPerSecond * static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec);
+}
+
+/// A piece with its renderer.
+struct Pilot {
+  trace::ProbePath path;
+  std::unique_ptr<render::HapticRenderer> renderer;
+  std::vector<trace::FrameSpan> stretches;
+  double contact_frames = 0.0;
+  double bytes = 0.0, bytes_estimated = 0.0;
+
+  void restart() const noexcept {
+    const double dt_s = path.size() > 1 ? path.t_s[1] - path.t_s[0] : kPilotDtS;
+    renderer->restart(path.hip_mm[0], path.t_s[0] - dt_s);
+  }
+  void step(std::size_t begin, std::size_t end) const noexcept {
+    for (std::size_t k = begin; k < end; ++k) (void)renderer->step(path.hip_mm[k], path.t_s[k]);
+  }
+  /// Time of the contact frames.
+  [[nodiscard]] double step_piece_ns() const noexcept {
+    double ns = 0.0;
+    for (const trace::FrameSpan& stretch : stretches) {
+      if (!stretch.contact) {
+        step(stretch.begin, stretch.end);
+        continue;
+      }
+      const double start = pilot_cpu_ns();
+      step(stretch.begin, stretch.end);
+      ns += pilot_cpu_ns() - start;
+    }
+    return ns;
+  }
+
+ private:
+  static constexpr double kPilotDtS = 1e-3;  // step of a path with one sample
+};
+
+/// Boxes and cells follow the whole cloud's resolution.
+Options options_for(const NamedOptions& renderer, const render::ModelDecisions& decided) {
+  Options options = renderer.options;
+  const bool boxed = std::any_of(decided.decisions.begin(), decided.decisions.end(),
+                                 [](const render::Decision& d) { return d.about == "boxes"; });
+  if (!boxed || options.has("resolution_mm") || !decided.spacing_mm || !(*decided.spacing_mm > 0.0))
+    return options;
+  options.set("resolution_mm", fmt::format("{}", *decided.spacing_mm));
+  return options;
+}
+
+Result<Pilot> prepared(SceneExcerpt piece, const NamedOptions& renderer, const render::Registry& registry) {
+  Pilot pilot;
+  pilot.path = std::move(piece.path);
+  PALPATE_ASSIGN(pilot.renderer, registry.make(renderer.name, renderer.options));
+  PALPATE_ASSIGN(const render::Decisions said, pilot.renderer->decide(piece.scene, {1, nullptr}));
+  PALPATE_ASSIGN(const render::PrepareReport report, pilot.renderer->prepare(piece.scene, {1, nullptr}));
+  pilot.bytes = static_cast<double>(report.bytes);
+  pilot.bytes_estimated = static_cast<double>(said.bytes);
+  PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(*pilot.renderer, pilot.path));
+  pilot.stretches = trace::frame_spans_of(trace::contact_of(trace.frames));
+  for (const trace::FrameSpan& stretch : pilot.stretches)
+    if (stretch.contact) pilot.contact_frames += static_cast<double>(stretch.end - stretch.begin);
+  return pilot;
+}
+
+/// The prepared pieces of a model, and the whole path's length relative to theirs.
+struct SampledPieces {
+  std::vector<Pilot> pilots;
+  double frames = 0.0, path_frames = 0.0;
+  std::size_t points = 0;  ///< of all pieces
+};
+
+Result<SampledPieces> squadron_for(const CostQuery& expected, std::size_t index,
+                                   const render::Registry& registry) {
+  const render::ModelInput& model = expected.scene.models[index];
+  paths::PathTarget target;
+  target.cloud = model.cloud.get();
+  target.surface = model.analytic.get();
+  target.box_mm = target.cloud->box_mm();
+  PALPATE_ASSIGN(const NamedOptions generator, parse_named_options(expected.path));
+  PALPATE_ASSIGN(const trace::ProbePath path, paths::make_path(generator, target));
+  PALPATE_ASSIGN(const NamedOptions made, parse_named_options(path.name.substr(0, path.name.find(' '))));
+  const auto number = [&](const char* key) { return made.options.has(key) ? made.options.number(key) : 0.0; };
+  FeltReach reach;
+  reach.felt_mm = std::max(number("depth_mm"), number("clearance_mm"));
+  reach.spacing_mm = expected.spacing_mm[index];
+  reach.heights = registry.find(expected.renderer.name)->geometry == render::Geometry::kHeights;
+  const NamedOptions on_piece{expected.renderer.name,
+                              options_for(expected.renderer, expected.decided.models[index])};
+  const auto period = static_cast<std::size_t>(number("period_frames"));
+  const bool whole = model.cloud->size() <= kMaxWholePilotPoints;
+  SampledPieces squadron;
+  squadron.path_frames = static_cast<double>(path.size());
+  Error last{"no piece", {}, {}, 0};
+  for (const Window& window : choose_windows(path.size(), period, whole ? 1 : kMaxPilots)) {
+    SceneExcerpt piece = extract_excerpt(expected.scene, model, path, window.begin, window.end, reach);
+    const std::size_t points = piece.scene.models.front().cloud->size();
+    if (points == 0) continue;
+    Result<Pilot> pilot = prepared(std::move(piece), on_piece, registry);
+    if (!pilot) {
+      last = pilot.error();
+      continue;
+    }
+    squadron.points += points;
+    squadron.frames += static_cast<double>(pilot->path.size());
+    squadron.pilots.push_back(*std::move(pilot));
+  }
+  if (squadron.pilots.empty()) return last;
+  return squadron;
+}
+
+/// One pass over all pieces in turn, like successive places of one model.
+double pass_ns(const std::vector<Pilot>& pilots, std::vector<std::uint64_t>* evicted) {
+  for (const Pilot& pilot : pilots) pilot.restart();
+  if (evicted != nullptr)
+    for (std::size_t i = 0; i < evicted->size(); i += kWordsALine) ++(*evicted)[i];
+  double ns = 0.0;
+  for (const Pilot& pilot : pilots) ns += pilot.step_piece_ns();
+  return ns;
+}
+
+double fastest_pass_ns(const std::vector<Pilot>& pilots, int passes, std::vector<std::uint64_t>* evicted) {
+  double fastest = std::numeric_limits<double>::max();
+  for (int pass = 0; pass < passes; ++pass) fastest = std::min(fastest, pass_ns(pilots, evicted));
+  return fastest;
+}
+
+Result<FrameCost> model_cost(const CostQuery& expected, std::size_t index, const render::Registry& registry,
+                             const Machine& machine) {
+  PALPATE_ASSIGN(const SampledPieces squadron, squadron_for(expected, index, registry));
+  FrameCost cost;
+  cost.pilots = squadron.pilots.size();
+  double frames = 0.0, bytes = 0.0, said = 0.0;
+  for (const Pilot& pilot : squadron.pilots) {
+    frames += pilot.contact_frames;
+    bytes += pilot.bytes;
+    said += pilot.bytes_estimated;
+  }
+  cost.bytes_share = {said > 0.0 ? bytes / said : 1.0};
+  if (!(frames > 0.0)) return cost;
+  const double warm_ns = fastest_pass_ns(squadron.pilots, kPilotPasses, nullptr);
+  std::vector<std::uint64_t> evicted(kEvictedWords, 1);
+  const double cold_ns = fastest_pass_ns(squadron.pilots, kColdPasses, &evicted) - warm_ns;
+  cost.warm_us = warm_ns / frames / kNsPerUs;
+  const double share = squadron.frames > 0.0 ? squadron.path_frames / squadron.frames : 1.0;
+  const double whole = static_cast<double>(expected.decided.models[index].bytes);
+  cost.miss_us = memory_wait_ns({cold_ns / frames, frames, share, whole}, machine) / kNsPerUs;
+  cost.frame_us = cost.warm_us + cost.miss_us;
+  cost.reason = fmt::format(
+      "{} µs over {} frames in contact on {} pieces of {} points together, where the probe will go; {} µs of "
+      "waiting for memory, from {} µs with cold caches",
+      format_number(cost.warm_us), format_count(static_cast<std::uint64_t>(frames)), cost.pilots,
+      format_count(squadron.points), format_number(cost.miss_us),
+      format_number((warm_ns + cold_ns) / frames / kNsPerUs));
+  return cost;
+}
+
+/// A renderer prepared for the whole scene, with its path.
+struct Ready {
+  std::unique_ptr<render::HapticRenderer> renderer;
+  trace::ProbePath path;
+  double bytes = 0.0, bytes_estimated = 0.0;
+};
+Result<Ready> ready(const render::SceneInput& scene, const NamedOptions& renderer,
+                    const render::Registry& registry, const std::string& path_text, int threads) {
+  Ready out;
+  PALPATE_ASSIGN(out.renderer, registry.make(renderer.name, renderer.options));
+  PALPATE_ASSIGN(const render::Decisions said, out.renderer->decide(scene, {threads, nullptr}));
+  PALPATE_ASSIGN(const render::PrepareReport report, out.renderer->prepare(scene, {threads, nullptr}));
+  out.bytes = static_cast<double>(report.bytes);
+  out.bytes_estimated = static_cast<double>(said.bytes);
+  paths::PathTarget target;
+  const render::ModelInput& model = scene.models.front();
+  target.cloud = model.cloud.get();
+  target.surface = model.analytic.get();
+  target.world_from_model = model.world_from_model;
+  target.box_mm = target.cloud->box_mm();
+  PALPATE_ASSIGN(const NamedOptions generator, parse_named_options(path_text));
+  PALPATE_ASSIGN(out.path, paths::make_path(generator, target));
+  return out;
+}
+
+}  // namespace
+
+double memory_wait_ns(const ColdCacheRun& pieces, const Machine& machine) {
+  if (machine.reads.size() < 2 || !(pieces.cold_ns > 0.0)) return 0.0;
+  const double far_ns = machine.reads.back().ns, near_ns = machine.reads.front().ns;
+  if (!(far_ns > near_ns)) return 0.0;
+  const double lines_a_frame = pieces.cold_ns / (far_ns - near_ns);
+  const double here = lines_a_frame * pieces.frames * kLineBytes;
+  const double all = std::max(here, std::min(here * pieces.path_share, pieces.whole_bytes));
+  return lines_a_frame * std::max(0.0, machine.read_ns(all) - machine.read_ns(here));
+}
+
+Result<PilotRun> run_pilot(const render::SceneInput& scene, const NamedOptions& renderer,
+                           const render::Registry& registry, const std::string& path_text, int threads) {
+  PALPATE_ASSIGN(const Ready flown, ready(scene, renderer, registry, path_text, threads));
+  PALPATE_ASSIGN(const trace::ForceTrace trace,
+                 trace::replay(*flown.renderer, flown.path, scene.simulation.get()));
+  const std::vector<std::uint8_t> contact = trace::contact_of(trace.frames);
+  const std::vector<trace::FrameSpan> stretches = trace::frame_spans_of(contact);
+  std::vector<trace::FrameSpanTime> times(stretches.size());
+  trace::TimedPasses passes(*flown.renderer, flown.path, scene.simulation.get(), trace.frames);
+  passes.warm_up(kWarmUpS);
+  double fastest_ns = std::numeric_limits<double>::max(), frames = 0.0;
+  for (int pass = 0; pass < kPilotPasses; ++pass) {
+    PALPATE_TRY(passes.time_spans(stretches, times));
+    double ns = 0.0;
+    frames = 0.0;
+    for (std::size_t i = 0; i < stretches.size(); ++i) {
+      if (!stretches[i].contact) continue;
+      ns += static_cast<double>(times[i].cpu_ns);
+      frames += static_cast<double>(stretches[i].end - stretches[i].begin);
+    }
+    fastest_ns = std::min(fastest_ns, ns);
+  }
+  return PilotRun{frames > 0.0 ? fastest_ns / frames / kNsPerUs : 0.0, frames, flown.bytes,
+                  flown.bytes_estimated};
+}
+
+Result<FrameCost> estimate_frame_cost(const CostQuery& expected, const render::Registry& registry,
+                                      const Machine& machine) {
+  const std::vector<render::ModelInput>& models = expected.scene.models;
+  if (expected.decided.models.size() != models.size() || expected.spacing_mm.size() != models.size() ||
+      models.empty())
+    return Error{"the renderer decided for other models", {}, {}, 0};
+  FrameCost slowest;
+  std::vector<double> bytes_share;
+  for (std::size_t i = 0; i < std::min(models.size(), kMaxModels); ++i) {
+    PALPATE_ASSIGN(FrameCost cost, model_cost(expected, i, registry, machine));
+    bytes_share.push_back(cost.bytes_share.front());
+    if (cost.frame_us > slowest.frame_us) slowest = std::move(cost);
+  }
+  slowest.bytes_share = std::move(bytes_share);
+  return slowest;
+}
+
+Result<CountedFrames> count_frame_instructions(const CostQuery& expected, const render::Registry& registry,
+                                               int threads) {
+  CountedFrames counted;
+  {
+    PALPATE_ASSIGN(const SampledPieces squadron, squadron_for(expected, 0, registry));
+    for (std::size_t k = 0; k < squadron.pilots.size(); ++k) {
+      const Pilot& pilot = squadron.pilots[k];
+      const std::string part = fmt::format("{} {}", kExpectedPart, k);
+      pilot.restart();
+      begin_counting();
+      pilot.step(0, pilot.path.size());
+      end_counting(part.c_str());
+      counted.expected += pilot.path.size();
+    }
+  }
+  PALPATE_ASSIGN(const Ready flown,
+                 ready(expected.scene, expected.renderer, registry, expected.path, threads));
+  PALPATE_TRY(trace::replay(*flown.renderer, flown.path));  // runs one-time work first
+  const trace::ProbePath& path = flown.path;
+  flown.renderer->restart(path.hip_mm[0], path.t_s[0] - (path.size() > 1 ? path.t_s[1] - path.t_s[0] : 1e-3));
+  begin_counting();
+  for (std::size_t k = 0; k < path.size(); ++k) (void)flown.renderer->step(path.hip_mm[k], path.t_s[k]);
+  end_counting(kMeasuredPart);
+  counted.measured = path.size();
+  return counted;
+}
+
+}  // namespace palpate::plan

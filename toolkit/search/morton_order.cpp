@@ -1,0 +1,125 @@
+#include "toolkit/search/morton_order.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/radix_sort.h"
+
+namespace palpate::search {
+namespace {
+
+/// Points per chunk: small enough to balance two threads.
+constexpr std::size_t kChunk = std::size_t{1} << 16;
+
+std::uint64_t spread(std::uint64_t x) noexcept {
+  x &= 0x1FFFFFu;
+  x = (x | x << 32) & 0x001F00000000FFFFu;
+  x = (x | x << 16) & 0x001F0000FF0000FFu;
+  x = (x | x << 8) & 0x100F00F00F00F00Fu;
+  x = (x | x << 4) & 0x10C30C30C30C30C3u;
+  return (x | x << 2) & 0x1249249249249249u;
+}
+
+struct Item {
+  std::uint64_t code;
+  std::uint32_t index;
+};
+}  // namespace
+
+std::uint64_t morton_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) noexcept {
+  return spread(x) | spread(y) << 1 | spread(z) << 2;
+}
+
+geometry::Aabb local_box(const cloud::Cloud& cloud, int threads) {
+  const std::size_t n = cloud.size();
+  std::vector<geometry::Aabb> parts((n + kChunk - 1) / kChunk);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    geometry::Aabb box;
+    for (std::size_t i = begin; i < end; ++i) box.add(cloud.local_mm(i));
+    parts[begin / kChunk] = box;
+  });
+  geometry::Aabb box;
+  for (const geometry::Aabb& part : parts) {
+    box.add(part.low_mm);
+    box.add(part.high_mm);
+  }
+  return box;
+}
+
+Lattice Lattice::over(const geometry::Aabb& local_box_mm, double unit_mm) {
+  const double extent = local_box_mm.extent_mm().maxCoeff();
+  constexpr double kMaxCubes =
+      static_cast<double>((1u << kMortonBits) - 2);  // one spare for rounding at the far face
+  while (extent / unit_mm > kMaxCubes) unit_mm *= 2.0;
+  return {local_box_mm.low_mm, unit_mm, 1.0 / unit_mm};
+}
+
+namespace {
+
+std::uint64_t code_at(const cloud::Cloud& cloud, std::size_t i, const Lattice& lattice) noexcept {
+  const Vec3 p = cloud.local_mm(i);
+  return morton_code(static_cast<std::uint32_t>(lattice.coordinate(p.x(), 0)),
+                     static_cast<std::uint32_t>(lattice.coordinate(p.y(), 1)),
+                     static_cast<std::uint32_t>(lattice.coordinate(p.z(), 2)));
+}
+
+int bits_of(std::uint64_t all) noexcept {
+  return 64 - std::countl_zero(all);
+}
+
+/// Fills items[i] = make(code, i); returns the union of bits.
+template <class Sorted, class Make>
+std::uint64_t encode(const cloud::Cloud& cloud, const Lattice& lattice, std::vector<Sorted>& items,
+                     int threads, Make&& make) {
+  const std::size_t n = cloud.size();
+  items.resize(n);
+  std::vector<std::uint64_t> used((n + kChunk - 1) / kChunk, 0);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    std::uint64_t any = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::uint64_t code = code_at(cloud, i, lattice);
+      items[i] = make(code, i);
+      any |= code;
+    }
+    used[begin / kChunk] = any;
+  });
+  std::uint64_t all = 0;
+  for (const std::uint64_t u : used) all |= u;
+  return all;
+}
+
+}  // namespace
+
+std::vector<std::uint32_t> sorted_coarse_codes(const cloud::Cloud& cloud, const Lattice& lattice,
+                                               int threads) {
+  std::vector<std::uint32_t> codes;
+  const std::uint64_t all = encode(cloud, lattice, codes, threads, [](std::uint64_t code, std::size_t) {
+    return static_cast<std::uint32_t>(code);
+  });
+  radix_sort(codes, bits_of(all), threads, [](std::uint32_t code) { return code; });
+  return codes;
+}
+
+MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads, int axes) {
+  const std::size_t n = cloud.size();
+  std::vector<Item> items;
+  const std::uint64_t kept = axes == 3 ? ~std::uint64_t{0} : ~(spread(~std::uint64_t{0}) << 2);
+  const std::uint64_t all = encode(cloud, lattice, items, threads, [kept](std::uint64_t code, std::size_t i) {
+    return Item{code & kept, static_cast<std::uint32_t>(i)};
+  });
+  radix_sort(items, bits_of(all), threads, [](const Item& item) { return item.code; });
+  MortonOrder sorted;
+  sorted.codes.resize(n);
+  sorted.order.resize(n);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      sorted.codes[i] = items[i].code;
+      sorted.order[i] = items[i].index;
+    }
+  });
+  return sorted;
+}
+
+}  // namespace palpate::search

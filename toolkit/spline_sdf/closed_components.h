@@ -1,0 +1,56 @@
+// Bricks under construction, and which pieces are felt from one side.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "toolkit/spline_sdf/brick_grid.h"
+#include "toolkit/spline_sdf/fit_patches.h"
+
+namespace palpate::render {
+
+/// Half the diagonal of a cell in voxels: the largest distance from a cell's centre to a surface that crosses
+/// it at unit gradient, with a margin.
+inline constexpr double kCrossedCell = 1.1 * 0.8660254, kMinSlope = 0.5;
+
+/// A brick and the data that classify its piece.
+struct BuiltBrick {
+  Brick brick;
+  std::uint64_t beyond = 0;  ///< crossed cells without points around
+  std::uint32_t piece = 0;
+  bool smaller = false;  ///< does not follow the field
+  /// Sums over crossed cells: normals, and places from the cube's corner in voxels of its level.
+  Vec3 normals = Vec3::Zero(), places = Vec3::Zero();
+};
+
+/// Per level: the cubes' codes, ascending, and their bricks.
+using LevelCodes = std::array<std::vector<std::uint64_t>, BrickGrid::kMaxLevels>;
+using BuiltBricks = std::array<std::vector<BuiltBrick>, BrickGrid::kMaxLevels>;
+
+/// Numbers the pieces felt from one side in grid and bricks: those without a border, and (unless
+/// `both_sides`) those that enclose a volume despite holes. `pieces`: 1 + the largest BuiltBrick::piece.
+/// O(bricks).
+void find_closed_components(BrickGrid& grid, BuiltBricks& made, const LevelCodes& codes, std::size_t pieces,
+                            bool both_sides, int threads);
+
+[[nodiscard]] inline std::uint64_t morton_code_of(const BrickGrid::Coordinate& c) {
+  return search::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),
+                             static_cast<std::uint32_t>(c[2]));
+}
+/// Ascending, without repetition.
+void sort_unique(std::vector<std::uint64_t>& codes, int threads);
+
+/// Halvings from the spacing that half the surface's area exceeds to that of most points; 0 if equal. O(n log
+/// n).
+[[nodiscard]] int coarser_levels(const MortonPoints& points, std::span<const PointPatches> of_points);
+
+/// Adds the codes of wanted cubes of a level that points lie in or near. O(points).
+void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatches> of_points,
+                           const BrickGrid& grid, int level, int threads,
+                           const std::function<bool(std::uint64_t)>& wanted,
+                           std::vector<std::uint64_t>& codes);
+
+}  // namespace palpate::render

@@ -1,0 +1,326 @@
+#include "toolkit/spline_sdf/orient_patches.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <span>
+#include <utility>
+
+#include "toolkit/core/disjoint_sets.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/spline_sdf/patch_hash_grid.h"
+
+namespace palpate::render {
+namespace {
+
+/// Continuing patches: their chord leaves either tangent plane by at most this sine (50 degrees), and one
+/// normal is the other's mirror image on it, as on an arc, within 50 degrees. Stacked sheets fail one of the
+/// two.
+constexpr double kSteepest = 0.77;
+constexpr double kMinAgreement = 0.64;
+/// Meeting patches come within this many spacings or standard deviations of each other, and of their ends.
+constexpr double kOffSpacings = 0.4, kOffSigmas = 3.0, kBeyondEnd = 1.2;
+constexpr int kMeetRounds = 3;
+/// Links per patch, to the nearest.
+constexpr std::size_t kMaxLinks = 24;
+/// Classes of agreement; links are taken best first.
+constexpr std::size_t kClasses = 64;
+constexpr std::size_t kGrain = 512;
+/// A piece of patches with fewer points, and less than this share of all, is stray: three of the smallest
+/// patches.
+constexpr double kStrayPoints = 45.0, kStrayShare = 0.05;
+/// Meeting patches within 20 degrees form one face.
+constexpr double kSmoothCosine = 0.94;
+/// Rays start this many spacings or standard deviations above a patch, clear of its points. Balls of this
+/// radius, in spacings, meet nearly every sheet on the ray (92 % for random points); they grow by this share
+/// of the way.
+constexpr double kWayBegins = 1.25, kWayBeginsSigmas = 4.0, kWayRadius = 0.9, kWayWidens = 0.25;
+/// Balls grow by a quarter per step: this many reach 10^9 spacings.
+constexpr int kMaxWaySteps = 96;
+/// Rays at 45 degrees, besides the one along the normal.
+constexpr int kSlantedWays = 6;
+constexpr double kSlant = 1.0;
+/// Approximate number of a face's patches that are tested. The side is decided if this share of all
+/// directions differs; with few tests, if the difference exceeds chance (this over the square root of their
+/// number).
+constexpr std::uint32_t kAskedOfFace = 128;
+constexpr double kClearlyOpen = 0.1, kByChance = 1.2;
+/// Stacked sheets are parallel within 45 degrees.
+constexpr double kFacing = 0.7;
+constexpr std::size_t kAskGrain = 16;
+
+/// Finds where two patches meet by projecting to each in turn, from between them, nearer to the smaller.
+/// Converges to their crease if there is one, at once on one surface. False if they stay apart or meet beyond
+/// their ends.
+bool meet(const QuadricPatch& a, const QuadricPatch& b, Vec3& at) {
+  at = (b.support * a.quadric.at + a.support * b.quadric.at) / (a.support + b.support);
+  double gap = 0.0;
+  for (int i = 0; i < kMeetRounds; ++i) {
+    at -= a.quadric.n * a.quadric.residual(at);
+    gap = b.quadric.residual(at);
+    at -= b.quadric.n * gap;
+  }
+  if (std::abs(gap) >
+      std::max(kOffSpacings * std::min(a.spacing, b.spacing), kOffSigmas * std::min(a.sigma, b.sigma)))
+    return false;
+  const auto reaches = [&](const QuadricPatch& p) {
+    const double reach = p.support + kBeyondEnd * p.spacing;
+    return (at - p.quadric.at).squaredNorm() <= reach * reach;
+  };
+  return reaches(a) && reaches(b);
+}
+
+/// Signed agreement of two patches' normals; 0 if they do not continue each other.
+double agreement(const QuadricPatch& a, const QuadricPatch& b) {
+  Vec3 at;
+  if (!meet(a, b, at)) return 0.0;
+  // From one centre to the other, over the meeting place.
+  const Vec3 to = at - a.quadric.at, on = b.quadric.at - at;
+  const double first = to.norm(), second = on.norm();
+  Vec3 way = b.quadric.at - a.quadric.at;
+  if (first > 0.0 && second > 0.0) way = to / first + on / second;
+  const double length = way.norm();
+  if (!(length > 0.0)) return a.quadric.n.dot(b.quadric.n);
+  const Vec3 e = way / length;
+  const double na = a.quadric.n.dot(e), nb = b.quadric.n.dot(e);
+  if (std::abs(na) > kSteepest || std::abs(nb) > kSteepest) return 0.0;
+  const double agreed = a.quadric.n.dot(b.quadric.n) - 2.0 * na * nb;
+  return std::abs(agreed) < kMinAgreement ? 0.0 : agreed;
+}
+
+struct Link {
+  std::uint32_t a, b;
+  float agreed;
+};
+
+/// True if two patches that do not meet are stacked: sheets with a wall or gap between.
+bool are_stacked(const QuadricPatch& a, const QuadricPatch& b) {
+  if (std::abs(a.quadric.n.dot(b.quadric.n)) < kFacing) return false;
+  const Vec3 d = b.quadric.at - a.quadric.at;
+  const double h = d.dot(a.quadric.n), reach = std::max(a.support, b.support);
+  return d.squaredNorm() - h * h < reach * reach;
+}
+
+/// Links between continuing patches, and between stacked ones; the latter agree if one looks up and the other
+/// down, so that what is between is on one side of both.
+struct Links {
+  std::vector<Link> on, across;
+};
+
+Links find_links(std::span<const QuadricPatch> patches, int threads) {
+  if (patches.empty()) return {};
+  const PatchHashGrid cells(patches);
+  const std::size_t chunks = (patches.size() + kGrain - 1) / kGrain;
+  std::vector<Links> found(chunks);
+  parallel_chunks(patches.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::pair<double, Link>> mine;
+    for (std::size_t i = begin; i < end; ++i) {
+      const QuadricPatch& a = patches[i];
+      mine.clear();
+      const int own = cells.scale_of(a.support);
+      for (int s = own; s < kPatchScales; ++s) {
+        if (!cells.any(s)) continue;
+        cells.near(a.quadric.at, s, [&](std::uint32_t j) {
+          if (j == i || (s == own && j < i)) return;
+          const QuadricPatch& b = patches[j];
+          const double reach = kPatchReach * (a.support + b.support);
+          const double sq = (b.quadric.at - a.quadric.at).squaredNorm();
+          if (sq > reach * reach) return;
+          const double agreed = agreement(a, b);
+          if (agreed == 0.0) {
+            if (are_stacked(a, b))
+              found[begin / kGrain].across.push_back(
+                  {static_cast<std::uint32_t>(i), j, static_cast<float>(-a.quadric.n.dot(b.quadric.n))});
+            return;
+          }
+          mine.push_back(
+              {sq / (reach * reach), {static_cast<std::uint32_t>(i), j, static_cast<float>(agreed)}});
+        });
+      }
+      if (mine.size() > kMaxLinks) {
+        std::sort(mine.begin(), mine.end(), [](const auto& x, const auto& y) {
+          return x.first != y.first ? x.first < y.first : x.second.b < y.second.b;
+        });
+        mine.resize(kMaxLinks);
+      }
+      for (const auto& m : mine) found[begin / kGrain].on.push_back(m.second);
+    }
+  });
+  Links links;
+  for (const Links& f : found) {
+    links.on.insert(links.on.end(), f.on.begin(), f.on.end());
+    links.across.insert(links.across.end(), f.across.begin(), f.across.end());
+  }
+  return links;
+}
+
+/// Link indices by class of agreement, best first.
+std::vector<std::uint32_t> order_by_agreement(std::span<const Link> links) {
+  const auto class_of = [](const Link& link) {
+    const double share = (1.0 - std::abs(static_cast<double>(link.agreed))) / (1.0 - kMinAgreement);
+    return std::min(static_cast<std::size_t>(std::max(share, 0.0) * kClasses), kClasses - 1);
+  };
+  std::array<std::uint32_t, kClasses + 1> begin{};
+  for (const Link& link : links) ++begin[class_of(link) + 1];
+  for (std::size_t c = 0; c < kClasses; ++c) begin[c + 1] += begin[c];
+  std::vector<std::uint32_t> order(links.size());
+  for (std::uint32_t i = 0; i < links.size(); ++i) order[begin[class_of(links[i])]++] = i;
+  return order;
+}
+
+/// True if balls growing along the ray meet no points.
+bool ray_escapes(const MortonPoints& points, const Vec3& from, const Vec3& way, double spacing) {
+  const double least = kWayRadius * spacing;
+  Vec3 at = from;
+  double gone = 0.0;
+  for (int step = 0; step < kMaxWaySteps; ++step) {
+    if (points.box_mm().distance_sq_mm2(at) > least * least) return true;
+    const double radius = std::max(least, kWayWidens * gone);
+    if (points.any_in_ball(at, radius)) return false;
+    gone += radius;
+    at += way * radius;
+  }
+  return true;
+}
+
+/// From -1 to 1: the share of directions that escape above a patch minus that below.
+double visibility_difference(const MortonPoints& points, const QuadricPatch& patch) {
+  const Quadric& q = patch.quadric;
+  const double off =
+      std::max(kWayBegins * patch.spacing, kWayBeginsSigmas * std::max(patch.sigma, patch.noise));
+  int above = 0, below = 0;
+  const auto ask = [&](const Vec3& way) {
+    above += ray_escapes(points, q.at + q.n * off, way, patch.spacing) ? 1 : 0;
+    below += ray_escapes(points, q.at - q.n * off, way - 2.0 * way.dot(q.n) * q.n, patch.spacing) ? 1 : 0;
+  };
+  ask(q.n);
+  for (int k = 0; k < kSlantedWays; ++k) {
+    const double turn = 2.0 * std::numbers::pi * k / kSlantedWays;
+    ask((q.n + kSlant * (std::cos(turn) * q.u + std::sin(turn) * q.v)).normalized());
+  }
+  return static_cast<double>(above - below) / (1 + kSlantedWays);
+}
+
+/// Orients whole faces by visibility.
+void orient_by_visibility(const MortonPoints& points, std::span<const QuadricPatch> patches,
+                          std::uint32_t outside, OrientedDisjointSets& sides, int threads) {
+  // Samples patches of each face at a stride.
+  std::vector<std::uint32_t> count(patches.size(), 0), seen(patches.size(), 0), asked;
+  for (std::uint32_t i = 0; i < patches.size(); ++i) ++count[sides.find(i).set];
+  for (std::uint32_t i = 0; i < patches.size(); ++i) {
+    const std::uint32_t face = sides.find(i).set;
+    if (seen[face]++ % (1 + count[face] / kAskedOfFace) == 0) asked.push_back(i);
+  }
+  std::vector<double> open(asked.size(), 0.0);
+  parallel_chunks(asked.size(), kAskGrain, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) open[k] = visibility_difference(points, patches[asked[k]]);
+  });
+  std::vector<double> sum(patches.size(), 0.0), weights(patches.size(), 0.0), ways(patches.size(), 0.0);
+  for (std::size_t k = 0; k < asked.size(); ++k) {
+    const auto [face, turned] = sides.find(asked[k]);
+    const double area = patches[asked[k]].support * patches[asked[k]].support;
+    sum[face] += (turned != 0 ? -area : area) * open[k];
+    weights[face] += area;
+    ways[face] += 1 + kSlantedWays;
+  }
+  for (std::uint32_t i = 0; i < patches.size(); ++i)
+    if (weights[i] > 0.0 &&
+        std::abs(sum[i]) > std::max(kClearlyOpen, kByChance / std::sqrt(ways[i])) * weights[i])
+      sides.join(outside, i, sum[i] < 0.0 ? 1 : 0);
+}
+
+/// Orients the remaining faces by the sheets above and below, best supported first. Such sheets are one
+/// piece: only together they tell what is inside.
+void orient_stacked(std::span<const Link> across, OrientedDisjointSets& sides, OrientedDisjointSets& pieces) {
+  struct Vote {
+    double sum = 0.0;
+    std::uint32_t a = 0, b = 0;  ///< a patch of either face
+  };
+  std::map<std::pair<std::uint32_t, std::uint32_t>, Vote> votes;
+  for (const Link& link : across) {
+    const auto [a, turned_a] = sides.find(link.a);
+    const auto [b, turned_b] = sides.find(link.b);
+    if (a == b) continue;
+    Vote& vote = votes[std::minmax(a, b)];
+    vote.sum += static_cast<double>(turned_a != turned_b ? -link.agreed : link.agreed);
+    vote.a = link.a;
+    vote.b = link.b;
+  }
+  std::vector<std::pair<std::pair<std::uint32_t, std::uint32_t>, Vote>> order(votes.begin(), votes.end());
+  std::stable_sort(order.begin(), order.end(), [](const auto& x, const auto& y) {
+    return std::abs(x.second.sum) > std::abs(y.second.sum);
+  });
+  for (const auto& [roots, vote] : order) {
+    if (sides.find(roots.first).set == sides.find(roots.second).set) continue;
+    sides.join(roots.first, roots.second, vote.sum < 0.0 ? 1 : 0);
+    pieces.join(vote.a, vote.b);
+  }
+}
+
+void turn(Quadric& q) {
+  // u and v stay, so QuadricPatch::occupancy stays valid.
+  q.n = -q.n;
+  q.uu = -q.uu;
+  q.uv = -q.uv;
+  q.vv = -q.vv;
+}
+
+/// Drops the patches of pieces too small to be surface, and of pieces without a reliable patch.
+void drop_small_pieces(std::vector<QuadricPatch>& patches, std::vector<std::uint32_t>& piece) {
+  const bool any_sure =
+      std::any_of(patches.begin(), patches.end(), [](const QuadricPatch& p) { return p.reliable; });
+  std::vector<double> points(patches.size(), 0.0);
+  double all = 0.0;
+  for (std::uint32_t i = 0; i < patches.size(); ++i) {
+    if (any_sure && !patches[i].reliable) continue;
+    points[piece[i]] += patches[i].points;
+    all += patches[i].points;
+  }
+  const double least = std::min(kStrayPoints, kStrayShare * all);
+  std::vector<std::uint32_t> now(patches.size());
+  std::uint32_t kept = 0;
+  for (std::uint32_t i = 0; i < patches.size(); ++i) {
+    if (points[piece[i]] < least) continue;
+    now[i] = kept;  // a piece's number is its first patch
+    patches[kept] = patches[i];
+    piece[kept++] = now[piece[i]];
+  }
+  patches.resize(kept);
+  piece.resize(kept);
+}
+
+}  // namespace
+
+std::vector<std::uint32_t> orient_outwards(const MortonPoints& points, std::vector<QuadricPatch>& patches,
+                                           int threads) {
+  const auto [links, across] = find_links(patches, threads);
+  const std::vector<std::uint32_t> order = order_by_agreement(links);
+  const auto outside = static_cast<std::uint32_t>(patches.size());  // one virtual node beyond the patches
+  OrientedDisjointSets pieces(patches.size()), sides(patches.size() + 1);
+  const auto is_smooth = [&](const Link& link) {
+    return std::abs(patches[link.a].quadric.n.dot(patches[link.b].quadric.n)) > kSmoothCosine;
+  };
+  for (const Link& link : links) pieces.join(link.a, link.b);
+  for (const std::uint32_t i : order)
+    if (is_smooth(links[i])) sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f ? 1 : 0);
+  orient_by_visibility(points, patches, outside, sides, threads);
+  for (const std::uint32_t i : order) sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f ? 1 : 0);
+  orient_stacked(across, sides, pieces);
+  // Pieces joined to the outside are oriented relative to it.
+  const bool upside_down = sides.find(outside).turned != 0;
+  const std::uint32_t with_outside = sides.find(outside).set;
+  for (std::uint32_t i = 0; i < patches.size(); ++i) {
+    const auto [root, turned] = sides.find(i);
+    if ((turned != 0) != (root == with_outside && upside_down)) turn(patches[i].quadric);
+  }
+  std::vector<std::uint32_t> piece(patches.size());
+  for (std::uint32_t i = 0; i < patches.size(); ++i) piece[i] = pieces.find(i).set;
+  drop_small_pieces(patches, piece);
+  return piece;
+}
+
+}  // namespace palpate::render

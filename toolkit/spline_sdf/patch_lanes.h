@@ -1,0 +1,89 @@
+// Quadric patches evaluated at eight places at a time. Elementwise single precision: every target rounds
+// alike.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "toolkit/spline_sdf/fit_patches.h"
+
+namespace palpate::render {
+
+inline constexpr std::size_t kNodesAtOnce = 8;
+using NodeLanes = float __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
+using NodeBits = std::int32_t __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
+
+/// Alignment of what holds lanes: without AVX a compiler aligns them to less than AVX code reads.
+inline constexpr std::size_t kLanesAlignment = sizeof(NodeLanes);
+
+/// Eight places. Passed by reference: the calling convention of wide vectors differs between targets.
+struct alignas(kLanesAlignment) NodePlaces {
+  NodeLanes x{}, y{}, z{};
+};
+
+/// A quadric relative to `middle`, in units of `unit_mm`.
+struct QuadricLanes {
+  QuadricLanes() = default;
+  QuadricLanes(const Quadric& q, const Vec3& middle, double unit_mm) {
+    const Vec3 at = (q.at - middle) / unit_mm;
+    const auto f = [](double x) { return static_cast<float>(x); };
+    ax = f(at.x()), ay = f(at.y()), az = f(at.z());
+    ux = f(q.u.x()), uy = f(q.u.y()), uz = f(q.u.z());
+    vx = f(q.v.x()), vy = f(q.v.y()), vz = f(q.v.z());
+    nx = f(q.n.x()), ny = f(q.n.y()), nz = f(q.n.z());
+    uu = f(q.uu * unit_mm), uv = f(q.uv * unit_mm), vv = f(q.vv * unit_mm);
+  }
+  float ax, ay, az, ux, uy, uz, vx, vy, vz, nx, ny, nz, uu, uv, vv;
+};
+
+/// The nearest places on a quadric: tangential coordinates (a, b) and height h of the places, (u, v) of their
+/// feet, the height's gradient there, 1 / sqrt(1 + its square), and the signed distance.
+struct alignas(kLanesAlignment) QuadricFeet {
+  NodeLanes a, b, h, u, v, gu, gv, per_slope, distance;
+};
+
+/// Replaces x by 1 / sqrt(x).
+[[gnu::always_inline]] inline void one_over_root(NodeLanes& x) noexcept {
+  // First guess from the exponent bits (4 %); Newton steps square its error.
+  const auto bits = reinterpret_cast<NodeBits>(x);
+  auto y = reinterpret_cast<NodeLanes>(0x5f3759df - (bits >> 1));
+  for (int step = 0; step < 3; ++step) y *= 1.5f - 0.5f * x * y * y;
+  x = y;
+}
+
+/// True if any lane is set.
+[[gnu::always_inline]] inline bool any_lane(const NodeBits& lanes) noexcept {
+  using Words = std::int64_t __attribute__((vector_size(sizeof(NodeBits))));
+  const auto words = reinterpret_cast<Words>(lanes);
+  return (words[0] | words[1] | words[2] | words[3]) != 0;
+}
+
+/// Newton's method from the tangential coordinates, `steps` times. Beyond the centre of curvature, where the
+/// determinant falls below `least`, the foot is arbitrary and the distance may be NaN.
+[[gnu::always_inline]] inline void find_feet(const QuadricLanes& q, const NodePlaces& at, int steps,
+                                             float least, QuadricFeet& out) noexcept {
+  const NodeLanes x = at.x - q.ax, y = at.y - q.ay, z = at.z - q.az;
+  const NodeLanes a = x * q.ux + y * q.uy + z * q.uz, b = x * q.vx + y * q.vy + z * q.vz,
+                  h = x * q.nx + y * q.ny + z * q.nz;
+  NodeLanes u = a, v = b;
+  for (int step = 0; step < steps; ++step) {
+    const NodeLanes off = h - (q.uu * u * u + q.uv * u * v + q.vv * v * v);
+    const NodeLanes gu = 2.0f * q.uu * u + q.uv * v, gv = 2.0f * q.vv * v + q.uv * u;
+    const NodeLanes ru = a - u + off * gu, rv = b - v + off * gv;
+    const NodeLanes uu = 1.0f + gu * gu - 2.0f * off * q.uu, uv = gu * gv - off * q.uv,
+                    vv = 1.0f + gv * gv - 2.0f * off * q.vv;
+    const NodeLanes determinant = uu * vv - uv * uv, floor = determinant - determinant + least;
+    const NodeLanes per = 1.0f / (determinant > floor ? determinant : floor);
+    u += (vv * ru - uv * rv) * per;
+    v += (uu * rv - uv * ru) * per;
+  }
+  const NodeLanes off = h - (q.uu * u * u + q.uv * u * v + q.vv * v * v);
+  const NodeLanes gu = 2.0f * q.uu * u + q.uv * v, gv = 2.0f * q.vv * v + q.uv * u;
+  NodeLanes per_slope = 1.0f + gu * gu + gv * gv;
+  one_over_root(per_slope);
+  out.a = a, out.b = b, out.h = h, out.u = u, out.v = v, out.gu = gu, out.gv = gv;
+  out.per_slope = per_slope;
+  out.distance = (off - gu * (a - u) - gv * (b - v)) * per_slope;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,73 @@
+// The prepared model of `cloud-smooth`: its bricks and, for varying properties, values at their nodes.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+
+#include <palpate/result.h>
+#include "toolkit/core/large_pages.h"
+#include "toolkit/render/model_pose.h"
+#include "toolkit/render/surface_field.h"
+#include "toolkit/spline_sdf/brick_grid.h"
+
+namespace palpate::render {
+
+/// The options of a build.
+struct SplineSdfOptions {
+  double detail = 2.0;           ///< standard errors from which a deviation counts as shape
+  double voxel_spacings = 1.75;  ///< edge of a cell in spacings
+  bool both_sides = false;       ///< pieces with holes that enclose a volume are felt from both sides
+};
+
+/// Decisions from the points before building.
+struct SplineSdfDecision {
+  double spacing_mm = 0.0;
+  double noise_mm = 0.0;
+  double voxel_mm = 0.0;
+  std::uint64_t cubes = 0;  ///< estimated brick-size cubes that the surface crosses: as many bricks
+  SurfaceDecision surface;
+};
+
+/// O(n), parallel. Errors: no stiffness.
+[[nodiscard]] Result<SplineSdfDecision> decide_spline_sdf(const ModelInput& input,
+                                                          const SplineSdfOptions& build,
+                                                          const PrepareContext& context);
+
+/// Describes the decision in words.
+void describe_spline_sdf(const ModelInput& input, const SplineSdfOptions& build,
+                         const SplineSdfDecision& decision, Features felt, ModelDecisions& out);
+
+/// The bricks and findings of the build. Immutable and shared.
+struct SplineSdf {
+  BrickGrid grid;
+  double spacing_mm = 0.0;
+  double noise_mm = 0.0;
+  std::uint64_t cubes = 0;  ///< SplineSdfDecision::cubes
+  std::size_t patches = 0;
+  std::size_t isolated_points = 0;  ///< points that stand alone
+};
+
+/// Corners of a brick's cells.
+inline constexpr int kBrickCorners = kBrickCells + 1;
+inline constexpr int kBrickCornerCount = kBrickCorners * kBrickCorners * kBrickCorners;
+using CornerProperties = std::array<PointSurface, kBrickCornerCount>;
+
+struct SplineSdfBody {
+  std::shared_ptr<const SplineSdf> smooth;
+  ModelPose pose;
+  SurfaceField surface;                       ///< by_point is empty: see corners
+  LargePageVector<CornerProperties> corners;  ///< one per brick if properties vary, else empty
+
+  [[nodiscard]] SplineSdfDecision decided() const {
+    return {smooth->spacing_mm, smooth->noise_mm, smooth->grid.voxel_mm, smooth->cubes, surface};
+  }
+};
+
+/// Prepares one model; takes bricks from the context's store if it has one. Errors: no stiffness.
+[[nodiscard]] Result<SplineSdfBody> build_spline_sdf_body(const ModelInput& input,
+                                                          const SplineSdfOptions& build,
+                                                          const PrepareContext& context,
+                                                          PrepareReport& report);
+
+}  // namespace palpate::render

@@ -1,0 +1,142 @@
+#include "toolkit/spline_sdf/tile_blend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/simd.h"
+
+namespace palpate::render {
+namespace {
+
+/// Largest distance from the surface to nodes of bricks that it crosses, voxels.
+constexpr double kFarthestNode = 8.0;
+/// Newton steps to a node's foot: agreeing patches are nearly flat across a tile.
+constexpr int kNodeFootSteps = 2;
+/// Below this determinant a node is at a centre of curvature (see PatchDistanceField).
+constexpr float kMinNodeDeterminant = 0.1f;
+/// Weight of a patch beyond its support: it counts only where no other does.
+constexpr float kBeyond = 1e-6f;
+/// A patch gives no node a value if its foot is this many supports off, squared.
+constexpr float kFarthestShare = 100.0f;
+constexpr std::size_t kScatterGrain = 256;
+
+/// A patch relative to a tile's middle, in voxels.
+struct Form {
+  Form(const QuadricPatch& p, const Vec3& middle, double voxel_mm)
+      : quadric(p.quadric, middle, voxel_mm),
+        per_support_sq(static_cast<float>(voxel_mm * voxel_mm / (p.support * p.support))),
+        weight(static_cast<float>(p.trust)) {}
+  QuadricLanes quadric;
+  float per_support_sq, weight;
+};
+
+using TileLanes = std::array<NodeLanes, kTileCount / kNodesAtOnce>;
+
+/// Sums of weights, weighted distances and their squares.
+struct alignas(kLanesAlignment) Sums {
+  TileLanes weight{}, distance{}, square{};
+};
+
+/// Adds a patch's contribution at all nodes.
+[[gnu::always_inline]] inline void add_patch(const Form& p, Sums& sums) noexcept {
+  for (std::size_t i = 0; i < sums.weight.size(); ++i) {
+    QuadricFeet foot;
+    find_feet(p.quadric, tile_places(i), kNodeFootSteps, kMinNodeDeterminant, foot);
+    const NodeLanes share = (foot.u * foot.u + foot.v * foot.v) * p.per_support_sq, left = 1.0f - share,
+                    none{};
+    const NodeLanes rest = left > none ? left : none;
+    // Beyond its centre of curvature a foot is arbitrary or NaN: the patch does not contribute.
+    const auto told = share < none + kFarthestShare;
+    const NodeLanes weight =
+        told ? p.weight * (rest * rest * rest + kBeyond / ((1.0f + share) * (1.0f + share))) : none;
+    const NodeLanes known = told ? foot.distance : none;
+    sums.distance[i] += weight * known;
+    sums.square[i] += weight * known * known;
+    sums.weight[i] += weight;
+  }
+}
+void add_narrow(const Form& p, Sums& sums) noexcept {
+  add_patch(p, sums);
+}
+#if defined(__x86_64__)
+PALPATE_AVX2 void add_wide(const Form& p, Sums& sums) noexcept {
+  add_patch(p, sums);
+}
+#endif
+
+}  // namespace
+
+TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid& grid,
+                         const MortonCellTable& tiles, std::span<const std::uint64_t> codes, double voxel_mm,
+                         int threads) {
+  const std::size_t count = codes.size();
+  using Pair = std::pair<std::uint32_t, std::uint32_t>;  // tile, patch
+  std::vector<std::vector<Pair>> found((patches.size() + kScatterGrain - 1) / kScatterGrain);
+  const double per = 1.0 / voxel_mm;
+  parallel_chunks(patches.size(), kScatterGrain, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const QuadricPatch& p = patches[k];
+      const Vec3 at = (p.quadric.at - grid.low_mm) * per;
+      const double reach = p.support * per + kTileReach, high = kFarthestNode + kTileReach;
+      Vec3 low, past;
+      for (Eigen::Index a = 0; a < 3; ++a) {
+        const double n = p.quadric.n[a];
+        const double extent = reach * std::sqrt(std::max(1.0 - n * n, 0.0)) + high * std::abs(n);
+        // The middle of tile t is at 4 t + 0.5.
+        low[a] = std::max(std::ceil((at[a] - extent - 0.5) / kTileNodes), 0.0);
+        past[a] = std::floor((at[a] + extent - 0.5) / kTileNodes);
+      }
+      const auto reaches = [&](const Vec3& tile) {
+        const Vec3 d = tile * kTileNodes + Vec3::Constant(0.5) - at;
+        const double h = d.dot(p.quadric.n);
+        return !(std::abs(h) > high || d.squaredNorm() - h * h > reach * reach);
+      };
+      std::vector<Pair>& mine = found[begin / kScatterGrain];
+      // A patch of coarse points may reach more tiles than exist.
+      if ((past - low + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
+        for (std::uint32_t tile = 0; tile < count; ++tile) {
+          const BrickGrid::Coordinate c = coordinate_of_code(codes[tile]);
+          if (reaches(Vec3(c[0], c[1], c[2]))) mine.push_back({tile, static_cast<std::uint32_t>(k)});
+        }
+        continue;
+      }
+      for (auto x = static_cast<std::int32_t>(low.x()); x <= static_cast<std::int32_t>(past.x()); ++x)
+        for (auto y = static_cast<std::int32_t>(low.y()); y <= static_cast<std::int32_t>(past.y()); ++y)
+          for (auto z = static_cast<std::int32_t>(low.z()); z <= static_cast<std::int32_t>(past.z()); ++z) {
+            if (!reaches(Vec3(x, y, z))) continue;
+            const std::uint32_t tile = tiles.find(search::morton_code(
+                static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
+            if (tile != MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
+          }
+    }
+  });
+  begin_.assign(count + 1, 0);
+  for (const std::vector<Pair>& chunk : found)
+    for (const Pair& pair : chunk) ++begin_[pair.first + 1];
+  for (std::size_t i = 0; i < count; ++i) begin_[i + 1] += begin_[i];
+  patch_.resize(begin_.back());
+  std::vector<std::uint32_t> next(begin_.begin(), begin_.end() - 1);
+  for (const std::vector<Pair>& chunk : found)
+    for (const Pair& pair : chunk) patch_[next[pair.first]++] = pair.second;
+}
+
+bool blend_tile(std::span<const QuadricPatch> patches, std::span<const std::uint32_t> here,
+                const Vec3& middle, double voxel_mm, double tolerance_mm, Tile& out) {
+  if (here.empty()) return false;
+  Sums sums;
+  const auto add = has_avx2() ? &add_wide : &add_narrow;
+  for (const std::uint32_t k : here) add(Form(patches[k], middle, voxel_mm), sums);
+  const auto tolerance = static_cast<float>(tolerance_mm / voxel_mm);
+  bool agreed = true;
+  for (std::size_t i = 0; i < kTileCount; ++i) {
+    const std::size_t row = i / kNodesAtOnce, lane = i % kNodesAtOnce;
+    const float per = 1.0f / sums.weight[row][lane];
+    out[i] = sums.distance[row][lane] * per;
+    agreed = agreed && sums.square[row][lane] * per - out[i] * out[i] <= tolerance * tolerance;
+  }
+  return agreed;
+}
+
+}  // namespace palpate::render
