@@ -39,6 +39,13 @@ std::string reproduced_text(const std::vector<Answer>& answers) {
   const Share fast = share_of(answers, &Answer::as_fast), literal = share_of(answers, &Answer::literal_right),
               ours = share_of(answers, &Answer::ours_right), whole = share_of(answers, &Answer::reproduced);
   if (whole.all == 0) return "Not judged: nothing of the printed size was measured.";
+  if (whole.all == 1) {
+    const auto one = std::find_if(answers.begin(), answers.end(),
+                                  [](const Answer& answer) { return answer.reproduced != Judged::kNot; });
+    const std::string faster =
+        one->ratio > 0.0 ? fmt::format(", ours {} faster", times_text(one->ratio)) : "";
+    return fmt::format("Table {} alone was measured at its size: {}{}.", one->table, one->status, faster);
+  }
   std::vector<std::string> parts;
   if (fast.all > 0) {
     double least = HUGE_VAL, most = 0.0;

@@ -222,6 +222,8 @@ TEST(Answers, FollowFromTheNumbers) {
       std::string::npos)
       << verdicts[0].text;
   EXPECT_TRUE(verdicts[1].text.starts_with("cloud (tables 7, 7): ")) << verdicts[1].text;
+  EXPECT_EQ(verdicts_of({whole})[0].text,
+            "Table 7 alone was measured at its size: reproduced, ours 187 times faster.");
   d.renderers[1].frame->mean_us = 40.0;
   EXPECT_EQ(frames_answer(manifest, d).status, "not reproduced: slower than printed");
   d.renderers[0].accuracy->missed_contact_frames = 3;
