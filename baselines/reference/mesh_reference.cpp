@@ -10,6 +10,7 @@
 #include "baselines/failure.h"
 #include "baselines/reference/facet_tree.h"
 #include "toolkit/core/percentiles.h"
+#include "toolkit/geometry/god_object_check.h"
 
 namespace palpate::baselines {
 
@@ -56,7 +57,7 @@ constexpr std::size_t kReportEvery = 1024;
 
 struct Tally {
   std::size_t contact = 0, agree = 0, next_facet = 0, other_sheet = 0, cut_frames = 0, cut_walks = 0,
-              free = 0;
+              free = 0, corrected = 0;
 };
 
 /// The reference's own probe: vertex stars instead of half-facets, and as the side a sign relative to each
@@ -68,6 +69,9 @@ class ReferenceProbe {
 
   void reset(const Vec3& hip) { from_ = hip; }
   bool advance(const Vec3& hip);
+  /// The rule of geometry/god_object_check.h; after advance(), in contact. False if it frees the HIP. A truth
+  /// that stays on an edge while the path goes on below the next face would call every hand wrong.
+  bool check_held_position(const Vec3& hip);
 
   [[nodiscard]] const Vec3& point() const { return at_.point; }
   [[nodiscard]] double distance() const { return std::sqrt(at_.distance_sq); }
@@ -180,6 +184,37 @@ bool ReferenceProbe::advance(const Vec3& hip) {
   return attached_;
 }
 
+bool ReferenceProbe::check_held_position(const Vec3& hip) {
+  FacetTree::Nearest near;
+  const auto look = [&](const Vec3& at) -> geometry::NearestSurface {
+    near = tree_.closest(at);
+    bool boundary = false;
+    const Vec3 out = mesh_.pseudonormal(half_facet(near.facet, side_), near.point.feature, &boundary);
+    const double distance = std::sqrt(near.point.distance_sq);
+    return {!boundary, out.dot(at - near.point.point) < 0.0 ? -distance : distance, out};
+  };
+  const geometry::NearestSurface around = look(hip);
+  const FacetTree::Nearest nearest = near;
+  const Vec3 held = outward();
+  // Nothing about a mesh is uncertain by more than rounding.
+  switch (geometry::check_god_object(around, hip, at_.point, held, held, mesh_.rounding_mm(),
+                                     geometry::kMuchNearerShare, look)) {
+    case geometry::GodObjectVerdict::kKeep:
+      return true;
+    case geometry::GodObjectVerdict::kMove:
+      ++tally_.corrected;
+      facet_ = nearest.facet;
+      at_ = nearest.point;
+      return true;
+    case geometry::GodObjectVerdict::kFree:
+      break;
+  }
+  ++tally_.corrected;
+  attached_ = false;
+  from_ = hip;
+  return false;
+}
+
 double median_edge_mm(const SurfaceMesh& mesh) {
   std::vector<double> lengths;
   lengths.reserve(mesh.facets().size());
@@ -192,10 +227,11 @@ std::string exactness(const Tally& t, double edge_mm, const MeshReferenceOptions
       "double precision on the original mesh, rounding under {:.1e} mm; the HIP's way in pieces of at most "
       "{:.3g} of the median edge ({:.4g} mm); of {} contact frames the god object is the exact closest point "
       "of the whole mesh in {}, in {} a facet within an edge length is nearer (both hold a local minimum), "
-      "in {} another part of the surface is (the god object does not change sheets); {} free frames; {} "
-      "frames with longer pieces, {} walks cut",
-      rounding_mm, o.piece_per_edge, edge_mm, t.contact, t.agree, t.next_facet, t.other_sheet, t.free,
-      t.cut_frames, t.cut_walks);
+      "in {} another part of the surface is (the god object does not change sheets); {} times a surface at "
+      "less than half its distance, which faces the same way, took it over; {} free frames; {} frames with "
+      "longer pieces, {} walks cut",
+      rounding_mm, o.piece_per_edge, edge_mm, t.contact, t.agree, t.next_facet, t.other_sheet, t.corrected,
+      t.free, t.cut_frames, t.cut_walks);
 }
 
 }  // namespace
@@ -224,7 +260,7 @@ struct MeshFollower::State {
     for (int piece = 1; piece <= pieces; ++piece)
       contact = probe.advance(piece == pieces ? hip : Vec3(last + (hip - last) * (double(piece) / pieces)));
     last = hip;
-    return contact;
+    return contact && probe.check_held_position(hip);
   }
   [[nodiscard]] Vec3 god_object_mm() const {
     return truth.world_from_model() * (probe.point() + truth.mesh().origin_mm());

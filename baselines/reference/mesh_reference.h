@@ -67,7 +67,8 @@ class MeshFollower {
 
 /// The god object along `path` (world frame). It is free until the way pierces the mesh, then the local
 /// minimum of the distance reached along the surface, walked in pieces until nothing moves; past an open rim
-/// by more than an edge it is free again. Force = stiffness x (god object - HIP), limited (0 = none).
+/// by more than an edge it is free again, and a surface much nearer to the HIP that faces the same way takes
+/// it over (geometry/god_object_check.h). Force = stiffness x (god object - HIP), limited (0 = none).
 /// signed_distance_mm is minus the depth in contact, else the unsigned distance. local_resolution_mm stays 0
 /// (metrics::fill_local_resolution). `exactness` says how often the god object's distance, tested in every
 /// frame, agrees with the exact closest point. A path that starts inside is an Error. Never timed.

@@ -100,5 +100,36 @@ TEST(MeshReference, AgreesWithTheFormulaOnASphere) {
   EXPECT_GT(contacts, 700u);
 }
 
+/// Through these places in straight lines, 200 frames each.
+trace::ProbePath path_through(const std::vector<Vec3>& places) {
+  trace::ProbePath path;
+  for (std::size_t k = 0; k + 1 < places.size(); ++k)
+    for (int i = 0; i < 200; ++i) {
+      path.t_s.push_back(1e-3 * static_cast<double>(path.t_s.size()));
+      path.hip_mm.push_back(places[k] + (places[k + 1] - places[k]) * (i / 200.0));
+    }
+  return path;
+}
+
+TEST(MeshReference, ASurfaceMuchNearerThatFacesTheSameWayTakesOver) {
+  const auto truth = MeshTruth::build(test::box_mesh(10, 10, 10), {}).value();
+  // In by a side, up to 0.2 mm below the top, and on below it, as a recorded hand may go.
+  const auto path = path_through({{12, 1, 8}, {9, 1, 8}, {9, 1, 9.8}, {0, 1, 9.8}, {0, 1, 9.8}});
+  const auto reference = mesh_reference(*truth, path, 1.0, 0.0, no_progress()).value();
+  double most_n = 0.0;
+  for (const trace::TruthFrame& frame : reference.frames)
+    most_n = std::max(most_n, frame.frame.force_n.norm());
+  EXPECT_LE(most_n, 1.0 + 1e-9) << "it stayed on the side";
+  EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 0.2)).norm(), 1e-9);
+  EXPECT_NE(reference.exactness.find("; 1 times"), std::string::npos) << reference.exactness;
+}
+
+TEST(MeshReference, AThinPlateHoldsAProbeThatIsBeyondIt) {
+  const auto truth = MeshTruth::build(test::box_mesh(10, 10, 0.25), {}).value();
+  const auto path = path_through({{1, 2, 3}, {1, 2, -1.5}, {4, 3, -1.5}, {4, 3, -1.5}});
+  const auto reference = mesh_reference(*truth, path, 1.0, 0.0, no_progress()).value();
+  EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 1.75)).norm(), 1e-9);
+}
+
 }  // namespace
 }  // namespace palpate::baselines
