@@ -9,9 +9,9 @@
 #include <string_view>
 #include <system_error>
 
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/process.h"
 

@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <system_error>
 
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate {
 namespace {
@@ -91,6 +92,15 @@ std::string_view without_plus(std::string_view text) {
   return text.size() > 1 && text[0] == '+' && text[1] != '-' ? text.substr(1) : text;
 }
 
+/// Reads a whole text as a number; a rest behind the number makes it none.
+template <class Number>
+std::errc convert(std::string_view text, Number& value) {
+  text = without_plus(text);
+  const char* const last = text.data() + text.size();
+  const auto [end, code] = std::from_chars(text.data(), last, value);
+  return end == last ? code : std::errc::invalid_argument;
+}
+
 }  // namespace
 
 std::string text_of(const OptionCondition& condition) {
@@ -118,10 +128,9 @@ Result<double> read_number(std::string_view text, const NumberRange& range) {
                  {},
                  0};
   };
-  const std::string_view digits = without_plus(text);
   double value = 0;
-  const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (code == std::errc::invalid_argument || end != digits.data() + digits.size()) return bad("a number");
+  const std::errc code = convert(text, value);
+  if (code == std::errc::invalid_argument) return bad("a number");
   if (code != std::errc{} || !std::isfinite(value)) return bad("a finite number");
   const bool inside = (range.above_low ? value > range.low : value >= range.low) && value <= range.high;
   if (!inside) return bad("a number " + text_of(range));
@@ -133,11 +142,9 @@ Result<long long> read_integer(std::string_view text, const NumberRange& range) 
   const auto bad = [&](const std::string& what) {
     return Error{fmt::format("{} is not {}", shown(text), what), "give a whole number " + where, {}, 0};
   };
-  const std::string_view digits = without_plus(text);
   long long value = 0;
-  const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (code == std::errc::invalid_argument || end != digits.data() + digits.size())
-    return bad("a whole number");
+  const std::errc code = convert(text, value);
+  if (code == std::errc::invalid_argument) return bad("a whole number");
   // Overflow is beyond every bound.
   const auto x = static_cast<double>(value);
   if (code != std::errc{} || x < range.low || x > range.high || (range.above_low && x == range.low))
@@ -146,20 +153,14 @@ Result<long long> read_integer(std::string_view text, const NumberRange& range) 
 }
 
 Result<double> parse_number(std::string_view text) {
-  text = without_plus(text);
   double value = 0;
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (code != std::errc{} || end != text.data() + text.size())
-    return Error{shown(text) + " is not a number", {}, {}, 0};
+  if (convert(text, value) != std::errc{}) return Error{shown(without_plus(text)) + " is not a number"};
   return value;
 }
 
 Result<long long> parse_integer(std::string_view text) {
-  text = without_plus(text);
   long long value = 0;
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (code != std::errc{} || end != text.data() + text.size())
-    return Error{shown(text) + " is not a whole number", {}, {}, 0};
+  if (convert(text, value) != std::errc{}) return Error{shown(without_plus(text)) + " is not a whole number"};
   return value;
 }
 

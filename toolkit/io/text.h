@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "toolkit/core/csv_dialect.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::io {
 

@@ -13,8 +13,7 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::io {

@@ -20,10 +20,9 @@
 #include <vector>
 
 #include <palpate/cloud.h>
-#include <palpate/memory_limit.h>
+#include <palpate/geometry.h>
 #include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::io {
 
