@@ -1,20 +1,22 @@
 // Axis-aligned boxes, rigid motions (named a_from_b: p_a = a_from_b * p_b), and plain indexed triangle
 // meshes, as read from files, reconstructed, or used by mesh renderers.
 //
-// First:
-//   palpate::geometry::Aabb box;
-//   for (std::size_t i = 0; i < cloud.size(); ++i) box.add(cloud.point_mm(i));
-//   const Vec3 above_mm = box.centre_mm() + Vec3(0.0, 0.0, box.extent_mm().z());
-//
+// A motion there and back:
 //   palpate::geometry::RigidTransform world_from_model;
 //   world_from_model.translation_mm = {0.0, 0.0, 50.0};
 //   const Vec3 in_world_mm = world_from_model * Vec3(1.0, 2.0, 3.0);
 //   const Vec3 back_mm = world_from_model.inverse() * in_world_mm;
 //
+// A mesh of one facet:
 //   palpate::geometry::TriangleMesh mesh;
 //   mesh.vertices_mm = {{0, 0, 0}, {10, 0, 0}, {0, 10, 0}};
 //   mesh.triangles = {{0, 1, 2}};  // counter-clockwise from outside
 //   if (auto wrote = io::write_mesh_ply("facet.ply", mesh); !wrote) return failed(wrote.error());
+//
+// First:
+//   palpate::geometry::Aabb box;
+//   for (std::size_t i = 0; i < cloud.size(); ++i) box.add(cloud.point_mm(i));
+//   const Vec3 above_mm = box.centre_mm() + Vec3(0.0, 0.0, box.extent_mm().z());
 #pragma once
 
 #include <Eigen/Geometry>

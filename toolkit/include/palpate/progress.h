@@ -1,24 +1,21 @@
-// Long work: its progress, and what to do where the program is stopped.
+// Long work: reports of its progress, and what to do where the program is stopped. The library only reports;
+// the application displays.
 //
-// Progress reports: the library only reports; the application displays them.
-//
-// First:
-//   struct Dots final : palpate::Progress {
-//     void report(std::string_view what, double) override { std::puts(std::string(what).c_str()); }
-//   } dots;
-//   auto report = renderer->prepare(scene, {.progress = &dots});
-//
-// Actions to run before a stopped program (Ctrl-C) ends: remove half-written files, end child processes, tell
-// the user what is kept. Results on disk are always complete, so a program may end at any instruction. The
-// library keeps the list; the application handles the signals (experiments/command).
-//
-// First:
+// Stop callbacks run before a stopped program (Ctrl-C) ends: remove half-written files, end child processes,
+// tell the user what is kept. Results on disk are always complete, so a program may end at any instruction.
+// The library keeps the list; the application handles the signals (experiments/command):
 //   palpate::StopCallback on_stop([&] {
 //     save();
 //     return std::string("session.rec is kept");
 //   });
 //   // .. in the thread that waits for SIGINT, and ends the program next:
 //   std::fprintf(stderr, "%s\n", palpate::run_stop_callbacks().c_str());
+//
+// First:
+//   struct Dots final : palpate::Progress {
+//     void report(std::string_view what, double) override { std::puts(std::string(what).c_str()); }
+//   } dots;
+//   auto report = renderer->prepare(scene, {.progress = &dots});
 #pragma once
 
 #include <cstdint>

@@ -7,10 +7,6 @@
 //   else
 //     std::fprintf(stderr, "%s\n", half.error().message().c_str());
 //   PALPATE_TRY(prepare_all());  // or hand the Error on
-//
-//   io::ReadOptions options;
-//   options.max_bytes = 2 * palpate::kMemoryLimitBytes;  // a scan of 200 million points
-//   auto model = readers.read("scan.ply", options);
 #pragma once
 
 #include <cassert>
@@ -82,7 +78,8 @@ struct Done {};
 /// The Result of a function without a value.
 using Status = Result<Done>;
 
-/// The default limit on memory for reading one file: about 100 million points without faces.
+/// The default limit on memory for reading one file: about 100 million points without faces. A scan of 200
+/// million: options.max_bytes = 2 * palpate::kMemoryLimitBytes.
 inline constexpr std::uint64_t kMemoryLimitBytes = std::uint64_t{1} << 32;
 inline constexpr double kBytesPerGb = 1e9;
 
