@@ -16,22 +16,22 @@ namespace {
 
 Error cannot_open(const std::string& path) {
   const int why = errno;
-  if (why == ENOENT || why == ENOTDIR) return Error{"no such file", "check the path", path, 0};
+  if (why == ENOENT || why == ENOTDIR) return Error{"no such file", "check the path", path};
   return Error{fmt::format("cannot open the file: {}", std::strerror(why)),
                why == EMFILE || why == ENFILE ? "close other programs" : "check the path and its permissions",
-               path, 0};
+               path};
 }
 
 /// Empty for a regular file's mode.
 Status check_regular(const std::string& path, mode_t mode) {
   if (S_ISREG(mode)) return Done{};
-  if (S_ISDIR(mode)) return Error{"this is a folder, not a file", "name a file inside it", path, 0};
+  if (S_ISDIR(mode)) return Error{"this is a folder, not a file", "name a file inside it", path};
   const char* const what = S_ISFIFO(mode)                   ? "a pipe"
                            : S_ISCHR(mode) || S_ISBLK(mode) ? "a device"
                            : S_ISSOCK(mode)                 ? "a socket"
                                                             : "something else";
   return Error{fmt::format("this is {}, not a regular file", what),
-               "save its content to a file, and give that", path, 0};
+               "save its content to a file, and give that", path};
 }
 
 const char* remedy_for(int why) {
@@ -46,7 +46,7 @@ std::string part_of(const std::string& path) {
 
 Error cannot(const std::string& path, const char* doing) {
   const int why = errno;
-  return Error{fmt::format("cannot {} the file: {}", doing, std::strerror(why)), remedy_for(why), path, 0};
+  return Error{fmt::format("cannot {} the file: {}", doing, std::strerror(why)), remedy_for(why), path};
 }
 
 }  // namespace
@@ -84,7 +84,7 @@ Result<std::size_t> InputFile::read(std::span<std::byte> out) {
     if (got < 0 && errno == EINTR) continue;
     if (got < 0)
       return Error{fmt::format("cannot read the file: {}", std::strerror(errno)),
-                   "check the disk and the path", path_, 0};
+                   "check the disk and the path", path_};
     have += static_cast<std::size_t>(got);
   }
   return have;
@@ -107,8 +107,7 @@ Result<std::string> read_file(const std::string& path, std::uint64_t most_bytes)
     if (have > most_bytes) break;
     text.resize(static_cast<std::size_t>(std::min<std::uint64_t>(2 * std::uint64_t{have}, most_bytes + 1)));
   }
-  return Error{fmt::format("the file holds more than {} bytes", most_bytes), "is this the right file?", path,
-               0};
+  return Error{fmt::format("the file holds more than {} bytes", most_bytes), "is this the right file?", path};
 }
 
 Result<std::size_t> byte_order_mark(std::string_view text) {
@@ -127,9 +126,9 @@ Result<std::size_t> byte_order_mark(std::string_view text) {
 Result<AtomicFile> AtomicFile::create(std::string path) {
   const auto hold = block_stop();
   Result<LockedFile> locked = LockedFile::open(part_of(path));
-  if (!locked) return Error{"cannot create the file: " + locked.error().what, locked.error().remedy, path, 0};
+  if (!locked) return Error{"cannot create the file: " + locked.error().what, locked.error().remedy, path};
   if (!locked->held())
-    return Error{"another program is writing this file", "wait for it to end, or give another name", path, 0};
+    return Error{"another program is writing this file", "wait for it to end, or give another name", path};
   // Clears what a killed writer left.
   std::FILE* file = ::ftruncate(locked->fd(), 0) == 0 ? ::fdopen(locked->fd(), "wb") : nullptr;
   if (file == nullptr) return cannot(path, "create");
@@ -175,14 +174,14 @@ Status AtomicFile::write(std::string_view text) {
 }
 
 Status AtomicFile::write(std::span<const std::byte> data) {
-  if (!file_) return error_.what.empty() ? Error{"the file is complete already", {}, path_, 0} : error_;
+  if (!file_) return error_.what.empty() ? Error{"the file is complete already", {}, path_} : error_;
   if (!data.empty() && std::fwrite(data.data(), 1, data.size(), file_.get()) != data.size())
     return fail("write");
   return Done{};
 }
 
 Status AtomicFile::commit() {
-  if (!file_) return error_.what.empty() ? Error{"the file is complete already", {}, path_, 0} : error_;
+  if (!file_) return error_.what.empty() ? Error{"the file is complete already", {}, path_} : error_;
   if (std::fflush(file_.get()) != 0) return fail("write");
   // Without it a power cut after the rename could leave an empty file. Pipes and the like cannot be
   // synchronised (EINVAL), which is no failure.
@@ -209,7 +208,7 @@ Result<LockedFile> LockedFile::open(const std::string& path) {
     LockedFile file(::open(path.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666));
     if (!file.held()) {
       const int why = errno;
-      return Error{std::strerror(why), remedy_for(why), path, 0};
+      return Error{std::strerror(why), remedy_for(why), path};
     }
     if (::flock(file.fd(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) break;
     struct stat mine {

@@ -54,9 +54,7 @@ struct Ends {
 Error cannot_start(const std::string& program, int code) {
   const bool missing = code == ENOENT || code == EACCES;
   return Error{fmt::format("the program '{}' could not be started: {}", program, std::strerror(code)),
-               missing ? "install it or put it on PATH" : "close other programs",
-               {},
-               0};
+               missing ? "install it or put it on PATH" : "close other programs"};
 }
 
 /// Prefixes a file size limit, effective from the first instruction (util-linux, always on Debian). No core

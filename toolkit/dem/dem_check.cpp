@@ -44,8 +44,7 @@ std::uint32_t big_endian(std::span<const std::byte> file, std::size_t at) {
 }
 
 Error not_that(std::string_view what) {
-  return Error{
-      fmt::format("the file's content is no {}", what), "check that its name says what it is", {}, 0};
+  return Error{fmt::format("the file's content is no {}", what), "check that its name says what it is"};
 }
 
 std::optional<std::uint64_t> esri_number(std::string_view header, std::string_view key) {
@@ -65,9 +64,7 @@ Status check_hgt(std::span<const std::byte> file, const io::ReadOptions& options
     if (file.size() == columns * rows * kHgtBytes)
       return check_size(DemFormat::kHgt, columns, rows, file.size(), options);
   return Error{fmt::format("{} bytes are no SRTM tile", file.size()),
-               "a tile has 1201 x 1201 or 3601 x 3601 posts of two bytes: fetch it again",
-               {},
-               0};
+               "a tile has 1201 x 1201 or 3601 x 3601 posts of two bytes: fetch it again"};
 }
 
 }  // namespace
@@ -125,9 +122,7 @@ Status check_size(DemFormat format, std::uint64_t columns, std::uint64_t rows, s
   if (columns * rows <= max_posts(format, bytes)) return Done{};
   return Error{
       fmt::format("the header promises {} x {} posts, more than its {} bytes can hold", columns, rows, bytes),
-      "the file is cut off or damaged: fetch it again",
-      {},
-      0};
+      "the file is cut off or damaged: fetch it again"};
 }
 
 Status check_header(DemFormat format, std::span<const std::byte> file, const io::ReadOptions& options) {

@@ -34,7 +34,7 @@ ReadMonitor::ReadMonitor(const ReaderInput& input, const BufferedInput& buffer, 
 bool ReadMonitor::check() {
   input_.progress.report("reading", buffer_.fraction());
   if (input_.progress.cancelled()) {
-    error_ = Error{"reading was stopped", {}, {}, 0};
+    error_ = Error{"reading was stopped"};
     return false;
   }
   if (decoded_.bytes() > input_.options.max_bytes) {

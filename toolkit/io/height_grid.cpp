@@ -34,15 +34,11 @@ bool is_no_data(double number, const ReadOptions& options) noexcept {
 Status check_grid(const HeightGrid& grid, const ReadOptions& options) {
   if (grid.columns < 2 || grid.rows < 2)
     return Error{fmt::format("a grid of {} x {} posts is no surface", grid.columns, grid.rows),
-                 "give a file with at least 2 x 2 posts",
-                 {},
-                 0};
+                 "give a file with at least 2 x 2 posts"};
   if (grid.columns > kMaxPoints / grid.rows)
     return Error{fmt::format("the file promises {} x {} posts, at most {} are possible", grid.columns,
                              grid.rows, kMaxPoints),
-                 "cut out a part of it",
-                 {},
-                 0};
+                 "cut out a part of it"};
   return check_memory(grid.columns * grid.rows, sizeof(Vec3), "posts", options);
 }
 

@@ -137,7 +137,7 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
     }
     header.fields.push_back(std::move(field));
   }
-  if (axes != 3) return Error{"the PCD file has no scalar fields x, y and z", "check its FIELDS line", {}, 0};
+  if (axes != 3) return Error{"the PCD file has no scalar fields x, y and z", "check its FIELDS line"};
   if (header.point_bytes > kMaxPointBytes)
     return malformed_pcd(fmt::format("a point of {} bytes", header.point_bytes));
   return Done{};
@@ -150,13 +150,10 @@ Status take_size(const Raw& raw, PcdHeader& header) {
   if (width > kMaxPoints || height > kMaxPoints || (height > 0 && width > kMaxPoints / height))
     return Error{
         fmt::format("the header promises {} x {} points, more than can be told apart", width, height),
-        "check WIDTH and HEIGHT",
-        {},
-        0};
+        "check WIDTH and HEIGHT"};
   if (raw.points && static_cast<std::uint64_t>(*raw.points) != width * height)
     return malformed_pcd(fmt::format("POINTS is {}, but WIDTH x HEIGHT is {}", *raw.points, width * height));
-  if (width * height == 0)
-    return Error{"the file holds no points", "give a file with at least one point", {}, 0};
+  if (width * height == 0) return Error{"the file holds no points", "give a file with at least one point"};
   header.width = static_cast<std::uint32_t>(width);
   header.height = static_cast<std::uint32_t>(height);
   return Done{};
@@ -165,9 +162,7 @@ Status take_size(const Raw& raw, PcdHeader& header) {
 Error cut_off(const PcdHeader& header, std::uint64_t need, std::uint64_t have) {
   return Error{fmt::format("the header promises {} points, at least {} bytes, but only {} bytes follow it",
                            header.points(), need, have),
-               "the file is cut off or its header is wrong: fetch it again",
-               {},
-               0};
+               "the file is cut off or its header is wrong: fetch it again"};
 }
 
 std::uint64_t values_per_point(const PcdHeader& header) {
@@ -224,20 +219,14 @@ Status check_binary(const PcdHeader& header, std::span<const std::byte> body) {
   if (packed > body.size() - kCompressedSizes)
     return Error{fmt::format("the compressed data should have {} bytes, but only {} follow", packed,
                              body.size() - kCompressedSizes),
-                 "the file is cut off: fetch it again",
-                 {},
-                 0};
+                 "the file is cut off: fetch it again"};
   if (unpacked != need - header.points() * padding)
     return Error{fmt::format("the compressed data unpacks to {} bytes, the header promises {}", unpacked,
                              need - header.points() * padding),
-                 "the header does not belong to this data: fetch the file again",
-                 {},
-                 0};
+                 "the header does not belong to this data: fetch the file again"};
   if (unpacked > packed * kLzfMaxRatio)
     return Error{fmt::format("{} compressed bytes cannot unpack to {}", packed, unpacked),
-                 "the file is damaged: fetch it again",
-                 {},
-                 0};
+                 "the file is damaged: fetch it again"};
   return Done{};
 }
 
@@ -281,9 +270,7 @@ Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& 
     return Error{
         fmt::format("the header promises {} points of {} bytes, more than the 2 GiB that PCL can hold",
                     header.points(), header.point_bytes),
-        "check WIDTH and HEIGHT, or split the file",
-        {},
-        0};
+        "check WIDTH and HEIGHT, or split the file"};
   // PCL unpacks into one buffer and copies to another.
   PALPATE_TRY(check_memory(header.points(), 2 * header.point_bytes + sizeof(Vec3), "points", options));
   PALPATE_TRY(header.data == PcdData::kAscii ? check_ascii(header, lines)

@@ -48,8 +48,7 @@ std::optional<PlyScalar> type_of(std::string_view name) {
 }
 
 Error malformed_ply(std::string what) {
-  return Error{
-      "malformed PLY header: " + std::move(what), "check that the file is a PLY file and whole", {}, 0};
+  return Error{"malformed PLY header: " + std::move(what), "check that the file is a PLY file and whole"};
 }
 
 Status parse_format(std::string_view rest, PlyHeader& header) {
@@ -141,9 +140,7 @@ Status check_promises(const PlyHeader& header, const BufferedInput& in) {
           fmt::format("the header promises {} rows of element {}, at least {} bytes each, but only {} bytes "
                       "follow it",
                       element.count, quoted(element.name), each, *remaining),
-          "the file is cut off or its header is wrong: fetch it again",
-          {},
-          0};
+          "the file is cut off or its header is wrong: fetch it again"};
     left -= element.count * each;
   }
   return Done{};

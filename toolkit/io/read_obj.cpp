@@ -123,7 +123,7 @@ Result<DecodedFile> read_obj(const ReaderInput& input) {
   }
   if (lines.error()) return *lines.error();
   if (decoded.points.empty())
-    return Error{"the OBJ file has no vertices (no line starts with 'v')", "check the file's type", {}, 0};
+    return Error{"the OBJ file has no vertices (no line starts with 'v')", "check the file's type"};
   return decoded;
 }
 

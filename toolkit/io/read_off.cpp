@@ -13,7 +13,7 @@ namespace palpate::io {
 namespace {
 
 Error at_line(const BufferedInput& in, std::string what, std::string remedy = kCheckLine) {
-  return in.error_or({std::move(what), std::move(remedy), {}, 0});
+  return in.error_or({std::move(what), std::move(remedy)});
 }
 
 // The next line that holds anything, without its comment.
@@ -85,9 +85,7 @@ Status check_promise(const BufferedInput& in, const Counts& counts, const ReadOp
 Status ends_early(const BufferedInput& in, std::uint64_t have, std::uint64_t promised,
                   std::string_view what) {
   return in.error_or({fmt::format("the file ends after {} of the {} promised {}", have, promised, what),
-                      "the file is cut off: fetch it again",
-                      {},
-                      0});
+                      "the file is cut off: fetch it again"});
 }
 
 Status read_vertices(BufferedInput& in, std::uint64_t count, ReadMonitor& watch, DecodedFile& decoded) {

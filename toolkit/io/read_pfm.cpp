@@ -80,9 +80,7 @@ Result<DecodedFile> read_pfm(const ReaderInput& input) {
   const auto cut = [&](std::uint64_t rows) {
     return Error{fmt::format("the header promises {} rows of {} heights, the file holds {} rows", grid.rows,
                              grid.columns, rows),
-                 "the file is cut off: fetch it again",
-                 {},
-                 0};
+                 "the file is cut off: fetch it again"};
   };
   const std::uint64_t row_bytes = grid.columns * sizeof(float);
   if (left && *left / row_bytes < grid.rows) return cut(*left / row_bytes);

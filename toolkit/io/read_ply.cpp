@@ -148,9 +148,7 @@ class Row {
     if (!bad_.empty()) return Error{bad_, remedy_, {}, ascii_ ? in_.line_number() : 0};
     Error error = in_.error_or({fmt::format("the file ends after {} of the {} promised rows of element {}",
                                             row, element.count, quoted(element.name)),
-                                "the file is cut off: fetch it again",
-                                {},
-                                0});
+                                "the file is cut off: fetch it again"});
     if (!ascii_) error.line = 0;
     return error;
   }
@@ -223,8 +221,7 @@ Status read_vertices(const ReaderInput& input, BufferedInput& in, const PlyEleme
     if (targets[p].axis >= 0 && element.properties[p].type != PlyScalar::kFloat32)
       decoded.single_precision = false;
   if (row.ascii()) decoded.single_precision = false;  // a text has the digits that it has
-  if (axes != 3)
-    return Error{"the element 'vertex' has no scalar properties x, y and z", "check the header", {}, 0};
+  if (axes != 3) return Error{"the element 'vertex' has no scalar properties x, y and z", "check the header"};
   if (Status fits = check_memory(element.count, sizeof(Vec3) + decoded.properties.size() * sizeof(float),
                                  "points", input.options);
       !fits)

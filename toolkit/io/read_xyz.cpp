@@ -133,7 +133,7 @@ class XyzReader {
   }
 
  private:
-  static Error no_points() { return Error{"the file holds no points", "give rows of x y z", {}, 0}; }
+  static Error no_points() { return Error{"the file holds no points", "give rows of x y z"}; }
   Error bad_row(std::string what, std::string remedy = "check the file at this line") const {
     return Error{std::move(what), std::move(remedy), {}, in_.line_number()};
   }

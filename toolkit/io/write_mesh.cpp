@@ -69,7 +69,7 @@ std::string one_word(const std::string& name) {
 Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mesh) {
   if (mesh.vertices_mm.size() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()))
     return Error{"the mesh has more vertices than a PLY file's int indices can name", "decimate the mesh",
-                 path, 0};
+                 path};
   PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
   Status status =
       file.write(fmt::format("{}element vertex {}\n{}element face {}\nproperty list uchar int "
@@ -145,7 +145,7 @@ Status write_cloud(const std::string& path, const cloud::Cloud& cloud) {
   const auto& known = cloud_extensions();
   if (ending.empty() || std::find(known.begin(), known.end(), ending.substr(1)) == known.end())
     return Error{fmt::format("no cloud can be written as '{}'", ending),
-                 "choose from .ply, .xyz, .txt, .asc, .csv", path, 0};
+                 "choose from .ply, .xyz, .txt, .asc, .csv", path};
   return write_cloud_text(path, cloud, ending == ".csv" ? ',' : ' ');
 }
 
