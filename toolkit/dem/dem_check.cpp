@@ -6,8 +6,8 @@
 #include <optional>
 
 #include <palpate/result.h>
+#include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::dem {
 namespace {

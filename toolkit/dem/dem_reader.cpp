@@ -19,10 +19,8 @@
 
 #include <palpate/result.h>
 #include "toolkit/dem/dem_check.h"
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::dem {
 namespace {
@@ -40,7 +38,7 @@ class Messages {
   Messages(const Messages&) = delete;
   Messages& operator=(const Messages&) = delete;
   [[nodiscard]] Error error(const std::string& what) const {
-    return Error{last_.empty() ? what : what + ": " + io::quoted(last_),
+    return Error{last_.empty() ? what : what + ": " + shown(last_),
                  "check it with another program, or fetch it again"};
   }
 

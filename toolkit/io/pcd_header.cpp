@@ -10,7 +10,6 @@
 #include <palpate/result.h>
 #include "toolkit/core/bytes.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -96,11 +95,11 @@ Status parse_line(std::string_view line, std::int64_t number, Raw& raw) {
     } else if (kind == "binary_compressed") {
       raw.data = PcdData::kCompressed;
     } else {
-      return malformed_pcd(fmt::format("the data {} is not ascii, binary or binary_compressed", quoted(kind)),
+      return malformed_pcd(fmt::format("the data {} is not ascii, binary or binary_compressed", shown(kind)),
                            number);
     }
   } else if (key != "VERSION" && key != "VIEWPOINT") {
-    return malformed_pcd(fmt::format("unknown keyword {}", quoted(key)), number);
+    return malformed_pcd(fmt::format("unknown keyword {}", shown(key)), number);
   }
   return Done{};
 }
@@ -122,10 +121,9 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
                        (bytes == 1 || bytes == 2 || bytes == sizeof(float) || bytes == sizeof(double));
     if (!real && !whole)
       return malformed_pcd(fmt::format("field {} has the type {} and size {}, which do not go together",
-                                       quoted(field.name), quoted(raw.types[i]), quoted(raw.sizes[i])));
+                                       shown(field.name), shown(raw.types[i]), shown(raw.sizes[i])));
     if (count < 0 || static_cast<std::uint64_t>(count) > kMaxPointBytes)
-      return malformed_pcd(
-          fmt::format("field {} has the count {}", quoted(field.name), quoted(raw.counts[i])));
+      return malformed_pcd(fmt::format("field {} has the count {}", shown(field.name), shown(raw.counts[i])));
     if (count == 0) continue;  // padding without bytes, as some writers leave behind
     field.bytes = static_cast<std::uint32_t>(bytes);
     field.count = static_cast<std::uint32_t>(count);
@@ -133,7 +131,7 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
     if (field.name == "x" || field.name == "y" || field.name == "z") axes += field.count == 1 ? 1 : 0;
     for (const PcdField& other : header.fields) {
       if (other.name == field.name && field.name != "_")
-        return malformed_pcd(fmt::format("field {} stands twice", quoted(field.name)));
+        return malformed_pcd(fmt::format("field {} stands twice", shown(field.name)));
     }
     header.fields.push_back(std::move(field));
   }
@@ -184,15 +182,15 @@ Status check_ascii(const PcdHeader& header, PcdLines lines) {
     std::uint64_t found = 0;
     for (std::string_view token = next_token(line); !token.empty(); token = next_token(line)) {
       if (!parse_real(token))
-        return Error{fmt::format("{} is not a number", quoted(token)),
-                     number_remedy(token, "check the file at this line"),
+        return Error{fmt::format("{} is not a number", shown(token)),
+                     number_remedy(token, kCheckLine),
                      {},
                      lines.number};
       ++found;
     }
     if (found != values)
       return Error{fmt::format("the row has {} values, the header names {}", found, values),
-                   "check the file at this line",
+                   kCheckLine,
                    {},
                    lines.number};
     ++rows;

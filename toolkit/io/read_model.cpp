@@ -9,9 +9,7 @@
 #include <tuple>
 
 #include "toolkit/core/hash.h"
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -232,9 +230,9 @@ Error unknown_type(const std::string& extension, const std::string& known, const
     return Error{"the file's name has no ending that tells its format", understood, name};
   for (const ForeignFormat& foreign : kForeign)
     if (extension == foreign.extension)
-      return Error{fmt::format("{} ({}) is not read", foreign.name, quoted("." + extension)),
+      return Error{fmt::format("{} ({}) is not read", foreign.name, shown("." + extension)),
                    fmt::format("{}; {}", foreign.remedy, understood), name};
-  return Error{fmt::format("unknown file type {}", quoted("." + extension)), understood, name};
+  return Error{fmt::format("unknown file type {}", shown("." + extension)), understood, name};
 }
 
 }  // namespace
@@ -253,7 +251,7 @@ Result<Unit> parse_unit(std::string_view text) {
         std::find(row.long_names.begin(), row.long_names.end(), lower) != row.long_names.end())
       return row.unit;
   }
-  return Error{fmt::format("{} is not a unit", quoted(text)), "give m, cm, mm, um or in"};
+  return Error{fmt::format("{} is not a unit", shown(text)), "give m, cm, mm, um or in"};
 }
 
 Status check(const ReadOptions& options) {

@@ -14,7 +14,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/core/files.h"
-#include "toolkit/io/text.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::io {
 namespace {

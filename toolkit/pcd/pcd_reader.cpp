@@ -12,9 +12,8 @@
 #include <sstream>
 
 #include <palpate/result.h>
-#include "toolkit/io/decoded_file.h"
+#include "toolkit/io/decoding.h"
 #include "toolkit/io/pcd_header.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::pcd {
 namespace {
@@ -160,7 +159,7 @@ Result<io::DecodedFile> read_pcd(const io::ReaderInput& input) {
   } catch (const std::bad_alloc&) {
     return Error{"there is not enough memory to read the file", "close other programs or reduce the file"};
   } catch (const std::exception& thrown) {
-    return refused(io::quoted(thrown.what()));
+    return refused(shown(thrown.what()));
   } catch (...) {
     return refused("for a reason it does not give");
   }
