@@ -67,6 +67,25 @@ Status check_hgt(std::span<const std::byte> file, const io::ReadOptions& options
                "a tile has 1201 x 1201 or 3601 x 3601 posts of two bytes: fetch it again"};
 }
 
+/// Posts that a file of `bytes` may hold in this format, at the most its coding allows: beyond it the header
+/// lies.
+std::uint64_t max_posts(DemFormat format, std::uint64_t bytes) noexcept {
+  switch (format) {
+    case DemFormat::kHgt:
+      return bytes / kHgtBytes;
+    case DemFormat::kUsgs:
+      return bytes;  // six characters each, but corners of a quadrangle may be left out
+    case DemFormat::kEsriAscii:
+      return bytes / 2 + 1;  // a digit and a blank
+    case DemFormat::kPng:
+    case DemFormat::kZip:
+      return bytes * kMaxPerByte;
+    case DemFormat::kTiff:
+      break;
+  }
+  return bytes * kSparseBlock;
+}
+
 }  // namespace
 
 bool is_esri_ascii(std::span<const std::byte> file) {
@@ -94,23 +113,6 @@ Result<DemFormat> format_of(std::string_view extension, std::span<const std::byt
   if (extension == "dem") return DemFormat::kUsgs;
   if (!is_esri_ascii(file)) return not_that("ESRI ASCII grid");
   return DemFormat::kEsriAscii;
-}
-
-std::uint64_t max_posts(DemFormat format, std::uint64_t bytes) noexcept {
-  switch (format) {
-    case DemFormat::kHgt:
-      return bytes / kHgtBytes;
-    case DemFormat::kUsgs:
-      return bytes;  // six characters each, but corners of a quadrangle may be left out
-    case DemFormat::kEsriAscii:
-      return bytes / 2 + 1;  // a digit and a blank
-    case DemFormat::kPng:
-    case DemFormat::kZip:
-      return bytes * kMaxPerByte;
-    case DemFormat::kTiff:
-      break;
-  }
-  return bytes * kSparseBlock;
 }
 
 Status check_size(DemFormat format, std::uint64_t columns, std::uint64_t rows, std::uint64_t bytes,

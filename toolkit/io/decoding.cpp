@@ -26,6 +26,10 @@ double out_of_range(std::string_view token) noexcept {
   return negative ? -size : size;
 }
 
+/// Points for which memory is reserved on the word of a header alone (24 MB); beyond that it grows with what
+/// arrives.
+constexpr std::uint64_t kMaxReservedPoints = std::uint64_t{1} << 20;
+
 }  // namespace
 
 std::string lower_case(std::string_view text) {

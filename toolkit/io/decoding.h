@@ -44,10 +44,6 @@ struct ReaderInput {
   Progress& progress;
 };
 
-/// Unit, scale, cleaning, the cloud, the mesh and the hash: the same for all formats. O(points + faces).
-[[nodiscard]] Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options,
-                                             const std::string& name);
-
 [[nodiscard]] inline bool is_blank(char c) noexcept {
   return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
 }
@@ -80,9 +76,6 @@ inline constexpr const char* kCheckLine = "check the file at this line";
 inline constexpr std::uint64_t kMaxPoints = 0xFFFFFFFEu;
 /// Rows between two reports of progress: about a hundredth of a second of parsing.
 inline constexpr std::uint64_t kRowsPerReport = std::uint64_t{1} << 16;
-/// Points for which memory is reserved on the word of a header alone (24 MB); beyond that it grows with what
-/// arrives.
-inline constexpr std::uint64_t kMaxReservedPoints = std::uint64_t{1} << 20;
 
 /// An Error if `count` things of `bytes_each` in memory pass the bound of the options.
 [[nodiscard]] Status check_memory(std::uint64_t count, std::uint64_t bytes_each, std::string_view what,

@@ -280,8 +280,7 @@ Status check_grid_options(const DecodedFile& decoded, const ReadOptions& options
   return Done{};
 }
 
-}  // namespace
-
+/// Unit, scale, cleaning, the cloud, the mesh and the hash: the same for all formats. O(points + faces).
 Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options, const std::string& name) {
   if (const Status fits = check_grid_options(decoded, options); !fits)
     return Error(fits.error()).in_file(name);
@@ -341,6 +340,8 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
   }
   return model;
 }
+
+}  // namespace
 
 void Readers::add(const std::vector<std::string>& extensions, const Reader& reader) {
   for (const std::string& extension : extensions) {

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
-#include <cstring>
 #include <filesystem>
 #include <iterator>
 #include <limits>
@@ -13,30 +11,22 @@
 #include <vector>
 
 #include <palpate/result.h>
+#include "toolkit/core/bytes.h"
 #include "toolkit/core/files.h"
 #include "toolkit/io/decoding.h"
 
 namespace palpate::io {
 namespace {
 
-// Collects rows and hands them to the file in large blocks, least significant byte first on every machine.
+// Collects rows and hands them to the file in large blocks.
 class RowWriter {
  public:
   explicit RowWriter(AtomicFile& file) : file_(file) { buffer_.reserve(kBlock); }
 
-  template <class U>
-  void bits(U value) {
-    for (std::size_t i = 0; i < sizeof(U); ++i)
-      buffer_.push_back(static_cast<std::byte>(static_cast<std::uint8_t>(value >> (8 * i))));
-  }
-  void real(double value) { bits(std::bit_cast<std::uint64_t>(value)); }
-  void single(float value) { bits(std::bit_cast<std::uint32_t>(value)); }
-  void point(const Vec3& p) {
-    real(p.x());
-    real(p.y());
-    real(p.z());
-  }
-  void byte(std::uint8_t value) { buffer_.push_back(static_cast<std::byte>(value)); }
+  void u8(std::uint8_t value) { add(sizeof value).u8(value); }
+  void u32(std::uint32_t value) { add(sizeof value).u32(value); }
+  void single(float value) { add(sizeof value).single(value); }
+  void point(const Vec3& p) { add(3 * sizeof(double)).vec(p); }
   Status end_row() { return buffer_.size() < kBlock ? Status(Done{}) : flush(); }
   Status flush() {
     Status written = file_.write(buffer_);
@@ -45,6 +35,11 @@ class RowWriter {
   }
 
  private:
+  ByteWriter add(std::size_t bytes) {
+    buffer_.resize(buffer_.size() + bytes);
+    return ByteWriter(std::span(buffer_).last(bytes));
+  }
+
   static constexpr std::size_t kBlock = std::size_t{1} << 16;
   AtomicFile& file_;
   std::vector<std::byte> buffer_;
@@ -82,8 +77,8 @@ Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mes
     if (status = rows.end_row(); !status) return status;
   }
   for (const auto& triangle : mesh.triangles) {
-    rows.byte(static_cast<std::uint8_t>(triangle.size()));
-    for (const std::uint32_t corner : triangle) rows.bits(corner);
+    rows.u8(static_cast<std::uint8_t>(triangle.size()));
+    for (const std::uint32_t corner : triangle) rows.u32(corner);
     if (status = rows.end_row(); !status) return status;
   }
   if (status = rows.flush(); !status) return status;
