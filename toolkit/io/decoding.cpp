@@ -68,6 +68,21 @@ std::optional<std::int64_t> parse_whole(std::string_view token) noexcept {
   return value;
 }
 
+Result<Vec3> next_vertex(std::string_view& rest) {
+  Vec3 point;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::string_view token = next_token(rest);
+    if (token.empty())
+      return Error{fmt::format("a vertex needs 3 coordinates, this one has {}", axis), kCheckLine};
+    const std::optional<double> value = parse_real(token);
+    if (!value)
+      return Error{fmt::format("the coordinate {} is not a number", shown(token)),
+                   number_remedy(token, kCheckLine)};
+    point[axis] = *value;
+  }
+  return point;
+}
+
 float to_float(double value) noexcept {
   constexpr double kMost = static_cast<double>(std::numeric_limits<float>::max());
   if (value > kMost) return std::numeric_limits<float>::infinity();

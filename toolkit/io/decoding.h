@@ -63,11 +63,14 @@ inline constexpr const char* kCheckLine = "check the file at this line";
 }
 
 /// The whole token as a number: a leading +, nan and inf in any case and as old Microsoft libraries print
-/// them
-/// (-1.#IND) are understood; what a double cannot hold becomes infinite or 0. Empty where it is no number.
+/// them (-1.#IND) are understood; what a double cannot hold becomes infinite or 0. Empty where it is no
+/// number.
 [[nodiscard]] std::optional<double> parse_real(std::string_view token) noexcept;
 /// The whole token as a whole number.
 [[nodiscard]] std::optional<std::int64_t> parse_whole(std::string_view token) noexcept;
+
+/// Cuts a vertex's three coordinates off the front of `rest`. The Error has no line.
+[[nodiscard]] Result<Vec3> next_vertex(std::string_view& rest);
 
 /// Rounds to float; beyond float's range it is infinite.
 [[nodiscard]] float to_float(double value) noexcept;

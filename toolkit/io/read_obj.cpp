@@ -63,18 +63,9 @@ Error bad_line(const Lines& lines, std::string what, std::string remedy = kCheck
 }
 
 Status read_vertex(const Lines& lines, std::string_view rest, DecodedFile& decoded) {
-  Vec3 point;
-  for (int axis = 0; axis < 3; ++axis) {
-    const std::string_view token = next_token(rest);
-    if (token.empty())
-      return bad_line(lines, fmt::format("a vertex needs 3 coordinates, this one has {}", axis));
-    const std::optional<double> value = parse_real(token);
-    if (!value)
-      return bad_line(lines, fmt::format("the coordinate {} is not a number", shown(token)),
-                      number_remedy(token, kCheckLine));
-    point[axis] = *value;
-  }
-  decoded.points.push_back(point);  // a weight or a colour may follow
+  const Result<Vec3> point = next_vertex(rest);
+  if (!point) return bad_line(lines, point.error().what, point.error().remedy);
+  decoded.points.push_back(*point);  // a weight or a colour may follow
   return Done{};
 }
 

@@ -90,18 +90,9 @@ Status read_vertices(BufferedInput& in, std::uint64_t count, ReadMonitor& watch,
   std::string_view row;
   for (std::uint64_t i = 0; i < count; ++i) {
     if (!next_off_row(in, row)) return ends_early(in, i, count, "vertices");
-    Vec3 point;
-    for (int axis = 0; axis < 3; ++axis) {
-      const std::string_view token = next_token(row);
-      if (token.empty())
-        return at_line(in, fmt::format("a vertex needs 3 coordinates, this one has {}", axis));
-      const std::optional<double> value = parse_real(token);
-      if (!value)
-        return at_line(in, fmt::format("the coordinate {} is not a number", shown(token)),
-                       number_remedy(token, kCheckLine));
-      point[axis] = *value;
-    }
-    decoded.points.push_back(point);
+    const Result<Vec3> point = next_vertex(row);
+    if (!point) return at_line(in, point.error().what, point.error().remedy);
+    decoded.points.push_back(*point);
     if (!watch.row()) return watch.error();
   }
   return Done{};
