@@ -85,9 +85,7 @@ Result<CsvDialect> CsvDialect::of(std::string_view row) {
         const std::string readings = comma_readings(row);
         if (readings.empty()) break;
         return Error{"commas stand between columns or before decimals: " + readings,
-                     "separate columns by semicolons, or write decimal points",
-                     {},
-                     0};
+                     "separate columns by semicolons, or write decimal points"};
       }
     form.decimal_ = '.';
   } else if (row.find(',') != std::string_view::npos) {

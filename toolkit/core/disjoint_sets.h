@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate {
 namespace {

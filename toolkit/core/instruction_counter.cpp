@@ -9,9 +9,9 @@
 #include <string_view>
 #include <system_error>
 
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/process.h"
 
@@ -98,12 +98,9 @@ std::size_t files_in(const fs::path& folder) {
 Status can_count_instructions() {
 #ifndef PALPATE_HAS_MARKS
   return Error{"this program was built without valgrind's header",
-               "install valgrind (apt-get install valgrind) and build again",
-               {},
-               0};
+               "install valgrind (apt-get install valgrind) and build again"};
 #endif
-  if (!program_exists("valgrind"))
-    return Error{"valgrind is not installed", "apt-get install valgrind", {}, 0};
+  if (!program_exists("valgrind")) return Error{"valgrind is not installed", "apt-get install valgrind"};
   return Done{};
 }
 
@@ -112,7 +109,7 @@ Result<std::map<std::string, std::uint64_t>> count_instructions(const std::vecto
   PALPATE_TRY(can_count_instructions());
   const ScratchFolder scratch;
   if (scratch.path().empty())
-    return Error{"no folder can be made for callgrind's files", "set TMPDIR to one that is yours", {}, 0};
+    return Error{"no folder can be made for callgrind's files", "set TMPDIR to one that is yours"};
   std::vector<std::string> arguments = {"valgrind", "--tool=callgrind", "--instr-atstart=no",
                                         "--callgrind-out-file=" + (scratch.path() / "out").string()};
   arguments.insert(arguments.end(), command.begin(), command.end());
@@ -122,15 +119,11 @@ Result<std::map<std::string, std::uint64_t>> count_instructions(const std::vecto
   PALPATE_ASSIGN(const ProcessOutcome outcome, run_process(arguments, run));
   if (outcome.timed_out || outcome.stopped)
     return Error{fmt::format("counting was stopped after {:g} s", options.time_limit_s),
-                 "give it more time, or a smaller scene",
-                 {},
-                 0};
+                 "give it more time, or a smaller scene"};
   if (outcome.exit_code != 0)
     return Error{
         fmt::format("the counted program ended with status {}: {}", outcome.exit_code, outcome.last_line),
-        "run it without valgrind to see why",
-        {},
-        0};
+        "run it without valgrind to see why"};
   std::map<std::string, std::uint64_t> parts;
   std::error_code code;
   for (fs::directory_iterator at(scratch.path(), code), end; !code && at != end; at.increment(code))

@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <system_error>
 
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate {
 namespace {
@@ -16,7 +17,7 @@ constexpr double kNoBound = 1e300;  // NumberRange's and OptionSpec's value for 
 
 Status check(const OptionSpec& spec, const std::string& value, std::string_view owner) {
   const auto bad = [&](std::string_view why) {
-    return Error{fmt::format("{}: option {}: {}", owner, spec.key, why), spec.help, {}, 0};
+    return Error{fmt::format("{}: option {}: {}", owner, spec.key, why), spec.help};
   };
   switch (spec.kind) {
     case OptionKind::kText:
@@ -82,13 +83,20 @@ Status check_applies(const OptionSpec& spec, const Options& complete, std::span<
   if (condition == nullptr) return Done{};
   return Error{fmt::format("{}: option {}={} does nothing with {}={}", owner, spec.key, value, condition->key,
                            complete.text(condition->key)),
-               way_out(*condition),
-               {},
-               0};
+               way_out(*condition)};
 }
 
 std::string_view without_plus(std::string_view text) {
   return text.size() > 1 && text[0] == '+' && text[1] != '-' ? text.substr(1) : text;
+}
+
+/// Reads a whole text as a number; a rest behind the number makes it none.
+template <class Number>
+std::errc convert(std::string_view text, Number& value) {
+  text = without_plus(text);
+  const char* const last = text.data() + text.size();
+  const auto [end, code] = std::from_chars(text.data(), last, value);
+  return end == last ? code : std::errc::invalid_argument;
 }
 
 }  // namespace
@@ -114,14 +122,11 @@ Result<double> read_number(std::string_view text, const NumberRange& range) {
   const auto bad = [&](const std::string& what) {
     const std::string where = text_of(range);
     return Error{fmt::format("{} is not {}", shown(text), what),
-                 where.empty() ? std::string("give a number") : "give a number " + where,
-                 {},
-                 0};
+                 where.empty() ? std::string("give a number") : "give a number " + where};
   };
-  const std::string_view digits = without_plus(text);
   double value = 0;
-  const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (code == std::errc::invalid_argument || end != digits.data() + digits.size()) return bad("a number");
+  const std::errc code = convert(text, value);
+  if (code == std::errc::invalid_argument) return bad("a number");
   if (code != std::errc{} || !std::isfinite(value)) return bad("a finite number");
   const bool inside = (range.above_low ? value > range.low : value >= range.low) && value <= range.high;
   if (!inside) return bad("a number " + text_of(range));
@@ -131,13 +136,11 @@ Result<double> read_number(std::string_view text, const NumberRange& range) {
 Result<long long> read_integer(std::string_view text, const NumberRange& range) {
   const std::string where = text_of(range);
   const auto bad = [&](const std::string& what) {
-    return Error{fmt::format("{} is not {}", shown(text), what), "give a whole number " + where, {}, 0};
+    return Error{fmt::format("{} is not {}", shown(text), what), "give a whole number " + where};
   };
-  const std::string_view digits = without_plus(text);
   long long value = 0;
-  const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (code == std::errc::invalid_argument || end != digits.data() + digits.size())
-    return bad("a whole number");
+  const std::errc code = convert(text, value);
+  if (code == std::errc::invalid_argument) return bad("a whole number");
   // Overflow is beyond every bound.
   const auto x = static_cast<double>(value);
   if (code != std::errc{} || x < range.low || x > range.high || (range.above_low && x == range.low))
@@ -146,20 +149,14 @@ Result<long long> read_integer(std::string_view text, const NumberRange& range) 
 }
 
 Result<double> parse_number(std::string_view text) {
-  text = without_plus(text);
   double value = 0;
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (code != std::errc{} || end != text.data() + text.size())
-    return Error{shown(text) + " is not a number", {}, {}, 0};
+  if (convert(text, value) != std::errc{}) return Error{shown(without_plus(text)) + " is not a number"};
   return value;
 }
 
 Result<long long> parse_integer(std::string_view text) {
-  text = without_plus(text);
   long long value = 0;
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (code != std::errc{} || end != text.data() + text.size())
-    return Error{shown(text) + " is not a whole number", {}, {}, 0};
+  if (convert(text, value) != std::errc{}) return Error{shown(without_plus(text)) + " is not a whole number"};
   return value;
 }
 
@@ -192,15 +189,14 @@ std::vector<std::string> split_list(std::string_view text, char separator) {
 Result<NamedOptions> parse_named_options(std::string_view text) {
   const std::vector<std::string> parts = split_list(text, ':');
   if (parts.front().empty())
-    return Error{shown(text) + " has no name before its options", "write name:key=value", {}, 0};
+    return Error{shown(text) + " has no name before its options", "write name:key=value"};
   NamedOptions named{parts.front(), {}};
   for (std::size_t i = 1; i < parts.size(); ++i) {
     const std::size_t equals = parts[i].find('=');
     std::string key = parts[i].substr(0, equals);
-    if (key.empty())
-      return Error{shown(text) + " has an option without a name", "write name:key=value", {}, 0};
+    if (key.empty()) return Error{shown(text) + " has an option without a name", "write name:key=value"};
     if (named.options.has(key))
-      return Error{fmt::format("{} sets option {} twice", shown(text), shown(key)), "keep one", {}, 0};
+      return Error{fmt::format("{} sets option {} twice", shown(text), shown(key)), "keep one"};
     named.options.set(std::move(key), equals == std::string::npos ? "true" : parts[i].substr(equals + 1));
   }
   return named;
@@ -215,9 +211,7 @@ Result<Options> validate(const Options& given, std::span<const OptionSpec> specs
       std::vector<std::string> known;
       for (const OptionSpec& s : specs) known.push_back(s.key);
       return Error{fmt::format("{} has no option {}", owner, shown(key)),
-                   known.empty() ? "it takes none" : did_you_mean(key, known, "it has " + joined(known)),
-                   {},
-                   0};
+                   known.empty() ? "it takes none" : did_you_mean(key, known, "it has " + joined(known))};
     }
     PALPATE_TRY(check(*spec, value, owner));
     complete.set(key, value);

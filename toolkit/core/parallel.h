@@ -1,4 +1,4 @@
-// All parallelism of preparation goes through this function. It runs on oneTBB, or on std::thread where
+// All parallelism of preparation goes through parallel_chunks(). It runs on oneTBB, or on std::thread where
 // PALPATE_STD_THREADS is defined: ThreadSanitizer cannot see oneTBB's synchronisation, so its build uses the
 // latter and needs no suppressions.
 //
@@ -6,10 +6,13 @@
 // chunks in index order.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace palpate {
 
@@ -33,5 +36,35 @@ void parallel_chunks(std::size_t count, std::size_t grain, int threads,
 
 /// Name and version of the loaded parallel runtime.
 [[nodiscard]] std::pair<std::string, std::string> parallel_library();
+
+/// Stable parallel sort by the lowest `bits` bits of key(item). O(n) per 11 bits; needs a second copy of the
+/// items. Independent of the number of threads.
+template <class Items, class Key>
+void radix_sort(Items& items, int bits, int threads, Key&& key) {
+  using Item = typename Items::value_type;
+  constexpr int kDigitBits = 11;  // 2048 counters stay in the first-level cache
+  constexpr std::uint32_t kDigits = 1u << kDigitBits;
+  // Small enough to balance two threads, large enough to pay for its counters.
+  constexpr std::size_t kChunk = std::size_t{1} << 16;
+  const std::size_t n = items.size();
+  Items other(n);
+  std::vector<std::array<std::uint32_t, kDigits>> counts((n + kChunk - 1) / kChunk);
+  for (int shift = 0; shift < bits; shift += kDigitBits) {
+    const auto digit = [&](const Item& item) { return (key(item) >> shift) & (kDigits - 1); };
+    parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+      auto& count = counts[begin / kChunk];
+      count.fill(0);
+      for (std::size_t i = begin; i < end; ++i) ++count[digit(items[i])];
+    });
+    std::uint32_t sum = 0;
+    for (std::uint32_t d = 0; d < kDigits; ++d)
+      for (auto& count : counts) sum += std::exchange(count[d], sum);
+    parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+      auto& place = counts[begin / kChunk];
+      for (std::size_t i = begin; i < end; ++i) other[place[digit(items[i])]++] = items[i];
+    });
+    items.swap(other);
+  }
+}
 
 }  // namespace palpate

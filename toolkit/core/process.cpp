@@ -16,8 +16,9 @@
 
 #include <palpate/clock.h>
 #include <palpate/options.h>
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
+#include "toolkit/core/files.h"
 
 extern char** environ;
 
@@ -30,38 +31,21 @@ constexpr std::size_t kLongestLine = 4096;
 constexpr int kPollMs = 50;  // polling interval: smooth for a bar, negligible load
 constexpr double kMsPerS = 1e3;
 
-class Descriptor {
- public:
-  Descriptor() = default;
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() { set(-1); }
-  void set(int fd) noexcept {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = fd;
-  }
-  [[nodiscard]] int get() const noexcept { return fd_; }
-  [[nodiscard]] bool is_open() const noexcept { return fd_ >= 0; }
-
- private:
-  int fd_ = -1;
-};
-
 /// Two ends: ours, and the program's.
 struct Ends {
   Descriptor ours, its;
   bool open_pipe() {
     std::array<int, 2> fd{};
     if (::pipe2(fd.data(), O_CLOEXEC) != 0) return false;
-    ours.set(fd[0]);
-    its.set(fd[1]);
+    ours = Descriptor(fd[0]);
+    its = Descriptor(fd[1]);
     return true;
   }
   bool open_socket() {
     std::array<int, 2> fd{};
     if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, fd.data()) != 0) return false;
-    ours.set(fd[0]);
-    its.set(fd[1]);
+    ours = Descriptor(fd[0]);
+    its = Descriptor(fd[1]);
     ::fcntl(ours.get(), F_SETFL, O_NONBLOCK);
     return true;
   }
@@ -70,9 +54,7 @@ struct Ends {
 Error cannot_start(const std::string& program, int code) {
   const bool missing = code == ENOENT || code == EACCES;
   return Error{fmt::format("the program '{}' could not be started: {}", program, std::strerror(code)),
-               missing ? "install it or put it on PATH" : "close other programs",
-               {},
-               0};
+               missing ? "install it or put it on PATH" : "close other programs"};
 }
 
 /// Prefixes a file size limit, effective from the first instruction (util-linux, always on Debian). No core
@@ -143,7 +125,7 @@ Status Child::start(const std::vector<std::string>& arguments) {
   const int code = ::posix_spawnp(&pid_, argv[0], &actions, &attributes, argv.data(), environ);
   posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
-  for (Ends* ends : {&talk_, &out_, &err_}) ends->its.set(-1);
+  for (Ends* ends : {&talk_, &out_, &err_}) ends->its.close();
   if (code != 0) return cannot_start(arguments[0], code);
   ended_ = false;
   stop_callback_ = StopCallback([group = -pid_] {
@@ -195,10 +177,10 @@ void Child::listen() {
   const ssize_t n = ::recv(talk_.ours.get(), received_.data() + before, kPiece, MSG_DONTWAIT);
   const bool again = n < 0 && (errno == EAGAIN || errno == EINTR);
   received_.resize(before + static_cast<std::size_t>(std::max<ssize_t>(n, 0)));
-  if (n <= 0 && !again) return talk_.ours.set(-1);
+  if (n <= 0 && !again) return talk_.ours.close();
   if (n <= 0 || options_.talk->hear(received_)) return;
   outcome_.stopped = true;
-  talk_.ours.set(-1);
+  talk_.ours.close();
   if (!ended_) end();
 }
 
@@ -206,7 +188,7 @@ void Child::keep(Descriptor& from, std::string& into) {
   std::array<char, kLongestLine> piece;
   const ssize_t got = ::read(from.get(), piece.data(), piece.size());
   if (got < 0 && (errno == EINTR || errno == EAGAIN)) return;
-  if (got <= 0) return from.set(-1);
+  if (got <= 0) return from.close();
   const auto size = static_cast<std::size_t>(got);
   if (into.size() < kKeptOutput) into.append(piece.data(), std::min(size, kKeptOutput - into.size()));
   for (const char c : std::string_view(piece.data(), size)) {
@@ -236,7 +218,7 @@ void Child::note_end() {
 void Child::keep_limits() {
   if (options_.tick && !options_.tick() && !ended_) {
     outcome_.stopped = true;
-    talk_.ours.set(-1);
+    talk_.ours.close();
     return end();
   }
   const double elapsed_s = watch_.ms() / kMsPerS;

@@ -6,8 +6,8 @@
 #include <optional>
 
 #include <palpate/result.h>
+#include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::dem {
 namespace {
@@ -44,8 +44,7 @@ std::uint32_t big_endian(std::span<const std::byte> file, std::size_t at) {
 }
 
 Error not_that(std::string_view what) {
-  return Error{
-      fmt::format("the file's content is no {}", what), "check that its name says what it is", {}, 0};
+  return Error{fmt::format("the file's content is no {}", what), "check that its name says what it is"};
 }
 
 std::optional<std::uint64_t> esri_number(std::string_view header, std::string_view key) {
@@ -65,9 +64,26 @@ Status check_hgt(std::span<const std::byte> file, const io::ReadOptions& options
     if (file.size() == columns * rows * kHgtBytes)
       return check_size(DemFormat::kHgt, columns, rows, file.size(), options);
   return Error{fmt::format("{} bytes are no SRTM tile", file.size()),
-               "a tile has 1201 x 1201 or 3601 x 3601 posts of two bytes: fetch it again",
-               {},
-               0};
+               "a tile has 1201 x 1201 or 3601 x 3601 posts of two bytes: fetch it again"};
+}
+
+/// Posts that a file of `bytes` may hold in this format, at the most its coding allows: beyond it the header
+/// lies.
+std::uint64_t max_posts(DemFormat format, std::uint64_t bytes) noexcept {
+  switch (format) {
+    case DemFormat::kHgt:
+      return bytes / kHgtBytes;
+    case DemFormat::kUsgs:
+      return bytes;  // six characters each, but corners of a quadrangle may be left out
+    case DemFormat::kEsriAscii:
+      return bytes / 2 + 1;  // a digit and a blank
+    case DemFormat::kPng:
+    case DemFormat::kZip:
+      return bytes * kMaxPerByte;
+    case DemFormat::kTiff:
+      break;
+  }
+  return bytes * kSparseBlock;
 }
 
 }  // namespace
@@ -99,23 +115,6 @@ Result<DemFormat> format_of(std::string_view extension, std::span<const std::byt
   return DemFormat::kEsriAscii;
 }
 
-std::uint64_t max_posts(DemFormat format, std::uint64_t bytes) noexcept {
-  switch (format) {
-    case DemFormat::kHgt:
-      return bytes / kHgtBytes;
-    case DemFormat::kUsgs:
-      return bytes;  // six characters each, but corners of a quadrangle may be left out
-    case DemFormat::kEsriAscii:
-      return bytes / 2 + 1;  // a digit and a blank
-    case DemFormat::kPng:
-    case DemFormat::kZip:
-      return bytes * kMaxPerByte;
-    case DemFormat::kTiff:
-      break;
-  }
-  return bytes * kSparseBlock;
-}
-
 Status check_size(DemFormat format, std::uint64_t columns, std::uint64_t rows, std::uint64_t bytes,
                   const io::ReadOptions& options) {
   io::HeightGrid grid;
@@ -125,9 +124,7 @@ Status check_size(DemFormat format, std::uint64_t columns, std::uint64_t rows, s
   if (columns * rows <= max_posts(format, bytes)) return Done{};
   return Error{
       fmt::format("the header promises {} x {} posts, more than its {} bytes can hold", columns, rows, bytes),
-      "the file is cut off or damaged: fetch it again",
-      {},
-      0};
+      "the file is cut off or damaged: fetch it again"};
 }
 
 Status check_header(DemFormat format, std::span<const std::byte> file, const io::ReadOptions& options) {

@@ -21,17 +21,12 @@ enum class DemFormat : std::uint8_t { kTiff, kPng, kHgt, kUsgs, kEsriAscii, kZip
 /// Whether an .asc file is an ESRI grid: it begins with ncols or nrows.
 [[nodiscard]] bool is_esri_ascii(std::span<const std::byte> file);
 
-/// Posts that a file of `bytes` may hold in this format, at the most its coding allows: beyond it the header
-/// lies.
-[[nodiscard]] std::uint64_t max_posts(DemFormat format, std::uint64_t bytes) noexcept;
-
 /// Checks the sizes that stand where they can be read without a library: of PNG, SRTM and ESRI ASCII files.
 /// Of the others GDAL opens the header, and check_size() judges it before any post is read.
 [[nodiscard]] Status check_header(DemFormat format, std::span<const std::byte> file,
                                   const io::ReadOptions& options);
 
-/// Columns and rows as promised, against the file's size and the memory bound. `sparse`: a TIFF that may
-/// leave blocks out.
+/// Columns and rows as promised, against the file's size and the memory bound.
 [[nodiscard]] Status check_size(DemFormat format, std::uint64_t columns, std::uint64_t rows,
                                 std::uint64_t bytes, const io::ReadOptions& options);
 

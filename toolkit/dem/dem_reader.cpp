@@ -19,10 +19,8 @@
 
 #include <palpate/result.h>
 #include "toolkit/dem/dem_check.h"
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::dem {
 namespace {
@@ -40,10 +38,8 @@ class Messages {
   Messages(const Messages&) = delete;
   Messages& operator=(const Messages&) = delete;
   [[nodiscard]] Error error(const std::string& what) const {
-    return Error{last_.empty() ? what : what + ": " + io::quoted(last_),
-                 "check it with another program, or fetch it again",
-                 {},
-                 0};
+    return Error{last_.empty() ? what : what + ": " + shown(last_),
+                 "check it with another program, or fetch it again"};
   }
 
  private:
@@ -178,9 +174,7 @@ class DemReader {
     if (block_x <= 0 || block_y <= 0 ||
         static_cast<std::uint64_t>(block_x) * static_cast<std::uint64_t>(block_y) > kMaxBlockPosts)
       return Error{fmt::format("blocks of {} x {} posts are too large", block_x, block_y),
-                   "write the file in tiles or strips",
-                   {},
-                   0};
+                   "write the file in tiles or strips"};
     measure();
     decoded_.format = name_of(format_);
     PALPATE_TRY(read_rows(messages));
@@ -261,7 +255,7 @@ class DemReader {
       io::add_row(grid_, static_cast<std::uint64_t>(row), heights, input_.options, decoded_);
       if (row % kRowsPerReport != 0) continue;
       input_.progress.report("reading", static_cast<double>(row) / rows);
-      if (input_.progress.cancelled()) return Error{"reading was stopped", {}, {}, 0};
+      if (input_.progress.cancelled()) return Error{"reading was stopped"};
     }
     io::warn_of_no_data(grid_, decoded_);
     return Done{};
@@ -304,7 +298,7 @@ Result<std::vector<std::byte>> unpack(std::vector<std::byte>& archive, std::stri
     if (io::lower_case(list[i]).ends_with(".hgt")) name = list[i];
   CSLDestroy(list);
   if (name.empty() || name.find('/') != std::string::npos)
-    return Error{"the archive holds no SRTM tile (.hgt)", "unpack it, and give the file inside", {}, 0};
+    return Error{"the archive holds no SRTM tile (.hgt)", "unpack it, and give the file inside"};
   VSILFILE* const inside = VSIFOpenL((folder + "/" + name).c_str(), "rb");
   if (inside == nullptr) return messages.error("the archive cannot be read");
   std::vector<std::byte> tile(kMaxBytes + 1);

@@ -18,9 +18,7 @@ constexpr std::uint64_t kXzMemory = std::uint64_t{256} << 20;
 
 Error damaged(const char* format, const char* why) {
   return Error{fmt::format("the {} data is {}", format, why),
-               fmt::format("fetch or compress the file again ('{} -t' checks it)", format),
-               {},
-               0};
+               fmt::format("fetch or compress the file again ('{} -t' checks it)", format)};
 }
 
 // What both decompressors share: the input chunk, the limits, the counts.
@@ -40,9 +38,7 @@ class Decompressor : public ByteSource {
     if (total_out_ > limits_.ratio_from_bytes && total_out_ / limits_.max_ratio > total_in_)
       return Error{
           fmt::format("the file unpacks to more than {} times its size, as no scan does", limits_.max_ratio),
-          "unpack it by hand if it is genuine",
-          {},
-          0};
+          "unpack it by hand if it is genuine"};
     return got;
   }
 
@@ -144,9 +140,7 @@ class XzSource final : public Decompressor {
       }
       if (code == LZMA_MEMLIMIT_ERROR)
         return Error{fmt::format("the xz data needs more than {} MiB to unpack", kXzMemory >> 20),
-                     "compress it with a smaller dictionary, such as xz -9",
-                     {},
-                     0};
+                     "compress it with a smaller dictionary, such as xz -9"};
       if (code == LZMA_BUF_ERROR) return damaged("xz", "cut off");
       if (code != LZMA_OK) return damaged("xz", "damaged");
     }
@@ -159,7 +153,7 @@ class XzSource final : public Decompressor {
 
 template <class T>
 Result<std::unique_ptr<ByteSource>> started(std::unique_ptr<T> source) {
-  if (!source->start()) return Error{"not enough memory to unpack the file", "close other programs", {}, 0};
+  if (!source->start()) return Error{"not enough memory to unpack the file", "close other programs"};
   return std::unique_ptr<ByteSource>(std::move(source));
 }
 

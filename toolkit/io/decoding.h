@@ -1,25 +1,84 @@
-// What the readers of all formats share: bounds on promises, faces, progress. Internal to toolkit/io and
-// toolkit/pcd.
+// What the readers of all formats share: what they are given and hand on, tokens and numbers of text (by
+// std::from_chars: no locale, no allocation), bounds on promises, progress, faces. Internal to the readers.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <palpate/read_model.h>
-#include "toolkit/io/buffered_input.h"
-#include "toolkit/io/decoded_file.h"
+#include "toolkit/core/csv_dialect.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/io/byte_source.h"
 
 namespace palpate::io {
+
+/// What a format's reader hands on: the file's numbers before unit, scale and cleaning.
+struct DecodedFile {
+  std::vector<Vec3> points;
+  std::vector<cloud::Property> properties;              ///< each as long as `points`
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< may name points that do not exist
+  std::vector<bool> continues_face;  ///< as long as `triangles`: same polygon as the one before
+  std::size_t dropped_faces = 0;     ///< faces already given up while reading
+  std::optional<cloud::ScanRaster> raster;
+  /// Of a raster with holes, by point: the position that it stands at, row * columns + column; else empty.
+  std::vector<std::uint32_t> position_of;
+  std::uint32_t position_columns = 0;
+  bool single_precision = false;          ///< the file itself holds its coordinates as 32-bit floats
+  bool height_grid = false;               ///< made by add_row(), which alone knows posts and heights
+  std::optional<Unit> unit;               ///< where the file itself says it
+  std::optional<Unit> conventional_unit;  ///< where the format has a convention: a better guess
+  std::vector<std::string> warnings;
+  std::string format;
+
+  [[nodiscard]] std::size_t bytes() const noexcept;
+};
+
+/// What a format's reader is given. `bytes` is decompressed already; `name` is for messages.
+struct ReaderInput {
+  ByteSource& bytes;
+  const std::string& name;
+  const ReadOptions& options;
+  Progress& progress;
+};
+
+[[nodiscard]] inline bool is_blank(char c) noexcept {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
+}
+/// The remedy where nothing better is known.
+inline constexpr const char* kCheckLine = "check the file at this line";
+[[nodiscard]] std::string lower_case(std::string_view text);
+
+/// Cuts the next token between blanks off the front of `rest`; empty at the end.
+[[nodiscard]] inline std::string_view next_token(std::string_view& rest) noexcept {
+  std::size_t begin = 0;
+  while (begin < rest.size() && is_blank(rest[begin])) ++begin;
+  std::size_t end = begin;
+  while (end < rest.size() && !is_blank(rest[end])) ++end;
+  const std::string_view token = rest.substr(begin, end - begin);
+  rest.remove_prefix(end);
+  return token;
+}
+
+/// The whole token as a number: a leading +, nan and inf in any case and as old Microsoft libraries print
+/// them (-1.#IND) are understood; what a double cannot hold becomes infinite or 0. Empty where it is no
+/// number.
+[[nodiscard]] std::optional<double> parse_real(std::string_view token) noexcept;
+/// The whole token as a whole number.
+[[nodiscard]] std::optional<std::int64_t> parse_whole(std::string_view token) noexcept;
+
+/// Cuts a vertex's three coordinates off the front of `rest`. The Error has no line.
+[[nodiscard]] Result<Vec3> next_vertex(std::string_view& rest);
+
+/// Rounds to float; beyond float's range it is infinite.
+[[nodiscard]] float to_float(double value) noexcept;
 
 /// Indices are 32 bits wide and the last value marks a dropped point.
 inline constexpr std::uint64_t kMaxPoints = 0xFFFFFFFEu;
 /// Rows between two reports of progress: about a hundredth of a second of parsing.
 inline constexpr std::uint64_t kRowsPerReport = std::uint64_t{1} << 16;
-/// Points for which memory is reserved on the word of a header alone (24 MB); beyond that it grows with what
-/// arrives.
-inline constexpr std::uint64_t kMaxReservedPoints = std::uint64_t{1} << 20;
 
 /// An Error if `count` things of `bytes_each` in memory pass the bound of the options.
 [[nodiscard]] Status check_memory(std::uint64_t count, std::uint64_t bytes_each, std::string_view what,

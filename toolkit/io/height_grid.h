@@ -1,4 +1,5 @@
-// Grids of heights on their way to points. Internal to toolkit/io and toolkit/dem.
+// Grids of heights on their way to points (beside them: the reader of PFM files, which are such). Internal to
+// toolkit/io and toolkit/dem.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +9,7 @@
 #include <string>
 
 #include <palpate/read_model.h>
-#include "toolkit/io/decoded_file.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::io {
 

@@ -10,7 +10,6 @@
 #include <palpate/result.h>
 #include "toolkit/core/bytes.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -96,11 +95,11 @@ Status parse_line(std::string_view line, std::int64_t number, Raw& raw) {
     } else if (kind == "binary_compressed") {
       raw.data = PcdData::kCompressed;
     } else {
-      return malformed_pcd(fmt::format("the data {} is not ascii, binary or binary_compressed", quoted(kind)),
+      return malformed_pcd(fmt::format("the data {} is not ascii, binary or binary_compressed", shown(kind)),
                            number);
     }
   } else if (key != "VERSION" && key != "VIEWPOINT") {
-    return malformed_pcd(fmt::format("unknown keyword {}", quoted(key)), number);
+    return malformed_pcd(fmt::format("unknown keyword {}", shown(key)), number);
   }
   return Done{};
 }
@@ -122,10 +121,9 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
                        (bytes == 1 || bytes == 2 || bytes == sizeof(float) || bytes == sizeof(double));
     if (!real && !whole)
       return malformed_pcd(fmt::format("field {} has the type {} and size {}, which do not go together",
-                                       quoted(field.name), quoted(raw.types[i]), quoted(raw.sizes[i])));
+                                       shown(field.name), shown(raw.types[i]), shown(raw.sizes[i])));
     if (count < 0 || static_cast<std::uint64_t>(count) > kMaxPointBytes)
-      return malformed_pcd(
-          fmt::format("field {} has the count {}", quoted(field.name), quoted(raw.counts[i])));
+      return malformed_pcd(fmt::format("field {} has the count {}", shown(field.name), shown(raw.counts[i])));
     if (count == 0) continue;  // padding without bytes, as some writers leave behind
     field.bytes = static_cast<std::uint32_t>(bytes);
     field.count = static_cast<std::uint32_t>(count);
@@ -133,11 +131,11 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
     if (field.name == "x" || field.name == "y" || field.name == "z") axes += field.count == 1 ? 1 : 0;
     for (const PcdField& other : header.fields) {
       if (other.name == field.name && field.name != "_")
-        return malformed_pcd(fmt::format("field {} stands twice", quoted(field.name)));
+        return malformed_pcd(fmt::format("field {} stands twice", shown(field.name)));
     }
     header.fields.push_back(std::move(field));
   }
-  if (axes != 3) return Error{"the PCD file has no scalar fields x, y and z", "check its FIELDS line", {}, 0};
+  if (axes != 3) return Error{"the PCD file has no scalar fields x, y and z", "check its FIELDS line"};
   if (header.point_bytes > kMaxPointBytes)
     return malformed_pcd(fmt::format("a point of {} bytes", header.point_bytes));
   return Done{};
@@ -150,13 +148,10 @@ Status take_size(const Raw& raw, PcdHeader& header) {
   if (width > kMaxPoints || height > kMaxPoints || (height > 0 && width > kMaxPoints / height))
     return Error{
         fmt::format("the header promises {} x {} points, more than can be told apart", width, height),
-        "check WIDTH and HEIGHT",
-        {},
-        0};
+        "check WIDTH and HEIGHT"};
   if (raw.points && static_cast<std::uint64_t>(*raw.points) != width * height)
     return malformed_pcd(fmt::format("POINTS is {}, but WIDTH x HEIGHT is {}", *raw.points, width * height));
-  if (width * height == 0)
-    return Error{"the file holds no points", "give a file with at least one point", {}, 0};
+  if (width * height == 0) return Error{"the file holds no points", "give a file with at least one point"};
   header.width = static_cast<std::uint32_t>(width);
   header.height = static_cast<std::uint32_t>(height);
   return Done{};
@@ -165,9 +160,7 @@ Status take_size(const Raw& raw, PcdHeader& header) {
 Error cut_off(const PcdHeader& header, std::uint64_t need, std::uint64_t have) {
   return Error{fmt::format("the header promises {} points, at least {} bytes, but only {} bytes follow it",
                            header.points(), need, have),
-               "the file is cut off or its header is wrong: fetch it again",
-               {},
-               0};
+               "the file is cut off or its header is wrong: fetch it again"};
 }
 
 std::uint64_t values_per_point(const PcdHeader& header) {
@@ -189,15 +182,15 @@ Status check_ascii(const PcdHeader& header, PcdLines lines) {
     std::uint64_t found = 0;
     for (std::string_view token = next_token(line); !token.empty(); token = next_token(line)) {
       if (!parse_real(token))
-        return Error{fmt::format("{} is not a number", quoted(token)),
-                     number_remedy(token, "check the file at this line"),
+        return Error{fmt::format("{} is not a number", shown(token)),
+                     number_remedy(token, kCheckLine),
                      {},
                      lines.number};
       ++found;
     }
     if (found != values)
       return Error{fmt::format("the row has {} values, the header names {}", found, values),
-                   "check the file at this line",
+                   kCheckLine,
                    {},
                    lines.number};
     ++rows;
@@ -224,20 +217,14 @@ Status check_binary(const PcdHeader& header, std::span<const std::byte> body) {
   if (packed > body.size() - kCompressedSizes)
     return Error{fmt::format("the compressed data should have {} bytes, but only {} follow", packed,
                              body.size() - kCompressedSizes),
-                 "the file is cut off: fetch it again",
-                 {},
-                 0};
+                 "the file is cut off: fetch it again"};
   if (unpacked != need - header.points() * padding)
     return Error{fmt::format("the compressed data unpacks to {} bytes, the header promises {}", unpacked,
                              need - header.points() * padding),
-                 "the header does not belong to this data: fetch the file again",
-                 {},
-                 0};
+                 "the header does not belong to this data: fetch the file again"};
   if (unpacked > packed * kLzfMaxRatio)
     return Error{fmt::format("{} compressed bytes cannot unpack to {}", packed, unpacked),
-                 "the file is damaged: fetch it again",
-                 {},
-                 0};
+                 "the file is damaged: fetch it again"};
   return Done{};
 }
 
@@ -281,9 +268,7 @@ Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& 
     return Error{
         fmt::format("the header promises {} points of {} bytes, more than the 2 GiB that PCL can hold",
                     header.points(), header.point_bytes),
-        "check WIDTH and HEIGHT, or split the file",
-        {},
-        0};
+        "check WIDTH and HEIGHT, or split the file"};
   // PCL unpacks into one buffer and copies to another.
   PALPATE_TRY(check_memory(header.points(), 2 * header.point_bytes + sizeof(Vec3), "points", options));
   PALPATE_TRY(header.data == PcdData::kAscii ? check_ascii(header, lines)

@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstring>
 #include <limits>
 #include <string_view>
 
 #include <palpate/result.h>
-#include "toolkit/io/text.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::io {
 namespace {
@@ -48,8 +50,7 @@ std::optional<PlyScalar> type_of(std::string_view name) {
 }
 
 Error malformed_ply(std::string what) {
-  return Error{
-      "malformed PLY header: " + std::move(what), "check that the file is a PLY file and whole", {}, 0};
+  return Error{"malformed PLY header: " + std::move(what), "check that the file is a PLY file and whole"};
 }
 
 Status parse_format(std::string_view rest, PlyHeader& header) {
@@ -63,9 +64,9 @@ Status parse_format(std::string_view rest, PlyHeader& header) {
     header.format = PlyFormat::kBigEndian;
   } else {
     return malformed_ply(
-        fmt::format("the format {} is not ascii, binary_little_endian or binary_big_endian", quoted(name)));
+        fmt::format("the format {} is not ascii, binary_little_endian or binary_big_endian", shown(name)));
   }
-  if (version != "1.0") return malformed_ply(fmt::format("the version {} is not 1.0", quoted(version)));
+  if (version != "1.0") return malformed_ply(fmt::format("the version {} is not 1.0", shown(version)));
   return Done{};
 }
 
@@ -76,11 +77,11 @@ Status parse_element(std::string_view rest, PlyHeader& header) {
   const std::optional<std::int64_t> count = parse_whole(format_count);
   if (element.name.empty() || !count || *count < 0)
     return malformed_ply(fmt::format("the count {} of element {} is not a whole number from 0 on",
-                                     quoted(format_count), quoted(element.name)));
+                                     shown(format_count), shown(element.name)));
   element.count = static_cast<std::uint64_t>(*count);
   for (const PlyElement& other : header.elements) {
     if (other.name == element.name)
-      return malformed_ply(fmt::format("element {} stands twice", quoted(element.name)));
+      return malformed_ply(fmt::format("element {} stands twice", shown(element.name)));
   }
   if (header.elements.size() >= kMaxElements) return malformed_ply("too many elements");
   header.elements.push_back(std::move(element));
@@ -96,12 +97,12 @@ Status parse_property(std::string_view rest, PlyHeader& header) {
     const std::string_view count_name = next_token(rest);
     const std::optional<PlyScalar> count_type = type_of(count_name);
     if (!count_type || *count_type == PlyScalar::kFloat32 || *count_type == PlyScalar::kFloat64)
-      return malformed_ply(fmt::format("{} is no type for a list's count", quoted(count_name)));
+      return malformed_ply(fmt::format("{} is no type for a list's count", shown(count_name)));
     property.count_type = *count_type;
     type_name = next_token(rest);
   }
   const std::optional<PlyScalar> type = type_of(type_name);
-  if (!type) return malformed_ply(fmt::format("unknown type {}", quoted(type_name)));
+  if (!type) return malformed_ply(fmt::format("unknown type {}", shown(type_name)));
   property.type = *type;
   property.name = next_token(rest);
   if (property.name.empty()) return malformed_ply("a property without a name");
@@ -109,7 +110,7 @@ Status parse_property(std::string_view rest, PlyHeader& header) {
   if (properties.size() >= kMaxProperties) return malformed_ply("too many properties");
   for (const PlyProperty& other : properties) {
     if (other.name == property.name)
-      return malformed_ply(fmt::format("property {} stands twice", quoted(other.name)));
+      return malformed_ply(fmt::format("property {} stands twice", shown(other.name)));
   }
   properties.push_back(std::move(property));
   return Done{};
@@ -140,13 +141,21 @@ Status check_promises(const PlyHeader& header, const BufferedInput& in) {
       return Error{
           fmt::format("the header promises {} rows of element {}, at least {} bytes each, but only {} bytes "
                       "follow it",
-                      element.count, quoted(element.name), each, *remaining),
-          "the file is cut off or its header is wrong: fetch it again",
-          {},
-          0};
+                      element.count, shown(element.name), each, *remaining),
+          "the file is cut off or its header is wrong: fetch it again"};
     left -= element.count * each;
   }
   return Done{};
+}
+
+template <class U>
+U load(const std::byte* at, bool swap) noexcept {
+  U bits;
+  std::memcpy(&bits, at, sizeof bits);
+  if constexpr (sizeof(U) == sizeof(std::uint16_t)) return swap ? __builtin_bswap16(bits) : bits;
+  if constexpr (sizeof(U) == sizeof(std::uint32_t)) return swap ? __builtin_bswap32(bits) : bits;
+  if constexpr (sizeof(U) == sizeof(std::uint64_t)) return swap ? __builtin_bswap64(bits) : bits;
+  return bits;
 }
 
 }  // namespace
@@ -167,6 +176,40 @@ std::uint32_t ply_bytes(PlyScalar type) noexcept {
       break;
   }
   return sizeof(std::uint64_t);
+}
+
+double ply_value(PlyScalar type, const std::byte* at, bool swap) noexcept {
+  switch (type) {
+    case PlyScalar::kInt8:
+      return static_cast<double>(std::bit_cast<std::int8_t>(load<std::uint8_t>(at, false)));
+    case PlyScalar::kUint8:
+      return static_cast<double>(load<std::uint8_t>(at, false));
+    case PlyScalar::kInt16:
+      return static_cast<double>(std::bit_cast<std::int16_t>(load<std::uint16_t>(at, swap)));
+    case PlyScalar::kUint16:
+      return static_cast<double>(load<std::uint16_t>(at, swap));
+    case PlyScalar::kInt32:
+      return static_cast<double>(std::bit_cast<std::int32_t>(load<std::uint32_t>(at, swap)));
+    case PlyScalar::kUint32:
+      return static_cast<double>(load<std::uint32_t>(at, swap));
+    case PlyScalar::kFloat32:
+      return static_cast<double>(std::bit_cast<float>(load<std::uint32_t>(at, swap)));
+    case PlyScalar::kFloat64:
+      break;
+  }
+  return std::bit_cast<double>(load<std::uint64_t>(at, swap));
+}
+
+std::string format_name(PlyFormat format) {
+  switch (format) {
+    case PlyFormat::kAscii:
+      return "PLY, ASCII";
+    case PlyFormat::kLittleEndian:
+      return "PLY, binary little-endian";
+    case PlyFormat::kBigEndian:
+      break;
+  }
+  return "PLY, binary big-endian";
 }
 
 bool PlyElement::has_lists() const noexcept {
@@ -210,7 +253,7 @@ Result<PlyHeader> read_ply_header(BufferedInput& in) {
     } else if (key == "comment" || key == "obj_info") {
       parse_remark(rest, header);
     } else if (!key.empty()) {
-      parsed = malformed_ply(fmt::format("unknown keyword {}", quoted(key)));
+      parsed = malformed_ply(fmt::format("unknown keyword {}", shown(key)));
     }
     if (!parsed) return std::move(parsed).error().in_file({}, in.line_number());
   }

@@ -1,18 +1,22 @@
-// The header of a PLY file (G. Turk, "The PLY Polygon File Format", 1994). Internal to toolkit/io.
+// The header of a PLY file (G. Turk, "The PLY Polygon File Format", 1994) and the values of its binary rows.
+// Internal to toolkit/io.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include <palpate/read_model.h>
-#include "toolkit/io/buffered_input.h"
+#include "toolkit/io/byte_source.h"
 
 namespace palpate::io {
 
 enum class PlyScalar { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
 [[nodiscard]] std::uint32_t ply_bytes(PlyScalar type) noexcept;
+/// The value that stands at `at`, exact in a double; `swap`: in the other order of bytes than this machine's.
+[[nodiscard]] double ply_value(PlyScalar type, const std::byte* at, bool swap) noexcept;
 
 struct PlyProperty {
   std::string name;
@@ -31,6 +35,8 @@ struct PlyElement {
 };
 
 enum class PlyFormat { kAscii, kLittleEndian, kBigEndian };
+/// "PLY, ASCII", ..
+[[nodiscard]] std::string format_name(PlyFormat format);
 
 struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
@@ -40,7 +46,7 @@ struct PlyHeader {
 };
 
 /// Reads up to and with end_header. Checks that every element's promise fits into what is left of the file,
-/// where that is known. Bounded by kMaxHeaderBytes.
+/// where that is known. Bounded by kMaxPlyHeaderBytes.
 [[nodiscard]] Result<PlyHeader> read_ply_header(BufferedInput& in);
 
 }  // namespace palpate::io

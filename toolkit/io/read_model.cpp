@@ -9,9 +9,7 @@
 #include <tuple>
 
 #include "toolkit/core/hash.h"
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -229,12 +227,12 @@ constexpr std::array<ForeignFormat, 5> kForeign{{
 Error unknown_type(const std::string& extension, const std::string& known, const std::string& name) {
   const std::string understood = fmt::format("understood are {}, each also with .gz or .xz", known);
   if (extension.empty())
-    return Error{"the file's name has no ending that tells its format", understood, name, 0};
+    return Error{"the file's name has no ending that tells its format", understood, name};
   for (const ForeignFormat& foreign : kForeign)
     if (extension == foreign.extension)
-      return Error{fmt::format("{} ({}) is not read", foreign.name, quoted("." + extension)),
-                   fmt::format("{}; {}", foreign.remedy, understood), name, 0};
-  return Error{fmt::format("unknown file type {}", quoted("." + extension)), understood, name, 0};
+      return Error{fmt::format("{} ({}) is not read", foreign.name, shown("." + extension)),
+                   fmt::format("{}; {}", foreign.remedy, understood), name};
+  return Error{fmt::format("unknown file type {}", shown("." + extension)), understood, name};
 }
 
 }  // namespace
@@ -253,19 +251,16 @@ Result<Unit> parse_unit(std::string_view text) {
         std::find(row.long_names.begin(), row.long_names.end(), lower) != row.long_names.end())
       return row.unit;
   }
-  return Error{fmt::format("{} is not a unit", quoted(text)), "give m, cm, mm, um or in", {}, 0};
+  return Error{fmt::format("{} is not a unit", shown(text)), "give m, cm, mm, um or in"};
 }
 
 Status check(const ReadOptions& options) {
   if (!(options.scale > 0.0) || !std::isfinite(options.scale))
-    return Error{
-        fmt::format("the scale {} is not a positive number", options.scale), "give a scale above 0", {}, 0};
+    return Error{fmt::format("the scale {} is not a positive number", options.scale), "give a scale above 0"};
   for (const double mm : {options.post_mm, options.vertical_mm})
     if (!(mm >= 0.0) || !std::isfinite(mm))
       return Error{fmt::format("{} mm is no distance of posts and no height", mm),
-                   "give a positive number of mm",
-                   {},
-                   0};
+                   "give a positive number of mm"};
   return Done{};
 }
 
@@ -281,21 +276,18 @@ Status check_grid_options(const DecodedFile& decoded, const ReadOptions& options
     if (given)
       return Error{
           fmt::format("'{}' is of grids of heights, and this file is none ({})", name, decoded.format),
-          fmt::format("leave out {} (on the command line {})", name, option),
-          {},
-          0};
+          fmt::format("leave out {} (on the command line {})", name, option)};
   return Done{};
 }
 
-}  // namespace
-
+/// Unit, scale, cleaning, the cloud, the mesh and the hash: the same for all formats. O(points + faces).
 Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options, const std::string& name) {
   if (const Status fits = check_grid_options(decoded, options); !fits)
     return Error(fits.error()).in_file(name);
   ReadModel model;
   model.file_points = decoded.points.size();
   if (model.file_points == 0)
-    return Error{"the file holds no points", "give a file with at least one point", name, 0};
+    return Error{"the file holds no points", "give a file with at least one point", name};
   model.format = decoded.format;
   model.warnings = std::move(decoded.warnings);
   choose_unit(decoded, options, model);
@@ -305,13 +297,13 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
       scale_and_compact(decoded, mm_per(model.unit) * options.scale, model, first_bad);
   if (model.non_finite == model.file_points)
     return Error{fmt::format("none of the file's {} points is finite", model.file_points), "check the file",
-                 name, 0};
+                 name};
   if (model.non_finite > 0) {
     const std::string found =
         fmt::format("{} of {} points are not finite", model.non_finite, model.file_points);
     if (options.non_finite == cloud::NonFinite::kRefuse)
       return Error{fmt::format("{}, the first is point {}", found, first_bad + 1),
-                   "drop them with --non-finite drop, or clean the file", name, 0};
+                   "drop them with --non-finite drop, or clean the file", name};
     model.warnings.push_back(found + " and were dropped.");
   }
 
@@ -349,6 +341,8 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
   return model;
 }
 
+}  // namespace
+
 void Readers::add(const std::vector<std::string>& extensions, const Reader& reader) {
   for (const std::string& extension : extensions) {
     std::erase_if(entries_, [&](const Entry& entry) { return entry.extension == extension; });
@@ -385,7 +379,7 @@ Result<ReadModel> Readers::read(std::unique_ptr<ByteSource> source, const std::s
   const Reader* reader = find(extension);
   if (reader == nullptr) return unknown_type(extension, joined(extensions()), name);
   if (const Status right = check(options); !right) return Error(right.error()).in_file(name);
-  if (source->remaining() == std::uint64_t{0}) return Error{"the file is empty", "check the file", name, 0};
+  if (source->remaining() == std::uint64_t{0}) return Error{"the file is empty", "check the file", name};
   try {
     DecompressionLimits limits;
     limits.max_bytes = options.max_bytes;
@@ -394,7 +388,7 @@ Result<ReadModel> Readers::read(std::unique_ptr<ByteSource> source, const std::s
     if (!bytes) return std::move(bytes).error().in_file(name);
     if (!ending.empty() && kind == Compression::kNone)
       return Error{fmt::format("the file is named {} but its content is not compressed", ending),
-                   "rename it, or fetch it again", name, 0};
+                   "rename it, or fetch it again", name};
     Result<DecodedFile> decoded = (*reader)(ReaderInput{**bytes, name, options, progress});
     if (!decoded) return std::move(decoded).error().in_file(name);
     Result<ReadModel> model = finish_model(std::move(*decoded), options, name);
@@ -404,8 +398,8 @@ Result<ReadModel> Readers::read(std::unique_ptr<ByteSource> source, const std::s
   } catch (const std::bad_alloc&) {
   } catch (const std::length_error&) {
   }
-  return Error{"there is not enough memory to read the file", "close other programs or reduce the file", name,
-               0};
+  return Error{"there is not enough memory to read the file", "close other programs or reduce the file",
+               name};
 }
 
 void add_standard_readers(Readers& readers) {

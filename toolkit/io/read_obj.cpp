@@ -1,9 +1,7 @@
 // OBJ (Wavefront Technologies, Advanced Visualizer manual, appendix B1): v and f; all else is passed over.
 #include <fmt/format.h>
 
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -65,18 +63,9 @@ Error bad_line(const Lines& lines, std::string what, std::string remedy = kCheck
 }
 
 Status read_vertex(const Lines& lines, std::string_view rest, DecodedFile& decoded) {
-  Vec3 point;
-  for (int axis = 0; axis < 3; ++axis) {
-    const std::string_view token = next_token(rest);
-    if (token.empty())
-      return bad_line(lines, fmt::format("a vertex needs 3 coordinates, this one has {}", axis));
-    const std::optional<double> value = parse_real(token);
-    if (!value)
-      return bad_line(lines, fmt::format("the coordinate {} is not a number", quoted(token)),
-                      number_remedy(token, kCheckLine));
-    point[axis] = *value;
-  }
-  decoded.points.push_back(point);  // a weight or a colour may follow
+  const Result<Vec3> point = next_vertex(rest);
+  if (!point) return bad_line(lines, point.error().what, point.error().remedy);
+  decoded.points.push_back(*point);  // a weight or a colour may follow
   return Done{};
 }
 
@@ -87,8 +76,7 @@ Status read_face(const Lines& lines, std::string_view rest, FaceBuilder& faces, 
   for (std::string_view token = next_token(rest); !token.empty(); token = next_token(rest)) {
     if (token.front() == '#') break;
     const std::optional<std::int64_t> number = parse_whole(token.substr(0, token.find('/')));
-    if (!number)
-      return bad_line(lines, fmt::format("the corner {} of a face is not an index", quoted(token)));
+    if (!number) return bad_line(lines, fmt::format("the corner {} of a face is not an index", shown(token)));
     // 0 is no index in OBJ; FaceBuilder drops the face for it.
     const std::int64_t index = *number > 0   ? *number - 1
                                : *number < 0 ? static_cast<std::int64_t>(points) + *number
@@ -123,7 +111,7 @@ Result<DecodedFile> read_obj(const ReaderInput& input) {
   }
   if (lines.error()) return *lines.error();
   if (decoded.points.empty())
-    return Error{"the OBJ file has no vertices (no line starts with 'v')", "check the file's type", {}, 0};
+    return Error{"the OBJ file has no vertices (no line starts with 'v')", "check the file's type"};
   return decoded;
 }
 

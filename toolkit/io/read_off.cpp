@@ -5,15 +5,13 @@
 #include <array>
 
 #include <palpate/result.h>
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
 
 Error at_line(const BufferedInput& in, std::string what, std::string remedy = kCheckLine) {
-  return in.error_or({std::move(what), std::move(remedy), {}, 0});
+  return in.error_or({std::move(what), std::move(remedy)});
 }
 
 // The next line that holds anything, without its comment.
@@ -47,7 +45,7 @@ Result<std::string_view> after_keyword(const BufferedInput& in, std::string_view
     return rest;
   }
   if (keyword == "4OFF" || keyword.ends_with("nOFF"))
-    return at_line(in, fmt::format("the OFF variant {} has no three-dimensional points", quoted(keyword)));
+    return at_line(in, fmt::format("the OFF variant {} has no three-dimensional points", shown(keyword)));
   return at_line(in, "this is no OFF file: it does not start with OFF");
 }
 
@@ -59,7 +57,7 @@ Result<Counts> read_counts(BufferedInput& in, std::string_view rest) {
     const std::string_view token = next_token(rest);
     const std::optional<std::int64_t> value = parse_whole(token);
     if (!value || *value < 0)
-      return at_line(in, fmt::format("malformed OFF header: {} is not a count", quoted(token)));
+      return at_line(in, fmt::format("malformed OFF header: {} is not a count", shown(token)));
     number = static_cast<std::uint64_t>(*value);
   }
   return Counts{numbers[0], numbers[1]};  // the count of edges may follow and means nothing
@@ -85,27 +83,16 @@ Status check_promise(const BufferedInput& in, const Counts& counts, const ReadOp
 Status ends_early(const BufferedInput& in, std::uint64_t have, std::uint64_t promised,
                   std::string_view what) {
   return in.error_or({fmt::format("the file ends after {} of the {} promised {}", have, promised, what),
-                      "the file is cut off: fetch it again",
-                      {},
-                      0});
+                      "the file is cut off: fetch it again"});
 }
 
 Status read_vertices(BufferedInput& in, std::uint64_t count, ReadMonitor& watch, DecodedFile& decoded) {
   std::string_view row;
   for (std::uint64_t i = 0; i < count; ++i) {
     if (!next_off_row(in, row)) return ends_early(in, i, count, "vertices");
-    Vec3 point;
-    for (int axis = 0; axis < 3; ++axis) {
-      const std::string_view token = next_token(row);
-      if (token.empty())
-        return at_line(in, fmt::format("a vertex needs 3 coordinates, this one has {}", axis));
-      const std::optional<double> value = parse_real(token);
-      if (!value)
-        return at_line(in, fmt::format("the coordinate {} is not a number", quoted(token)),
-                       number_remedy(token, kCheckLine));
-      point[axis] = *value;
-    }
-    decoded.points.push_back(point);
+    const Result<Vec3> point = next_vertex(row);
+    if (!point) return at_line(in, point.error().what, point.error().remedy);
+    decoded.points.push_back(*point);
     if (!watch.row()) return watch.error();
   }
   return Done{};
@@ -118,14 +105,14 @@ Status read_faces(BufferedInput& in, std::uint64_t count, ReadMonitor& watch, Fa
     std::string_view token = next_token(row);
     const std::optional<std::int64_t> corners = parse_whole(token);
     if (!corners || *corners < 0)
-      return at_line(in, fmt::format("{} is not a face's number of corners", quoted(token)));
+      return at_line(in, fmt::format("{} is not a face's number of corners", shown(token)));
     faces.begin();
     for (std::int64_t c = 0; c < *corners; ++c) {
       token = next_token(row);
       if (token.empty())
         return at_line(in, fmt::format("a face promises {} corners and has {}", *corners, c));
       const std::optional<std::int64_t> index = parse_whole(token);
-      if (!index) return at_line(in, fmt::format("the corner {} of a face is not an index", quoted(token)));
+      if (!index) return at_line(in, fmt::format("the corner {} of a face is not an index", shown(token)));
       if (!faces.corner(*index)) return faces.too_many();
     }
     faces.end();

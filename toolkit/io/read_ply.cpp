@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
-#include <limits>
+#include <utility>
+#include <vector>
 
 #include <palpate/result.h>
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/ply_header.h"
-#include "toolkit/io/ply_list_builders.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -19,38 +16,87 @@ constexpr std::string_view kFaces = "face";
 constexpr std::string_view kStrips = "tristrips";
 constexpr std::string_view kGrid = "range_grid";
 
-template <class U>
-U load(const std::byte* at, bool swap) noexcept {
-  U bits;
-  std::memcpy(&bits, at, sizeof bits);
-  if constexpr (sizeof(U) == sizeof(std::uint16_t)) return swap ? __builtin_bswap16(bits) : bits;
-  if constexpr (sizeof(U) == sizeof(std::uint32_t)) return swap ? __builtin_bswap32(bits) : bits;
-  if constexpr (sizeof(U) == sizeof(std::uint64_t)) return swap ? __builtin_bswap64(bits) : bits;
-  return bits;
+// An index as the file has it: whole, else -1, which no face may use.
+std::int64_t to_index(double value) noexcept {
+  constexpr double kEnd = 4294967296.0;  // 2^32: more than any index
+  if (!(value >= 0.0) || value >= kEnd) return -1;
+  const auto whole = static_cast<std::int64_t>(value);
+  return static_cast<double>(whole) == value ? whole : -1;
 }
 
-// Every PLY scalar is exact in a double.
-double load_real(PlyScalar type, const std::byte* at, bool swap) noexcept {
-  switch (type) {
-    case PlyScalar::kInt8:
-      return static_cast<double>(std::bit_cast<std::int8_t>(load<std::uint8_t>(at, false)));
-    case PlyScalar::kUint8:
-      return static_cast<double>(load<std::uint8_t>(at, false));
-    case PlyScalar::kInt16:
-      return static_cast<double>(std::bit_cast<std::int16_t>(load<std::uint16_t>(at, swap)));
-    case PlyScalar::kUint16:
-      return static_cast<double>(load<std::uint16_t>(at, swap));
-    case PlyScalar::kInt32:
-      return static_cast<double>(std::bit_cast<std::int32_t>(load<std::uint32_t>(at, swap)));
-    case PlyScalar::kUint32:
-      return static_cast<double>(load<std::uint32_t>(at, swap));
-    case PlyScalar::kFloat32:
-      return static_cast<double>(std::bit_cast<float>(load<std::uint32_t>(at, swap)));
-    case PlyScalar::kFloat64:
-      break;
+// Takes the triangles of strips out of a list of corners: each corner closes one with the two before it,
+// every second one turned, so that all face the same way; -1 ends a strip. A corner that stands twice in a
+// triangle is how writers join two strips: no face.
+class StripBuilder {
+ public:
+  explicit StripBuilder(FaceBuilder& faces) noexcept : faces_(faces) {}
+  void begin() noexcept { length_ = 0; }
+  [[nodiscard]] bool corner(double value) {
+    constexpr double kEndOfStrip = -1.0;
+    if (value == kEndOfStrip) {
+      begin();
+      return true;
+    }
+    const std::int64_t now = to_index(value);
+    const bool turned = length_ % 2 != 0;
+    if (++length_ > 2 && now != last_ && now != before_ && last_ != before_) {
+      faces_.begin();
+      if (!faces_.corner(turned ? last_ : before_) || !faces_.corner(turned ? before_ : last_) ||
+          !faces_.corner(now))
+        return false;
+      faces_.end();
+    }
+    before_ = last_;
+    last_ = now;
+    return true;
   }
-  return std::bit_cast<double>(load<std::uint64_t>(at, swap));
-}
+  void end() const noexcept {}
+  [[nodiscard]] Error error() const { return faces_.too_many(); }
+
+ private:
+  FaceBuilder& faces_;
+  std::int64_t before_ = 0, last_ = 0;
+  std::uint64_t length_ = 0;
+};
+
+// A polygon is its list.
+struct PolygonBuilder {
+  FaceBuilder& faces;
+  void begin() noexcept { faces.begin(); }
+  [[nodiscard]] bool corner(double value) { return faces.corner(to_index(value)); }
+  void end() { faces.end(); }
+  [[nodiscard]] Error error() const { return faces.too_many(); }
+};
+
+// Of a raster's positions, row by row, who stands there: a list of one point or none.
+class GridBuilder {
+ public:
+  static constexpr std::uint32_t kNowhere = 0xFFFFFFFFu;
+  explicit GridBuilder(std::size_t points) : position_of_(points, kNowhere) {}
+  void begin() noexcept { at_position_ = 0; }
+  [[nodiscard]] bool corner(double value) noexcept {
+    const std::int64_t index = to_index(value);
+    const auto point = static_cast<std::size_t>(index);
+    once_ = once_ && at_position_++ == 0 && index >= 0 && point < position_of_.size() &&
+            position_of_[point] == kNowhere;
+    if (once_) {
+      position_of_[point] = position_;
+      ++placed_;
+    }
+    return true;  // a grid that tells nothing of its points takes nothing from them
+  }
+  void end() noexcept { ++position_; }
+  [[nodiscard]] static Error error() { return {}; }
+  // Nobody stands at two positions, no two at one, and everyone somewhere.
+  [[nodiscard]] bool complete() const noexcept { return once_ && placed_ == position_of_.size(); }
+  [[nodiscard]] std::vector<std::uint32_t> take() noexcept { return std::move(position_of_); }
+
+ private:
+  std::vector<std::uint32_t> position_of_;
+  std::uint32_t position_ = 0;
+  std::size_t at_position_ = 0, placed_ = 0;
+  bool once_ = true;
+};
 
 // Hands out the values of one row in the order of its properties, whatever the format.
 class Row {
@@ -73,14 +119,14 @@ class Row {
     if (!ascii_) {
       const std::byte* at = in_.take(ply_bytes(type));
       if (at == nullptr) return false;
-      out = load_real(type, at, swap_);
+      out = ply_value(type, at, swap_);
       return true;
     }
     const std::string_view token = next_token(rest_);
     const std::optional<double> parsed = token.empty() ? std::nullopt : parse_real(token);
     if (!parsed) {
       bad_ = token.empty() ? std::string("the line has too few values for the header")
-                           : fmt::format("{} is not a number", quoted(token));
+                           : fmt::format("{} is not a number", shown(token));
       remedy_ = number_remedy(token, remedy_);
       return false;
     }
@@ -114,7 +160,7 @@ class Row {
     decoded.warnings.push_back(
         fmt::format("{} rows of element {} hold more values than the header names (the first is line {}); "
                     "what they hold beyond was passed over.",
-                    longer_rows_, quoted(element.name), first_longer_));
+                    longer_rows_, shown(element.name), first_longer_));
     longer_rows_ = 0;
   }
   // Counts what follows the last row: rows of text, or bytes, unless they are blank.
@@ -147,10 +193,8 @@ class Row {
   Error error(const PlyElement& element, std::uint64_t row) const {
     if (!bad_.empty()) return Error{bad_, remedy_, {}, ascii_ ? in_.line_number() : 0};
     Error error = in_.error_or({fmt::format("the file ends after {} of the {} promised rows of element {}",
-                                            row, element.count, quoted(element.name)),
-                                "the file is cut off: fetch it again",
-                                {},
-                                0});
+                                            row, element.count, shown(element.name)),
+                                "the file is cut off: fetch it again"});
     if (!ascii_) error.line = 0;
     return error;
   }
@@ -223,8 +267,7 @@ Status read_vertices(const ReaderInput& input, BufferedInput& in, const PlyEleme
     if (targets[p].axis >= 0 && element.properties[p].type != PlyScalar::kFloat32)
       decoded.single_precision = false;
   if (row.ascii()) decoded.single_precision = false;  // a text has the digits that it has
-  if (axes != 3)
-    return Error{"the element 'vertex' has no scalar properties x, y and z", "check the header", {}, 0};
+  if (axes != 3) return Error{"the element 'vertex' has no scalar properties x, y and z", "check the header"};
   if (Status fits = check_memory(element.count, sizeof(Vec3) + decoded.properties.size() * sizeof(float),
                                  "points", input.options);
       !fits)
@@ -246,7 +289,7 @@ Status read_vertices(const ReaderInput& input, BufferedInput& in, const PlyEleme
       const Target& target = targets[p];
       double value = 0.0;
       if (block != nullptr) {
-        value = load_real(property.type, block + target.offset, row.swap());
+        value = ply_value(property.type, block + target.offset, row.swap());
       } else if (property.is_list) {
         if (!skip_property(row, property)) return row.error(element, i);
         continue;
@@ -316,7 +359,7 @@ Status read_faces(const ReaderInput& input, BufferedInput& in, const PlyElement&
                   std::uint64_t vertices, Row& row, DecodedFile& decoded) {
   if (std::none_of(element.properties.begin(), element.properties.end(), is_corner_list)) {
     decoded.warnings.push_back(fmt::format(
-        "The element {} has no list vertex_indices: no faces are read from it.", quoted(element.name)));
+        "The element {} has no list vertex_indices: no faces are read from it.", shown(element.name)));
     return skip_element(input, in, element, row, decoded);
   }
   ReadMonitor watch(input, in, decoded);
@@ -357,7 +400,7 @@ Status read_grid(const ReaderInput& input, BufferedInput& in, const PlyElement& 
     decoded.position_of = grid.take();
   else
     decoded.warnings.push_back(fmt::format(
-        "The element {} does not list every point once: rows and columns are not known.", quoted(kGrid)));
+        "The element {} does not list every point once: rows and columns are not known.", shown(kGrid)));
   return Done{};
 }
 
@@ -375,18 +418,6 @@ void take_raster(const PlyHeader& header, bool has_grid_element, DecodedFile& de
     of.clear();
   }
   decoded.position_columns = raster.columns;
-}
-
-std::string format_name(PlyFormat format) {
-  switch (format) {
-    case PlyFormat::kAscii:
-      return "PLY, ASCII";
-    case PlyFormat::kLittleEndian:
-      return "PLY, binary little-endian";
-    case PlyFormat::kBigEndian:
-      break;
-  }
-  return "PLY, binary big-endian";
 }
 
 }  // namespace

@@ -8,9 +8,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/core/csv_dialect.h"
-#include "toolkit/io/decoded_file.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -133,14 +131,13 @@ class XyzReader {
   }
 
  private:
-  static Error no_points() { return Error{"the file holds no points", "give rows of x y z", {}, 0}; }
-  Error bad_row(std::string what, std::string remedy = "check the file at this line") const {
+  static Error no_points() { return Error{"the file holds no points", "give rows of x y z"}; }
+  Error bad_row(std::string what, std::string remedy = kCheckLine) const {
     return Error{std::move(what), std::move(remedy), {}, in_.line_number()};
   }
 
   Error not_a_number(std::string_view field) const {
-    return bad_row(fmt::format("{} is not a number", quoted(field)),
-                   number_remedy(field, "check the file at this line"));
+    return bad_row(fmt::format("{} is not a number", shown(field)), number_remedy(field, kCheckLine));
   }
 
   // The next row that is neither empty nor a comment.
@@ -231,7 +228,7 @@ class XyzReader {
     decoded_.format += fmt::format("; x, y, z are columns {}, {}, {}", columns_.axis[0] + 1,
                                    columns_.axis[1] + 1, columns_.axis[2] + 1);
     if (!named && count >= kMinColumns)
-      decoded_.format += fmt::format(" of {}; the first row is {}", count, quoted(row));
+      decoded_.format += fmt::format(" of {}; the first row is {}", count, shown(row));
     if (header && !named && count >= kMinColumns)
       decoded_.warnings.push_back(
           fmt::format("The header line does not name x, y and z; the first three columns were taken ({}, {}, "

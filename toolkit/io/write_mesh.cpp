@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
-#include <cstring>
 #include <filesystem>
 #include <iterator>
 #include <limits>
@@ -13,31 +11,22 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/io/text.h"
+#include "toolkit/core/bytes.h"
+#include "toolkit/core/files.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::io {
 namespace {
 
-// Collects rows and hands them to the file in large blocks, least significant byte first on every machine.
+// Collects rows and hands them to the file in large blocks.
 class RowWriter {
  public:
   explicit RowWriter(AtomicFile& file) : file_(file) { buffer_.reserve(kBlock); }
 
-  template <class U>
-  void bits(U value) {
-    for (std::size_t i = 0; i < sizeof(U); ++i)
-      buffer_.push_back(static_cast<std::byte>(static_cast<std::uint8_t>(value >> (8 * i))));
-  }
-  void real(double value) { bits(std::bit_cast<std::uint64_t>(value)); }
-  void single(float value) { bits(std::bit_cast<std::uint32_t>(value)); }
-  void point(const Vec3& p) {
-    real(p.x());
-    real(p.y());
-    real(p.z());
-  }
-  void byte(std::uint8_t value) { buffer_.push_back(static_cast<std::byte>(value)); }
+  void u8(std::uint8_t value) { add(sizeof value).u8(value); }
+  void u32(std::uint32_t value) { add(sizeof value).u32(value); }
+  void single(float value) { add(sizeof value).single(value); }
+  void point(const Vec3& p) { add(3 * sizeof(double)).vec(p); }
   Status end_row() { return buffer_.size() < kBlock ? Status(Done{}) : flush(); }
   Status flush() {
     Status written = file_.write(buffer_);
@@ -46,6 +35,11 @@ class RowWriter {
   }
 
  private:
+  ByteWriter add(std::size_t bytes) {
+    buffer_.resize(buffer_.size() + bytes);
+    return ByteWriter(std::span(buffer_).last(bytes));
+  }
+
   static constexpr std::size_t kBlock = std::size_t{1} << 16;
   AtomicFile& file_;
   std::vector<std::byte> buffer_;
@@ -70,7 +64,7 @@ std::string one_word(const std::string& name) {
 Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mesh) {
   if (mesh.vertices_mm.size() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()))
     return Error{"the mesh has more vertices than a PLY file's int indices can name", "decimate the mesh",
-                 path, 0};
+                 path};
   PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
   Status status =
       file.write(fmt::format("{}element vertex {}\n{}element face {}\nproperty list uchar int "
@@ -83,8 +77,8 @@ Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mes
     if (status = rows.end_row(); !status) return status;
   }
   for (const auto& triangle : mesh.triangles) {
-    rows.byte(static_cast<std::uint8_t>(triangle.size()));
-    for (const std::uint32_t corner : triangle) rows.bits(corner);
+    rows.u8(static_cast<std::uint8_t>(triangle.size()));
+    for (const std::uint32_t corner : triangle) rows.u32(corner);
     if (status = rows.end_row(); !status) return status;
   }
   if (status = rows.flush(); !status) return status;
@@ -146,7 +140,7 @@ Status write_cloud(const std::string& path, const cloud::Cloud& cloud) {
   const auto& known = cloud_extensions();
   if (ending.empty() || std::find(known.begin(), known.end(), ending.substr(1)) == known.end())
     return Error{fmt::format("no cloud can be written as '{}'", ending),
-                 "choose from .ply, .xyz, .txt, .asc, .csv", path, 0};
+                 "choose from .ply, .xyz, .txt, .asc, .csv", path};
   return write_cloud_text(path, cloud, ending == ".csv" ? ',' : ' ');
 }
 

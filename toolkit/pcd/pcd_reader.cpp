@@ -12,9 +12,8 @@
 #include <sstream>
 
 #include <palpate/result.h>
-#include "toolkit/io/decoded_file.h"
+#include "toolkit/io/decoding.h"
 #include "toolkit/io/pcd_header.h"
-#include "toolkit/io/text.h"
 
 namespace palpate::pcd {
 namespace {
@@ -68,9 +67,7 @@ double load(std::uint8_t datatype, const std::uint8_t* at) noexcept {
 
 Error refused(std::string why) {
   return Error{"PCL cannot read the file: " + std::move(why),
-               "check it with another program, or fetch it again",
-               {},
-               0};
+               "check it with another program, or fetch it again"};
 }
 
 // PCL reads the canonical header and the body from memory. It may throw: the caller catches.
@@ -148,7 +145,7 @@ Result<io::DecodedFile> read_pcd(const io::ReaderInput& input) {
   input.progress.report("reading", 0.0);
   PALPATE_ASSIGN(const std::vector<std::byte> file, io::read_all(input.bytes, input.options.max_bytes));
   PALPATE_ASSIGN(const io::PcdHeader header, io::check_pcd(file, input.options));
-  if (input.progress.cancelled()) return Error{"reading was stopped", {}, {}, 0};
+  if (input.progress.cancelled()) return Error{"reading was stopped"};
   const Silence silence;
   try {
     PALPATE_ASSIGN(const pcl::PCLPointCloud2 cloud, through_pcl(file, header));
@@ -160,10 +157,9 @@ Result<io::DecodedFile> read_pcd(const io::ReaderInput& input) {
     decoded->conventional_unit = io::Unit::kMetre;
     return decoded;
   } catch (const std::bad_alloc&) {
-    return Error{
-        "there is not enough memory to read the file", "close other programs or reduce the file", {}, 0};
+    return Error{"there is not enough memory to read the file", "close other programs or reduce the file"};
   } catch (const std::exception& thrown) {
-    return refused(io::quoted(thrown.what()));
+    return refused(shown(thrown.what()));
   } catch (...) {
     return refused("for a reason it does not give");
   }

@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 
 namespace palpate::geometry {

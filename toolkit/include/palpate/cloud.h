@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
 #include <palpate/vec.h>
 

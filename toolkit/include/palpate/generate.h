@@ -16,9 +16,9 @@
 
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::cloud {
 

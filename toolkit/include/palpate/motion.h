@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/rigid_transform.h>
+#include <palpate/geometry.h>
 #include <palpate/triple_buffer.h>
 #include <palpate/vec.h>
 

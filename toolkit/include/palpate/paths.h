@@ -15,14 +15,12 @@
 #include <string_view>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/trace.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::paths {
 

@@ -20,10 +20,9 @@
 #include <vector>
 
 #include <palpate/cloud.h>
-#include <palpate/memory_limit.h>
+#include <palpate/geometry.h>
 #include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::io {
 
@@ -78,7 +77,7 @@ struct ReadModel {
 };
 
 class ByteSource;    // toolkit/io/byte_source.h
-struct DecodedFile;  // toolkit/io/decoded_file.h, as ReaderInput
+struct DecodedFile;  // toolkit/io/decoding.h, as ReaderInput
 struct ReaderInput;
 /// A format: decodes the file's bytes into numbers.
 using Reader = std::function<Result<DecodedFile>(const ReaderInput&)>;

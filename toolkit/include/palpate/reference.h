@@ -10,8 +10,8 @@
 
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/trace.h>
 #include <palpate/vec.h>
 

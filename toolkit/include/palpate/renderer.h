@@ -17,13 +17,12 @@
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
 #include <palpate/decision.h>
+#include <palpate/geometry.h>
 #include <palpate/motion.h>
 #include <palpate/options.h>
 #include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/surface.h>
-#include <palpate/triangle_mesh.h>
 #include <palpate/vec.h>
 
 namespace palpate::render {

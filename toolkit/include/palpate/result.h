@@ -1,5 +1,5 @@
 // Results and errors of reading, configuring, preparing and opening. An Error says what failed, where, and
-// the remedy. Haptic frames report a status instead (renderer.h).
+// the remedy. Haptic frames report a status instead (renderer.h). Reading is bounded by a limit on memory.
 //
 // First:
 //   if (auto half = half_of(3.0))  // a value, or what was wrong
@@ -12,6 +12,7 @@
 #include <cassert>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -21,8 +22,8 @@ namespace palpate {
 /// What went wrong, for the user. `file` and `line` are empty and 0 where they do not apply.
 struct Error {
   std::string what;       ///< one plain sentence without full stop
-  std::string remedy;     ///< what the user can do, or empty
-  std::string file;       ///< the faulty file
+  std::string remedy{};   ///< what the user can do, or empty
+  std::string file{};     ///< the faulty file
   std::int64_t line = 0;  ///< its line, from 1; 0 for binary files
   bool gave_up = false;   ///< a limit of time or memory was reached; a higher one may help
 
@@ -76,6 +77,14 @@ class [[nodiscard]] Result {
 struct Done {};
 /// The Result of a function without a value.
 using Status = Result<Done>;
+
+/// The default limit on memory for reading one file: about 100 million points without faces. A scan of 200
+/// million: options.max_bytes = 2 * palpate::kMemoryLimitBytes.
+inline constexpr std::uint64_t kMemoryLimitBytes = std::uint64_t{1} << 32;
+inline constexpr double kBytesPerGb = 1e9;
+
+/// The Error that `what` needs more than `limit_bytes`; names the option that raises the limit.
+[[nodiscard]] Error over_memory_limit(std::string_view what, std::uint64_t limit_bytes);
 
 }  // namespace palpate
 

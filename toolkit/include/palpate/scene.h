@@ -15,18 +15,16 @@
 #include <string_view>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/cleaning.h>
 #include <palpate/cloud.h>
 #include <palpate/control.h>
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/progress.h>
 #include <palpate/read_model.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/surface.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::scene {
 

@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include <palpate/memory_limit.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/vec.h>

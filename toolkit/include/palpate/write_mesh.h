@@ -8,8 +8,8 @@
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::io {
 

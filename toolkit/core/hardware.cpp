@@ -1,7 +1,11 @@
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 
 #include <cstdlib>
 #include <string_view>
+
+#if defined(__linux__)
+#include <sys/mman.h>
+#endif
 
 namespace palpate {
 
@@ -15,6 +19,16 @@ bool has_avx2() noexcept {
   return kWide;
 #else
   return false;
+#endif
+}
+
+void advise_large_pages(void* p, std::size_t bytes) noexcept {
+#if defined(__linux__) && defined(MADV_HUGEPAGE)
+  // Fails without system support; pages then stay small.
+  (void)::madvise(p, bytes, MADV_HUGEPAGE);
+#else
+  (void)p;
+  (void)bytes;
 #endif
 }
 
