@@ -11,7 +11,7 @@
 #include "toolkit/control/force_filter.h"
 #include "toolkit/control/passivity.h"
 #include "toolkit/control/virtual_coupling.h"
-#include "toolkit/render/frame_time.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::control {
 namespace {

@@ -10,7 +10,7 @@
 #include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/core/number_format.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/render/coordinate_precision.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"
 
 namespace palpate::plan {

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include <palpate/aabb.h>
-#include "toolkit/render/model_subset.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::plan {
 namespace {

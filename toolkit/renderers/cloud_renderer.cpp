@@ -10,8 +10,7 @@
 #include <palpate/result.h>
 #include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
-#include "toolkit/render/opening_warning.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/renderers/editable_renderer.h"
 #include "toolkit/renderers/local_delaunay_model.h"
 

@@ -6,8 +6,7 @@
 #include <memory>
 #include <utility>
 
-#include "toolkit/deformation/deformation_state.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/deformer.h"
 #include "toolkit/render/frame_loop_renderer.h"
 
 namespace palpate::render {

@@ -4,7 +4,6 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/swept_sphere.h"
-#include "toolkit/render/literal_friction.h"
 #include "toolkit/search/grid_traversal.h"
 
 namespace palpate::render {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include <palpate/vec.h>
 #include "toolkit/geometry/segment_box.h"
 #include "toolkit/points/point_model.h"
 #include "toolkit/points/point_walk.h"
@@ -68,5 +69,32 @@ class LiteralModel {
   bool collided_ = false;
   SurfaceResponse answer_;  ///< of the last touch
 };
+
+// Friction as printed (section 3.5.2): moves the god object back along the surface towards its last place.
+// Shared by the literal forms.
+
+/// Walks from place to place by at most coefficient times depth, the friction cone (the distance is not
+/// printed). A per-point coefficient is read at the previous god object, as printed. at(place): its position;
+/// around(place, use): calls use(neighbour). At most `steps` moves; allocates nothing.
+template <class Place, class At, class Around>
+[[nodiscard]] Place roll_back_friction(const Place& god, const Place& held, const Vec3& hip,
+                                       double coefficient, int steps, At&& at, Around&& around) noexcept {
+  const Vec3 g = at(god), aim = at(held);
+  const double most_sq = coefficient * coefficient * (g - hip).squaredNorm();
+  Place place = god;
+  double left_sq = (aim - g).squaredNorm();
+  for (; steps > 0; --steps) {
+    Place next = place;
+    around(place, [&](const Place& other) {
+      const double sq = (at(other) - aim).squaredNorm();
+      if (!(sq < left_sq)) return;
+      left_sq = sq;
+      next = other;
+    });
+    if (next == place || !((at(next) - g).squaredNorm() <= most_sq)) break;
+    place = next;
+  }
+  return place;
+}
 
 }  // namespace palpate::render
