@@ -10,9 +10,8 @@
 #include "toolkit/core/bootstrap_interval.h"
 #include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/pop_through.h"
-#include "toolkit/metrics/score_input.h"
-#include "toolkit/metrics/still.h"
+#include "toolkit/metrics/contact_artefacts.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {
 namespace {

@@ -1,4 +1,5 @@
-// Moments of contact that feel plainly wrong; defined in docs/reference/scores.md.
+// Moments of contact that feel plainly wrong, and pop-throughs of a god object; defined in
+// docs/reference/scores.md and at Accuracy::pop_throughs.
 #pragma once
 
 #include <cstddef>
@@ -6,6 +7,8 @@
 #include <vector>
 
 #include <palpate/accuracy.h>
+#include <palpate/reference.h>
+#include <palpate/trace.h>
 
 namespace palpate::metrics {
 
@@ -30,5 +33,13 @@ inline constexpr double kLostMm = kContactToleranceMm;
                                               const std::vector<render::Frame>& frames,
                                               const std::vector<trace::TruthFrame>& truth,
                                               double lost_mm = kLostMm);
+
+/// Events per frame (at most two); consecutive frames of one state count once. Lengths must agree. At most
+/// 130 distance queries a frame. Sheets thinner than two local resolutions are only caught by the facing-away
+/// rule.
+[[nodiscard]] std::vector<std::uint8_t> find_pop_throughs(const trace::ProbePath& path,
+                                                          const trace::ForceTrace& trace,
+                                                          const trace::ReferenceTrace& reference,
+                                                          const TruthSurface& truth);
 
 }  // namespace palpate::metrics

@@ -15,7 +15,6 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include "toolkit/metrics/machine_info.h"
-#include "toolkit/metrics/measurement_conditions.h"
 
 namespace palpate::metrics {
 

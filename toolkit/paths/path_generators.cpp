@@ -7,10 +7,9 @@
 #include <palpate/result.h>
 #include "toolkit/core/message_text.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/paths/exploration.h"
 #include "toolkit/paths/hand.h"
 #include "toolkit/paths/path_shapes.h"
-#include "toolkit/paths/visible_surface_paths.h"
+#include "toolkit/paths/surface_paths.h"
 
 namespace palpate::paths {
 namespace {

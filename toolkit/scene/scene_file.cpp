@@ -8,9 +8,9 @@
 #include <palpate/generate.h>
 #include <palpate/result.h>
 #include "toolkit/cloud/mesh_samples.h"
-#include "toolkit/control/virtual_coupling.h"
+#include "toolkit/control/control_stages.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/scene/scene_fields.h"
+#include "toolkit/scene/model_keys.h"
 
 namespace palpate::scene {
 namespace {

@@ -1,4 +1,3 @@
-//
 #include "toolkit/surface/oriented_points.h"
 
 #include <algorithm>

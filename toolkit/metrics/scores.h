@@ -1,13 +1,24 @@
-// The inputs of scores, under short names. Internal to metrics.
+// The inputs of scores, under short names; and per-frame scores as CSV, with the surface's values needed to
+// score again.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include <palpate/accuracy.h>
+#include <palpate/result.h>
+#include <palpate/trace.h>
+#include "toolkit/core/input_file.h"
+#include "toolkit/core/tolerances.h"
 
 namespace palpate::metrics {
+
+/// The tracker's stopping error is some tens of coordinate roundings; below this share of the coordinates it
+/// is at rest.
+inline constexpr double kConvergedPerSize = 256.0 * kUnitRoundoff;
 
 inline constexpr double kToPercent = 100.0;
 
@@ -63,5 +74,16 @@ void score_artefacts(const ScoreInput& in, Accuracy& a);
 
 /// Lag, ripple, relief and the headline (see Accuracy).
 void score_perception(const ScoreInput& in, const Episodes& episodes, Accuracy& a);
+
+/// A row per frame: `t_s,missed,false`; with forces compared
+/// `force_error_n,excess_jump_n,god_object_error_mm`; with a true surface `god_object_distance_mm`, with
+/// friction `friction_ratio`, with local resolutions `pop_throughs`. Fewest digits that read back to the same
+/// bits. Differing lengths are an Error.
+[[nodiscard]] Status write_scores_csv(const trace::ProbePath& path, const AccuracyFrames& frames,
+                                      const std::string& file);
+
+/// Reads write_scores_csv's output for this path; rows and times must agree.
+[[nodiscard]] Result<AccuracyFrames> read_scores_csv(const trace::ProbePath& path, const std::string& file,
+                                                     std::uint64_t max_bytes = kMemoryLimitBytes);
 
 }  // namespace palpate::metrics
