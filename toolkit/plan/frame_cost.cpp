@@ -155,10 +155,9 @@ namespace {
 /// Timed passes; the fastest counts, because slower ones include other work of the machine.
 constexpr int kPilotPasses = 5, kColdPasses = 3;
 constexpr double kWarmUpS = 0.005;
-constexpr double kLineBytes = 64.0;
-constexpr std::size_t kWordsALine = 64 / sizeof(std::uint64_t);
+constexpr std::size_t kWordsALine = kLine / sizeof(std::uint64_t);
 /// Memory walked through before a cold pass: the largest size with a measured read.
-constexpr std::size_t kEvictedWords = (std::size_t{1} << 26) / sizeof(std::uint64_t);
+constexpr std::size_t kEvictedWords = kMaxBytes / sizeof(std::uint64_t);
 /// The slowest of several models is expected; the bound limits the time.
 constexpr std::size_t kMaxModels = 4;
 
@@ -346,7 +345,7 @@ double memory_wait_ns(const ColdCacheRun& pieces, const Machine& machine) {
   const double far_ns = machine.reads.back().ns, near_ns = machine.reads.front().ns;
   if (!(far_ns > near_ns)) return 0.0;
   const double lines_a_frame = pieces.cold_ns / (far_ns - near_ns);
-  const double here = lines_a_frame * pieces.frames * kLineBytes;
+  const double here = lines_a_frame * pieces.frames * static_cast<double>(kLine);
   const double all = std::max(here, std::min(here * pieces.path_share, pieces.whole_bytes));
   return lines_a_frame * std::max(0.0, machine.read_ns(all) - machine.read_ns(here));
 }

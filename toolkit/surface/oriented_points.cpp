@@ -158,10 +158,6 @@ Sums& sums_of(std::vector<PieceSums>& pieces, std::uint32_t root) {
   return pieces.back().sums;
 }
 
-}  // namespace
-
-namespace {
-
 std::vector<Vec3f> decode_all(std::span<const OrientedPoint> points, int threads) {
   std::vector<Vec3f> normals(points.size());
   parallel_chunks(points.size(), kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
