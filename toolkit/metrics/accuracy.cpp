@@ -10,7 +10,6 @@
 #include "toolkit/core/bootstrap_interval.h"
 #include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/contact_artefacts.h"
 #include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {

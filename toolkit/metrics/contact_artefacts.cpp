@@ -1,12 +1,11 @@
 // Moments that feel plainly wrong (caught, lost, kicked), counted over all frames, as a hand does; and
 // pop-throughs.
-#include "toolkit/metrics/contact_artefacts.h"
+#include "toolkit/metrics/scores.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {
 namespace {

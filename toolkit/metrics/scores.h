@@ -1,5 +1,6 @@
-// The inputs of scores, under short names; and per-frame scores as CSV, with the surface's values needed to
-// score again.
+// The inputs of scores, under short names, and their parts: moments of contact that feel plainly wrong,
+// pop-throughs of a god object (defined in docs/reference/scores.md); and per-frame scores as CSV, with the
+// surface's values needed to score again.
 #pragma once
 
 #include <cstddef>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include <palpate/accuracy.h>
+#include <palpate/reference.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
 #include "toolkit/core/input_file.h"
@@ -85,5 +87,35 @@ void score_perception(const ScoreInput& in, const Episodes& episodes, Accuracy& 
 /// Reads write_scores_csv's output for this path; rows and times must agree.
 [[nodiscard]] Result<AccuracyFrames> read_scores_csv(const trace::ProbePath& path, const std::string& file,
                                                      std::uint64_t max_bytes = kMemoryLimitBytes);
+
+/// Stretches of frames of one kind.
+struct Moments {
+  std::uint64_t episodes = 0, frames = 0;
+  std::size_t longest_at = 0;  ///< start of the longest
+};
+struct ContactArtefacts {
+  Moments caught, lost;
+  std::uint64_t kicks = 0;
+  /// Largest excess of a force step over all true steps within kMinArtefactS, N, and its frame.
+  double kick_max_n = 0.0;
+  std::size_t kick_max_at = 0;
+};
+/// Lost: deeper than this by the truth, without force for kMinArtefactS.
+inline constexpr double kLostMm = kContactToleranceMm;
+
+/// Over all frames, including those that depend on history. Lengths must agree, and `truth` needs local
+/// resolutions.
+[[nodiscard]] ContactArtefacts find_artefacts(const trace::ProbePath& path,
+                                              const std::vector<render::Frame>& frames,
+                                              const std::vector<trace::TruthFrame>& truth,
+                                              double lost_mm = kLostMm);
+
+/// Events per frame (at most two); consecutive frames of one state count once. Lengths must agree. At most
+/// 130 distance queries a frame. Sheets thinner than two local resolutions are only caught by the facing-away
+/// rule.
+[[nodiscard]] std::vector<std::uint8_t> find_pop_throughs(const trace::ProbePath& path,
+                                                          const trace::ForceTrace& trace,
+                                                          const trace::ReferenceTrace& reference,
+                                                          const TruthSurface& truth);
 
 }  // namespace palpate::metrics
