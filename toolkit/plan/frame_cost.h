@@ -42,7 +42,7 @@ struct Machine {
 [[nodiscard]] std::string text(const Machine& machine);
 
 /// A smaller model is its own piece: parts of it would have other borders.
-inline constexpr std::size_t kMaxWholePilotPoints = 16'384;
+inline constexpr std::size_t kMaxWholePoints = 16'384;
 
 /// Distance from the HIP within which points matter, model frame.
 struct FeltReach {
@@ -72,13 +72,13 @@ struct Window {
                                                  std::size_t count);
 
 /// Most pieces per model; fewer on short paths.
-inline constexpr std::size_t kMaxPilots = 12;
+inline constexpr std::size_t kMaxExcerpts = 12;
 
 struct FrameCost {
   double frame_us = 0.0;  ///< mean contact frame, thread time; 0: no piece was felt
   double warm_us = 0.0;   ///< part measured on the pieces
   double miss_us = 0.0;   ///< part waiting for memory that the pieces had in cache
-  std::size_t pilots = 0;
+  std::size_t excerpts = 0;
   /// Per model: the pieces' bytes over their estimates. Where bytes are only estimated from points (bricks:
   /// thin things have two sheets per cube), the whole's are off alike.
   std::vector<double> bytes_share;
@@ -98,14 +98,14 @@ struct ColdCacheRun {
 [[nodiscard]] double memory_wait_ns(const ColdCacheRun& pieces, const Machine& machine);
 
 /// A renderer prepared for a scene and stepped along a path.
-struct PilotRun {
+struct SceneRun {
   double contact_us = 0.0;       ///< mean contact frame, thread time, fastest of several passes
   double contact_frames = 0.0;   ///< 0: nothing is felt
   double bytes = 0.0;            ///< held after preparation
   double bytes_estimated = 0.0;  ///< the renderer's estimate
 };
 /// `path`: a generator, on the first model (its formula, if any). Errors: those of preparing and of the path.
-[[nodiscard]] Result<PilotRun> run_pilot(const render::SceneInput& scene, const NamedOptions& renderer,
+[[nodiscard]] Result<SceneRun> run_scene(const render::SceneInput& scene, const NamedOptions& renderer,
                                          const render::Registry& registry, const std::string& path,
                                          int threads);
 

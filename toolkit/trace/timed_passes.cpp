@@ -39,22 +39,22 @@ std::int64_t thread_cpu_ns() noexcept {
   return static_cast<std::int64_t>(now.tv_sec) * kNsPerS + now.tv_nsec;
 }
 
-void step_range(PathRun& course, std::size_t begin, std::size_t end, FrameDigest& digest) noexcept {
+void step_range(PathRun& run, std::size_t begin, std::size_t end, FrameDigest& digest) noexcept {
   for (std::size_t i = begin; i < end; ++i) {
-    course.advance(i);
-    digest.add(course.step(i));
+    run.advance(i);
+    digest.add(run.step(i));
   }
 }
 
 // Times one stretch, in pieces between the models' moves.
-FrameSpanTime time_stretch(PathRun& course, const FrameSpan& stretch, FrameDigest& digest) noexcept {
+FrameSpanTime time_stretch(PathRun& run, const FrameSpan& stretch, FrameDigest& digest) noexcept {
   FrameSpanTime time;
   for (std::size_t next = stretch.begin; next < stretch.end;) {
-    course.advance(next);
-    const std::size_t end = std::min(stretch.end, course.static_until(next));
+    run.advance(next);
+    const std::size_t end = std::min(stretch.end, run.static_until(next));
     const std::int64_t cpu_ns = thread_cpu_ns();  // a system call, outside the other clock's interval
     const std::int64_t start_ns = monotonic_ns();
-    for (; next < end; ++next) digest.add(course.step(next));
+    for (; next < end; ++next) digest.add(run.step(next));
     time.wall_ns += monotonic_ns() - start_ns;
     time.cpu_ns += thread_cpu_ns() - cpu_ns;
   }
@@ -123,32 +123,32 @@ TimedPasses::TimedPasses(render::HapticRenderer& renderer, const ProbePath& path
       expected_(digest_of(frames)) {}
 
 void TimedPasses::warm_up(double most_s) noexcept {
-  PathRun course(renderer_, path_, simulation_);
+  PathRun run(renderer_, path_, simulation_);
   FrameDigest digest;
-  course.restart();
+  run.restart();
   const std::int64_t until_ns = monotonic_ns() + static_cast<std::int64_t>(most_s * kNsPerS);
-  for (std::size_t i = 0; i < course.size() && monotonic_ns() < until_ns; i += kClockEveryFrames)
-    step_range(course, i, std::min(i + kClockEveryFrames, course.size()), digest);
+  for (std::size_t i = 0; i < run.size() && monotonic_ns() < until_ns; i += kClockEveryFrames)
+    step_range(run, i, std::min(i + kClockEveryFrames, run.size()), digest);
 }
 
 Status TimedPasses::time_spans(std::span<const FrameSpan> stretches, std::span<FrameSpanTime> times) {
-  PathRun course(renderer_, path_, simulation_);
+  PathRun run(renderer_, path_, simulation_);
   FrameDigest digest;
-  course.restart();
-  for (std::size_t i = 0; i < stretches.size(); ++i) times[i] = time_stretch(course, stretches[i], digest);
+  run.restart();
+  for (std::size_t i = 0; i < stretches.size(); ++i) times[i] = time_stretch(run, stretches[i], digest);
   if (digest.value() != expected_) return differs(path_, "pass timed by stretches");
   return Done{};
 }
 
 Status TimedPasses::time_frames(std::span<std::uint32_t> frame_ns) {
-  PathRun course(renderer_, path_, simulation_);
+  PathRun run(renderer_, path_, simulation_);
   FrameDigest digest;
-  course.restart();
+  run.restart();
   constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
   for (std::size_t i = 0; i < frame_ns.size(); ++i) {
-    course.advance(i);
+    run.advance(i);
     const std::int64_t start_ns = monotonic_ns();
-    const Frame frame = course.step(i);
+    const Frame frame = run.step(i);
     frame_ns[i] = static_cast<std::uint32_t>(std::min(monotonic_ns() - start_ns, kMost));
     digest.add(frame);
   }
@@ -160,7 +160,7 @@ Result<PacedStatistics> TimedPasses::paced(std::size_t frames, bool evict,
                                            std::span<const std::uint8_t> contact, Progress* progress) {
   const char* const what = evict ? "paced pass with eviction" : "paced pass";
   frames = std::min(frames, path_.size());
-  PathRun course(renderer_, path_, simulation_);
+  PathRun run(renderer_, path_, simulation_);
   PacedStatistics paced;
   const std::size_t first = densest_contact_stretch(contact, frames);
   std::vector<std::int64_t> times;
@@ -168,8 +168,8 @@ Result<PacedStatistics> TimedPasses::paced(std::size_t frames, bool evict,
   paced.evicted_bytes = evict ? kEvictedBytes : 0;
   Evictor evictor(paced.evicted_bytes);
   FrameDigest ahead, digest;
-  course.restart();
-  step_range(course, 0, first, ahead);
+  run.restart();
+  step_range(run, 0, first, ahead);
   std::uint64_t own_contact = 0, bound_hits = 0;
   std::int64_t next_ns = monotonic_ns();
   for (std::size_t i = first; i < first + frames; ++i) {
@@ -179,9 +179,9 @@ Result<PacedStatistics> TimedPasses::paced(std::size_t frames, bool evict,
     }
     evictor.evict();
     sleep_to_tick(next_ns, paced.skipped_ticks);
-    course.advance(i);
+    run.advance(i);
     const std::int64_t start_ns = monotonic_ns();
-    const Frame frame = course.step(i);
+    const Frame frame = run.step(i);
     const std::int64_t ns = monotonic_ns() - start_ns;
     digest.add(frame);
     own_contact += frame.contact ? 1u : 0u;
