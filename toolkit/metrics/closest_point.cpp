@@ -83,9 +83,7 @@ Result<HistoryCounts> compare_references(trace::ReferenceTrace& reference,
     tally.place += place ? 1u : 0u;
   }
   reference.compared = true;
-  if (tally.contact > 0)
-    tally.share_percent =
-        kToPercent * static_cast<double>(tally.state + tally.place) / static_cast<double>(tally.contact);
+  if (tally.contact > 0) tally.share_percent = percent_of(tally.state + tally.place, tally.contact);
   reference.exactness += fmt::format(
       "; compared with {}: of {} frames in contact by either, {} differ in contact and {} in place, {:.3g} "
       "%: "

@@ -275,11 +275,8 @@ void score_friction(const ScoreInput& in, const TruthSamples& answers, Accuracy&
     ++told;
     right += (slips ? !must_stick : ratio <= most) ? 1u : 0u;
   }
-  const auto percent = [](std::uint64_t part, std::uint64_t whole) {
-    return kToPercent * static_cast<double>(part) / static_cast<double>(whole);
-  };
-  if (contact > 0) a.friction_cone_percent = percent(outside, contact);
-  if (told > 0) a.stick_slip_percent = percent(right, told);
+  if (contact > 0) a.friction_cone_percent = percent_of(outside, contact);
+  if (told > 0) a.stick_slip_percent = percent_of(right, told);
   if (!slip_errors.empty()) a.friction_slip_error_percent = upper_median(std::move(slip_errors));
   if (drifts_mm_s.empty()) return;
   std::sort(drifts_mm_s.begin(), drifts_mm_s.end());

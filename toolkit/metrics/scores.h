@@ -23,6 +23,10 @@ namespace palpate::metrics {
 inline constexpr double kConvergedPerSize = 256.0 * kUnitRoundoff;
 
 inline constexpr double kToPercent = 100.0;
+/// `whole` > 0.
+[[nodiscard]] inline double percent_of(std::uint64_t part, std::uint64_t whole) noexcept {
+  return kToPercent * static_cast<double>(part) / static_cast<double>(whole);
+}
 
 [[nodiscard]] inline bool felt(const Vec3& force_n) noexcept {
   return force_n != Vec3::Zero();
