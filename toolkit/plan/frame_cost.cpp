@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -26,6 +25,7 @@
 #include "toolkit/core/number_format.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/machine_info.h"
+#include "toolkit/trace/path_run.h"
 #include "toolkit/trace/timed_passes.h"
 
 namespace palpate::plan {
@@ -44,12 +44,11 @@ constexpr std::uint64_t kSeed = 20'090'413;
 constexpr std::uint64_t kMaxFileBytes = 1 << 16;
 constexpr const char* kHead = "palpate-machine-1";
 
-constexpr double kNsPerUs = 1e3, kNsPerSecond = 1e9;
+constexpr double kNsPerUs = 1e3;
 
-double thread_cpu_ns() {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return kNsPerSecond * static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec);
+/// Thread time since `start_ns`, an earlier trace::thread_cpu_ns().
+double thread_ns_since(std::int64_t start_ns) {
+  return static_cast<double>(trace::thread_cpu_ns() - start_ns);
 }
 
 /// One random cycle through all lines (Sattolo 1986): no read is predictable.
@@ -66,9 +65,9 @@ double chase_ns(std::size_t bytes) {
   double fastest = std::numeric_limits<double>::max();
   std::uint64_t at = 0;
   for (int repeat = 0; repeat < kRepeats; ++repeat) {
-    const double start = thread_cpu_ns();
+    const std::int64_t start_ns = trace::thread_cpu_ns();
     for (std::size_t i = 0; i < kReads; ++i) at = lines[at].next;
-    fastest = std::min(fastest, thread_cpu_ns() - start);
+    fastest = std::min(fastest, thread_ns_since(start_ns));
   }
   // Using the final position prevents optimising the loop away.
   return at < count ? fastest / static_cast<double>(kReads) : 0.0;
@@ -167,16 +166,10 @@ struct Prepared {
   trace::ProbePath path;
   double bytes = 0.0, bytes_estimated = 0.0;
 
-  void restart() const noexcept {
-    const double dt_s = path.size() > 1 ? path.t_s[1] - path.t_s[0] : kNominalDtS;
-    renderer->restart(path.hip_mm[0], path.t_s[0] - dt_s);
-  }
+  void restart() const noexcept { trace::PathRun(*renderer, path, nullptr).restart(); }
   void step(std::size_t begin, std::size_t end) const noexcept {
     for (std::size_t k = begin; k < end; ++k) (void)renderer->step(path.hip_mm[k], path.t_s[k]);
   }
-
- private:
-  static constexpr double kNominalDtS = 1e-3;  // step of a path with one sample
 };
 
 /// An excerpt of a scene with its renderer.
@@ -192,9 +185,9 @@ struct Piece : Prepared {
         step(stretch.begin, stretch.end);
         continue;
       }
-      const double start = thread_cpu_ns();
+      const std::int64_t start_ns = trace::thread_cpu_ns();
       step(stretch.begin, stretch.end);
-      ns += thread_cpu_ns() - start;
+      ns += thread_ns_since(start_ns);
     }
     return ns;
   }

@@ -3,6 +3,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <ctime>
 #include <span>
 #include <string>
 
@@ -12,6 +13,15 @@
 #include "toolkit/core/hash.h"
 
 namespace palpate::trace {
+
+inline constexpr std::int64_t kNsPerS = 1'000'000'000;
+
+/// Processor time of the calling thread: what else runs is not in it.
+[[nodiscard]] inline std::int64_t thread_cpu_ns() noexcept {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * kNsPerS + now.tv_nsec;
+}
 
 /// A renderer along a path and its simulation; the models advance first.
 class PathRun {

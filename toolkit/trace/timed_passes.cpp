@@ -20,9 +20,8 @@ using render::Frame;
 constexpr std::size_t kEvictedBytes = std::size_t{64} * 1024 * 1024;
 constexpr std::size_t kCacheLineBytes = 64;         // x86-64 and most ARM cores
 constexpr std::int64_t kPacedPeriodNs = 1'000'000;  // the 1 kHz tick
-constexpr std::int64_t kNsPerS = 1'000'000'000;
-constexpr std::size_t kProgressEveryFrames = 256;  // about 4 reports a second
-constexpr std::size_t kClockEveryFrames = 256;     // during warm-up: some tens of microseconds
+constexpr std::size_t kProgressEveryFrames = 256;   // about 4 reports a second
+constexpr std::size_t kClockEveryFrames = 256;      // during warm-up: some tens of microseconds
 
 Error differs(const ProbePath& path, const char* pass) {
   Error error;
@@ -31,12 +30,6 @@ Error differs(const ProbePath& path, const char* pass) {
       "a renderer must give the same trace after every restart: check what restart() leaves behind";
   error.file = path.name;
   return error;
-}
-
-std::int64_t thread_cpu_ns() noexcept {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<std::int64_t>(now.tv_sec) * kNsPerS + now.tv_nsec;
 }
 
 void step_range(PathRun& run, std::size_t begin, std::size_t end, FrameDigest& digest) noexcept {
