@@ -39,13 +39,20 @@ Result<SceneCleaningStep> read_step(const toml::table& table, const TomlFile& in
   return clean;
 }
 
+Status read_steps(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
+  PALPATE_ASSIGN(const auto tables, tables_of(node, "model.clean", in_file));
+  for (const toml::table* table : tables) {
+    PALPATE_ASSIGN(SceneCleaningStep clean, read_step(*table, in_file));
+    model.clean.push_back(std::move(clean));
+  }
+  return Done{};
+}
+
 }  // namespace
 
 Fields pose_fields(geometry::RigidTransform& pose) {
   return {field("position_mm", pose.translation_mm, kLengthsMm),
-          {"rotation", [&pose](const toml::node& node, const std::string&, const TomlFile& in_file) {
-             return read_rotation(node, pose.rotation, in_file);
-           }}};
+          whole_field("rotation", pose.rotation, &read_rotation)};
 }
 
 Fields view_fields(SceneView& view) {
@@ -55,14 +62,7 @@ Fields view_fields(SceneView& view) {
 }
 
 Field clean_field(SceneModel& model) {
-  return {"clean", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
-            PALPATE_ASSIGN(const auto tables, tables_of(node, "model.clean", in_file));
-            for (const toml::table* table : tables) {
-              PALPATE_ASSIGN(SceneCleaningStep clean, read_step(*table, in_file));
-              model.clean.push_back(std::move(clean));
-            }
-            return Done{};
-          }};
+  return whole_field("clean", model, &read_steps);
 }
 
 // [model.surface], [[model.region]] and [model.motion].
@@ -110,6 +110,11 @@ Result<surface::Friction> friction(const toml::node& node, const TomlFile& in_fi
   if (!(both.dynamic_coefficient >= 0.0) || both.dynamic_coefficient > both.static_coefficient)
     return in_file.at(node, "'friction' needs static >= dynamic >= 0");
   return both;
+}
+
+Status read_region_friction(const toml::node& node, SceneRegion& region, const TomlFile& in_file) {
+  PALPATE_ASSIGN(region.friction, friction(node, in_file));
+  return Done{};
 }
 
 Result<FrictionMap> friction_map(const toml::table& table, const TomlFile& in_file) {
@@ -190,19 +195,34 @@ Status read_region(const toml::table& table, SceneRegion& region, const TomlFile
   return Done{};
 }
 
-Result<SceneMotion> read_motion(const toml::table& table, const TomlFile& in_file) {
+Status read_regions(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
+  PALPATE_ASSIGN(const auto tables, tables_of(node, "model.region", in_file));
+  for (const toml::table* table : tables)
+    PALPATE_TRY(read_region(*table, model.regions.emplace_back(), in_file));
+  return Done{};
+}
+
+Status read_surface(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
+  PALPATE_ASSIGN(const toml::table* table, table_of(node, "model.surface", in_file));
+  model.sources.line = static_cast<std::int64_t>(node.source().begin.line);
+  return read_fields(*table, surface_fields(model), "[model.surface]", {}, in_file);
+}
+
+Status read_motion(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
+  PALPATE_ASSIGN(const toml::table* table, table_of(node, "model.motion", in_file));
   SceneMotion motion;
-  PALPATE_TRY(read_fields(table, motion_fields(motion), "[model.motion]", {}, in_file));
+  PALPATE_TRY(read_fields(*table, motion_fields(motion), "[model.motion]", {}, in_file));
   motion.turn_rad_s *= std::numbers::pi / 180.0;
   if (motion.stop_s && !(*motion.stop_s > motion.start_s))
-    return in_file.at(*table.get("stop_s"), "'stop_s' must be later than 'start_s'");
+    return in_file.at(*table->get("stop_s"), "'stop_s' must be later than 'start_s'");
   if (motion.velocity_mm_s.isZero(0.0) && motion.turn_rad_s.isZero(0.0))
-    return in_file.at(table, "[model.motion] moves nothing",
+    return in_file.at(*table, "[model.motion] moves nothing",
                       "give it velocity_mm_s or turn_deg_s, or leave it out");
   if (motion.about_mm && motion.turn_rad_s.isZero(0.0))
-    return in_file.at(*table.get("about_mm"), "'about_mm' does nothing without a turn",
+    return in_file.at(*table->get("about_mm"), "'about_mm' does nothing without a turn",
                       "give turn_deg_s too, or leave it out");
-  return motion;
+  model.motion = motion;
+  return Done{};
 }
 
 }  // namespace
@@ -236,11 +256,7 @@ Fields region_fields(SceneRegion& region) {
           range_field("y_mm", 1, region.box_mm),
           range_field("z_mm", 2, region.box_mm),
           field("stiffness_n_per_mm", region.stiffness_n_per_mm, kStiffnessesNPerMm),
-          {"friction",
-           [&region](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
-             PALPATE_ASSIGN(region.friction, friction(node, in_file));
-             return Done{};
-           }},
+          whole_field("friction", region, &read_region_friction),
           share_field("deformation", region.deformation)};
 }
 
@@ -255,39 +271,24 @@ Fields surface_fields(SceneModel& model) {
   surface::Surface& surface = model.surface;
   return {or_column(field("stiffness_n_per_mm", surface.stiffness_n_per_mm, kStiffnessesNPerMm),
                     model.sources.stiffness_column),
-          {"friction", [&model](const toml::node& node, const std::string&,
-                                const TomlFile& in_file) { return read_friction(node, model, in_file); }},
+          whole_field("friction", model, &read_friction),
           or_column(share_field("deformation", surface.deformation), model.sources.deformation_column),
-          {"texture", [&model](const toml::node& node, const std::string&,
-                               const TomlFile& in_file) { return read_texture(node, model, in_file); }},
+          whole_field("texture", model, &read_texture),
           inner("dent", dent_fields(surface.dent), {}, "model.surface.dent"),
           {"damping", nullptr},
           {"damping_n_s_per_mm", nullptr}};
 }
 
 Field surface_field(SceneModel& model) {
-  return {"surface", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
-            PALPATE_ASSIGN(const toml::table* table, table_of(node, "model.surface", in_file));
-            model.sources.line = static_cast<std::int64_t>(node.source().begin.line);
-            return read_fields(*table, surface_fields(model), "[model.surface]", {}, in_file);
-          }};
+  return whole_field("surface", model, &read_surface);
 }
 
 Field regions_field(SceneModel& model) {
-  return {"region", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
-            PALPATE_ASSIGN(const auto tables, tables_of(node, "model.region", in_file));
-            for (const toml::table* table : tables)
-              PALPATE_TRY(read_region(*table, model.regions.emplace_back(), in_file));
-            return Done{};
-          }};
+  return whole_field("region", model, &read_regions);
 }
 
 Field motion_field(SceneModel& model) {
-  return {"motion", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) -> Status {
-            PALPATE_ASSIGN(const toml::table* table, table_of(node, "model.motion", in_file));
-            PALPATE_ASSIGN(model.motion, read_motion(*table, in_file));
-            return Done{};
-          }};
+  return whole_field("motion", model, &read_motion);
 }
 
 }  // namespace palpate::scene
