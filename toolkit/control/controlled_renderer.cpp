@@ -8,10 +8,8 @@
 
 #include <palpate/renderer.h>
 #include <palpate/result.h>
-#include "toolkit/control/force_filter.h"
-#include "toolkit/control/passivity.h"
-#include "toolkit/control/virtual_coupling.h"
-#include "toolkit/render/frame_time.h"
+#include "toolkit/control/control_stages.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::control {
 namespace {

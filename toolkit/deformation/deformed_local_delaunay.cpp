@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/deformation/undo_journal.h"
+#include "toolkit/deformation/movable_points.h"
 #include "toolkit/geometry/loop_subdivision.h"
 #include "toolkit/local_delaunay/planar_voronoi_cell.h"
 

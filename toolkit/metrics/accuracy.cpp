@@ -10,9 +10,7 @@
 #include "toolkit/core/bootstrap_interval.h"
 #include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/pop_through.h"
-#include "toolkit/metrics/score_input.h"
-#include "toolkit/metrics/still.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {
 namespace {
@@ -39,8 +37,6 @@ struct Spread {
     return count > 0 ? std::optional(largest) : std::nullopt;
   }
 };
-
-using Input = ScoreInput;
 
 double angle_deg(const Vec3& a, const Vec3& b) {
   // atan2 keeps small angles, where acos of a rounded cosine loses half the digits.
@@ -69,7 +65,7 @@ struct ErrorSums {
   }
 };
 
-void score_forces(const Input& in, const Episodes& episodes, Accuracy& a) {
+void score_forces(const ScoreInput& in, const Episodes& episodes, Accuracy& a) {
   Spread error, normal, tangential, wanted;
   ErrorSums sums{std::vector<double>(episodes.count), std::vector<double>(episodes.count)};
   std::vector<double> sizes;
@@ -112,7 +108,7 @@ void score_forces(const Input& in, const Episodes& episodes, Accuracy& a) {
   a.within_10_percent = per_frame * static_cast<double>(within_deadband);
 }
 
-void score_direction(const Input& in, Accuracy& a) {
+void score_direction(const ScoreInput& in, Accuracy& a) {
   constexpr double kLostDeg = 180.0;  // opposite
   std::vector<double> angles;
   double sum = 0.0;
@@ -132,7 +128,7 @@ void score_direction(const Input& in, Accuracy& a) {
   a.direction_max_deg = angles.back();
 }
 
-void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
+void score_jumps(const ScoreInput& in, Accuracy& a, AccuracyFrames* out) {
   double largest = 0.0, largest_error = 0.0, travel_mm = 0.0;
   std::uint64_t steps = 0, jumps = 0, errors = 0;
   for (std::size_t i = 1; i < in.frames.size(); ++i) {
@@ -157,7 +153,7 @@ void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
   if (travel_mm > 0.0) a.excess_jumps_per_m = static_cast<double>(jumps) * kMmPerM / travel_mm;
 }
 
-void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
+void score_contact(const ScoreInput& in, Accuracy& a, AccuracyFrames* out) {
   std::uint64_t run = 0, shown = 0, felt_frames = 0;
   a.missed_device_frames = a.false_device_frames = a.missed_tenth_mm_frames = a.false_tenth_mm_frames = 0;
   const double device_mm = in.options.device_resolution_mm + a.rounding_mm;
@@ -187,11 +183,11 @@ void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
     out->missed_contact[i] = missed ? 1 : 0;
     out->false_contact[i] = phantom ? 1 : 0;
   }
-  if (shown > 0) a.felt_percent = kToPercent * static_cast<double>(felt_frames) / static_cast<double>(shown);
+  if (shown > 0) a.felt_percent = percent_of(felt_frames, shown);
 }
 
 /// Scores of frames that depend on history, and the measure over all frames.
-void score_history(const Input& in, const trace::ReferenceTrace& reference, Accuracy& a) {
+void score_history(const ScoreInput& in, const trace::ReferenceTrace& reference, Accuracy& a) {
   if (!reference.compared) return;
   Spread apart, all;
   double wanted = 0.0;
@@ -205,14 +201,13 @@ void score_history(const Input& in, const trace::ReferenceTrace& reference, Accu
     wanted += in.wanted(i).squaredNorm();
   }
   a.history_frames = undecided;
-  if (contact > 0)
-    a.history_percent = kToPercent * static_cast<double>(undecided) / static_cast<double>(contact);
+  if (contact > 0) a.history_percent = percent_of(undecided, contact);
   if (wanted > 0.0) a.force_rms_whole_percent = kToPercent * std::sqrt(all.sum_of_squares / wanted);
   if (apart.count > 0) a.history_force_rms_n = apart.rms();
 }
 
 // Contact felt in an episode and then lost deep inside.
-void score_fall_throughs(const Input& in, Accuracy& a) {
+void score_fall_throughs(const ScoreInput& in, Accuracy& a) {
   a.fall_throughs = 0;
   bool had = false, counted = false;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
@@ -228,7 +223,7 @@ void score_fall_throughs(const Input& in, Accuracy& a) {
   }
 }
 
-void score_god_object(const Input& in, const TruthSamples* answers, Accuracy& a, AccuracyFrames* out) {
+void score_god_object(const ScoreInput& in, const TruthSamples* answers, Accuracy& a, AccuracyFrames* out) {
   Spread distance, off_surface;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     if (!in.decided(i) || !in.frames[i].contact) continue;
@@ -244,7 +239,7 @@ void score_god_object(const Input& in, const TruthSamples* answers, Accuracy& a,
   a.god_object_surface_max_mm = off_surface.max();
 }
 
-void score_onset_and_release(const Input& in, Accuracy& a) {
+void score_onset_and_release(const ScoreInput& in, Accuracy& a) {
   struct Event {
     double largest = 0.0, sum = 0.0;
     std::uint64_t count = 0;
@@ -271,7 +266,7 @@ void score_onset_and_release(const Input& in, Accuracy& a) {
 }
 
 // Finds repeated HIP positions by sorting; spread of |F_r| among those with equal truth.
-void score_path_dependence(const Input& in, Accuracy& a) {
+void score_path_dependence(const ScoreInput& in, Accuracy& a) {
   std::vector<std::uint32_t> order;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     if (in.in_either_contact(i)) order.push_back(static_cast<std::uint32_t>(i));
@@ -391,7 +386,7 @@ Result<Accuracy> rescore(const trace::ProbePath& path, const trace::ForceTrace& 
           static_cast<float>((trace.frames[i].force_n - reference.frames[i].frame.force_n).norm());
     }
   }
-  const Input in{path, trace.frames, reference.frames, options};
+  const ScoreInput in{path, trace.frames, reference.frames, options};
   Accuracy a;
   a.reference = reference.name;
   a.exactness = reference.exactness;

@@ -4,11 +4,10 @@
 
 #include <palpate/reference.h>
 #include <palpate/result.h>
-#include "toolkit/control/passivity.h"
+#include "toolkit/control/control_stages.h"
 #include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/score_input.h"
-#include "toolkit/metrics/still.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {
 namespace {

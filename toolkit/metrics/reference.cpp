@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/still.h"
+#include "toolkit/metrics/scores.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/point_search.h"
 
@@ -197,6 +197,14 @@ Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::Prob
                              const cloud::Cloud& cloud, const geometry::RigidTransform& world_from_model,
                              int threads) {
   return fill_local_resolution(reference, path, cloud, search::exact_knn(cloud, threads), world_from_model);
+}
+
+Status check_starts_free(const trace::ProbePath& path, const TruthSurface& truth) {
+  if (path.hip_mm.empty()) return Error{"the path has no samples", "give a path with samples", path.name, 0};
+  if (truth.signed_distance_mm(path.hip_mm[0]) < 0.0)
+    return Error{"the path starts inside the true surface", "start the path in free space", path.name,
+                 kFirstSampleLine};
+  return Done{};
 }
 
 }  // namespace palpate::metrics

@@ -404,10 +404,6 @@ void read_renderer(const Reader& in, RendererResult& r) {
   in.part("energy", r.energy, kEnergy);
 }
 
-}  // namespace
-
-namespace {
-
 void write_head(const DocumentHead& head, Json& j) {
   const Writer top{j};
   top("version", head.version);

@@ -15,7 +15,6 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include "toolkit/metrics/machine_info.h"
-#include "toolkit/metrics/measurement_conditions.h"
 
 namespace palpate::metrics {
 
@@ -25,12 +24,6 @@ inline constexpr const char* kResultSchema = "palpate-result/2";
 inline constexpr const char* kFormerResultSchema = "palpate-result/1";
 
 enum class RunStatus { kOk, kDidNotFinish, kFailed };
-
-/// The model a renderer was prepared for.
-struct ResultModel {
-  std::uint64_t points = 0;
-  double resolution_mm = 0.0;
-};
 
 /// Origin of a document: the head of every document.
 struct DocumentHead {
@@ -97,7 +90,11 @@ struct RendererResult {
   std::vector<std::string> missing;  ///< features of the scene that it leaves out
   RunStatus status = RunStatus::kOk;
   std::string reason;  ///< why it did not finish, or failed
-  using Model = ResultModel;
+  /// The model it was prepared for.
+  struct Model {
+    std::uint64_t points = 0;
+    double resolution_mm = 0.0;
+  };
   std::optional<Model> model;
   std::optional<render::PrepareReport>
       prepare;      ///< prepare.*; its bytes become memory.bytes and memory.bytes_per_point

@@ -10,8 +10,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/core/random.h"
-#include "toolkit/paths/exploration.h"
-#include "toolkit/paths/plane_fits.h"
+#include "toolkit/paths/surface_paths.h"
 #include "toolkit/paths/visible_surface.h"
 
 namespace palpate::paths {

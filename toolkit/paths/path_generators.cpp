@@ -7,10 +7,9 @@
 #include <palpate/result.h>
 #include "toolkit/core/message_text.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/paths/exploration.h"
 #include "toolkit/paths/hand.h"
 #include "toolkit/paths/path_shapes.h"
-#include "toolkit/paths/visible_surface_paths.h"
+#include "toolkit/paths/surface_paths.h"
 
 namespace palpate::paths {
 namespace {
@@ -273,26 +272,10 @@ Result<GeneratedPath> generate_path(const std::string& name, const Options& o, c
                                    : over_visible_surface(name, o, timing, target);
 }
 
-/// Common options without effect in a generator: no randomness, or no period.
-struct NoUse {
-  const char* generator;
-  const char* key;
-};
-constexpr NoUse kNoUse[] = {{"raster", "seed"}, {"spiral", "seed"}, {"tap", "seed"},
-                            {"hold", "seed"},   {"slide", "seed"},  {"slide", "period_frames"}};
-
-std::vector<PathGenerator> with_what_they_use(std::vector<PathGenerator> all) {
-  for (PathGenerator& generator : all)
-    for (const NoUse& none : kNoUse)
-      if (generator.name == none.generator)
-        std::erase_if(generator.options, [&](const OptionSpec& spec) { return spec.key == none.key; });
-  return all;
-}
-
 }  // namespace
 
 const std::vector<PathGenerator>& path_generators() {
-  static const std::vector<PathGenerator> kAll = with_what_they_use(make_generators());
+  static const std::vector<PathGenerator> kAll = make_generators();
   return kAll;
 }
 

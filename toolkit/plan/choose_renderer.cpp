@@ -10,7 +10,7 @@
 #include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/core/number_format.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/render/coordinate_precision.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"
 
 namespace palpate::plan {
@@ -138,7 +138,7 @@ void estimate_on_machine(Plan& plan, const render::SceneInput& scene, const rend
     render::ModelDecisions& model = plan.decided.models[i];
     // Numbers of bricks and refined places depend on the surface.
     if (i < cost->bytes_share.size() && (says(model, "bricks") || says(model, "refined"))) {
-      const bool strips = says(model, "bricks") && model.points > kMaxWholePilotPoints;
+      const bool strips = says(model, "bricks") && model.points > kMaxWholePoints;
       const double share = cost->bytes_share[i] / (strips ? kBricksOfStrips : 1.0);
       model.bytes = static_cast<std::uint64_t>(static_cast<double>(model.bytes) * share);
     }

@@ -12,7 +12,6 @@
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include "toolkit/plan/frame_cost.h"
-#include "toolkit/plan/machine.h"
 
 namespace palpate::plan {
 

@@ -3,71 +3,194 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <ctime>
+#include <cmath>
+#include <filesystem>
 #include <limits>
 #include <memory>
+#include <numeric>
+#include <sstream>
 #include <utility>
 #include <vector>
 
+#include <palpate/options.h>
 #include <palpate/paths.h>
 #include <palpate/replay.h>
 #include <palpate/result.h>
+#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/cache_folder.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/instruction_counter.h"
+#include "toolkit/core/large_pages.h"
 #include "toolkit/core/number_format.h"
+#include "toolkit/core/random.h"
+#include "toolkit/metrics/machine_info.h"
+#include "toolkit/trace/path_run.h"
 #include "toolkit/trace/timed_passes.h"
 
 namespace palpate::plan {
 namespace {
 
+namespace fs = std::filesystem;
+
+// From a first-level cache to beyond every desktop cache.
+constexpr std::size_t kMinBytes = std::size_t{1} << 14, kMaxBytes = std::size_t{1} << 26;
+constexpr std::size_t kGrowth = 4;
+constexpr std::size_t kLine = 64;
+// 0.03 s at 100 ns a read; the fastest of three runs counts.
+constexpr std::size_t kReads = 300'000;
+constexpr int kRepeats = 3;
+constexpr std::uint64_t kSeed = 20'090'413;
+constexpr std::uint64_t kMaxFileBytes = 1 << 16;
+constexpr const char* kHead = "palpate-machine-1";
+
+constexpr double kNsPerUs = 1e3;
+
+/// Thread time since `start_ns`, an earlier trace::thread_cpu_ns().
+double thread_ns_since(std::int64_t start_ns) {
+  return static_cast<double>(trace::thread_cpu_ns() - start_ns);
+}
+
+/// One random cycle through all lines (Sattolo 1986): no read is predictable.
+double chase_ns(std::size_t bytes) {
+  struct alignas(kLine) Line {
+    std::uint64_t next = 0;
+  };
+  const std::size_t count = bytes / kLine;
+  LargePageVector<Line> lines(count);
+  for (std::size_t i = 0; i < count; ++i) lines[i].next = i;
+  Random random(kSeed);
+  for (std::size_t i = count - 1; i > 0; --i)
+    std::swap(lines[i].next, lines[static_cast<std::size_t>(random.below(i))].next);
+  double fastest = std::numeric_limits<double>::max();
+  std::uint64_t at = 0;
+  for (int repeat = 0; repeat < kRepeats; ++repeat) {
+    const std::int64_t start_ns = trace::thread_cpu_ns();
+    for (std::size_t i = 0; i < kReads; ++i) at = lines[at].next;
+    fastest = std::min(fastest, thread_ns_since(start_ns));
+  }
+  // Using the final position prevents optimising the loop away.
+  return at < count ? fastest / static_cast<double>(kReads) : 0.0;
+}
+
+fs::path cache_file(const std::string& cpu, const std::string& version) {
+  const fs::path folder = cache_folder();
+  if (folder.empty()) return {};
+  Hash64 hash;
+  for (const char c : fmt::format("{}\n{}", cpu, version)) hash.byte(static_cast<std::uint8_t>(c));
+  return folder / fmt::format("machine-{}.txt", hash.hex());
+}
+
+/// No reads if the file is missing or invalid.
+std::vector<ReadLatency> read_cached(const fs::path& file, const std::string& cpu) {
+  const Result<std::string> text = read_file(file.string(), kMaxFileBytes);
+  if (!text) return {};
+  std::istringstream lines(*text);
+  std::string head, named;
+  if (!std::getline(lines, head) || head != kHead || !std::getline(lines, named) || named != cpu) return {};
+  std::vector<ReadLatency> reads;
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t blank = line.find(' ');
+    if (blank == std::string::npos) return {};
+    const Result<double> bytes = parse_number(line.substr(0, blank)),
+                         ns = parse_number(line.substr(blank + 1));
+    if (!bytes || !ns || !(*ns > 0.0) || (!reads.empty() && !(*bytes > reads.back().bytes))) return {};
+    reads.push_back({*bytes, *ns});
+  }
+  return reads;
+}
+
+/// If it cannot be kept, it is measured again next time.
+void keep(const fs::path& file, const Machine& machine) {
+  std::error_code code;
+  fs::create_directories(file.parent_path(), code);
+  std::string text = fmt::format("{}\n{}\n", kHead, machine.cpu);
+  for (const ReadLatency& read : machine.reads) text += fmt::format("{} {}\n", read.bytes, read.ns);
+  Result<AtomicFile> out = AtomicFile::create(file.string());
+  if (out && out->write(text)) (void)out->commit();
+}
+
+}  // namespace
+
+double Machine::read_ns(double bytes) const noexcept {
+  if (reads.empty()) return 0.0;
+  if (!(bytes > reads.front().bytes)) return reads.front().ns;
+  for (std::size_t i = 1; i < reads.size(); ++i) {
+    if (bytes > reads[i].bytes) continue;
+    const ReadLatency &below = reads[i - 1], &above = reads[i];
+    const double share = std::log(bytes / below.bytes) / std::log(above.bytes / below.bytes);
+    return below.ns + share * (above.ns - below.ns);
+  }
+  return reads.back().ns;
+}
+
+Machine measure_machine(const std::string& version, bool anew, Progress* progress) {
+  Machine machine;
+  machine.cpu = metrics::machine_info().cpu;
+  const fs::path file = cache_file(machine.cpu, version);
+  if (!anew && !file.empty()) machine.reads = read_cached(file, machine.cpu);
+  machine.from_cache = !machine.reads.empty();
+  if (machine.from_cache) return machine;
+  for (std::size_t bytes = kMinBytes; bytes <= kMaxBytes; bytes *= kGrowth) {
+    if (progress != nullptr)
+      progress->report("measuring this machine", std::log(static_cast<double>(bytes / kMinBytes) + 1.0) /
+                                                     std::log(static_cast<double>(kMaxBytes / kMinBytes)));
+    machine.reads.push_back({static_cast<double>(bytes), chase_ns(bytes)});
+  }
+  if (!file.empty()) keep(file, machine);
+  return machine;
+}
+
+std::string text(const Machine& machine) {
+  std::string out = machine.cpu + ":";
+  for (const ReadLatency& read : machine.reads)
+    out += fmt::format("{} {} ns from {}", &read == machine.reads.data() ? " a read waits" : ",",
+                       format_number(read.ns), format_bytes(read.bytes));
+  return out;
+}
+
+namespace {
+
 /// Timed passes; the fastest counts, because slower ones include other work of the machine.
-constexpr int kPilotPasses = 5, kColdPasses = 3;
+constexpr int kWarmPasses = 5, kColdPasses = 3;
 constexpr double kWarmUpS = 0.005;
-constexpr double kNsPerUs = 1e3, kNsPerSecond = 1e9;
-constexpr double kLineBytes = 64.0;
-constexpr std::size_t kWordsALine = 64 / sizeof(std::uint64_t);
+constexpr std::size_t kWordsALine = kLine / sizeof(std::uint64_t);
 /// Memory walked through before a cold pass: the largest size with a measured read.
-constexpr std::size_t kEvictedWords = (std::size_t{1} << 26) / sizeof(std::uint64_t);
+constexpr std::size_t kEvictedWords = kMaxBytes / sizeof(std::uint64_t);
 /// The slowest of several models is expected; the bound limits the time.
 constexpr std::size_t kMaxModels = 4;
 
-double pilot_cpu_ns() {
-  timespec now{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return kNsPerSecond * static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec);
-}
-
-/// A piece with its renderer.
-struct Pilot {
-  trace::ProbePath path;
+/// A renderer prepared for a scene, with its path.
+struct Prepared {
   std::unique_ptr<render::HapticRenderer> renderer;
-  std::vector<trace::FrameSpan> stretches;
-  double contact_frames = 0.0;
+  trace::ProbePath path;
   double bytes = 0.0, bytes_estimated = 0.0;
 
-  void restart() const noexcept {
-    const double dt_s = path.size() > 1 ? path.t_s[1] - path.t_s[0] : kPilotDtS;
-    renderer->restart(path.hip_mm[0], path.t_s[0] - dt_s);
-  }
+  void restart() const noexcept { trace::PathRun(*renderer, path, nullptr).restart(); }
   void step(std::size_t begin, std::size_t end) const noexcept {
     for (std::size_t k = begin; k < end; ++k) (void)renderer->step(path.hip_mm[k], path.t_s[k]);
   }
+};
+
+/// An excerpt of a scene with its renderer.
+struct Piece : Prepared {
+  std::vector<trace::FrameSpan> stretches;
+  double contact_frames = 0.0;
+
   /// Time of the contact frames.
-  [[nodiscard]] double step_piece_ns() const noexcept {
+  [[nodiscard]] double step_contact_ns() const noexcept {
     double ns = 0.0;
     for (const trace::FrameSpan& stretch : stretches) {
       if (!stretch.contact) {
         step(stretch.begin, stretch.end);
         continue;
       }
-      const double start = pilot_cpu_ns();
+      const std::int64_t start_ns = trace::thread_cpu_ns();
       step(stretch.begin, stretch.end);
-      ns += pilot_cpu_ns() - start;
+      ns += thread_ns_since(start_ns);
     }
     return ns;
   }
-
- private:
-  static constexpr double kPilotDtS = 1e-3;  // step of a path with one sample
 };
 
 /// Boxes and cells follow the whole cloud's resolution.
@@ -81,30 +204,39 @@ Options options_for(const NamedOptions& renderer, const render::ModelDecisions& 
   return options;
 }
 
-Result<Pilot> prepared(SceneExcerpt piece, const NamedOptions& renderer, const render::Registry& registry) {
-  Pilot pilot;
-  pilot.path = std::move(piece.path);
-  PALPATE_ASSIGN(pilot.renderer, registry.make(renderer.name, renderer.options));
-  PALPATE_ASSIGN(const render::Decisions said, pilot.renderer->decide(piece.scene, {1, nullptr}));
-  PALPATE_ASSIGN(const render::PrepareReport report, pilot.renderer->prepare(piece.scene, {1, nullptr}));
-  pilot.bytes = static_cast<double>(report.bytes);
-  pilot.bytes_estimated = static_cast<double>(said.bytes);
-  PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(*pilot.renderer, pilot.path));
-  pilot.stretches = trace::frame_spans_of(trace::contact_of(trace.frames));
-  for (const trace::FrameSpan& stretch : pilot.stretches)
-    if (stretch.contact) pilot.contact_frames += static_cast<double>(stretch.end - stretch.begin);
-  return pilot;
+/// Without a path.
+Result<Prepared> prepare(const render::SceneInput& scene, const NamedOptions& renderer,
+                         const render::Registry& registry, int threads) {
+  Prepared out;
+  PALPATE_ASSIGN(out.renderer, registry.make(renderer.name, renderer.options));
+  PALPATE_ASSIGN(const render::Decisions said, out.renderer->decide(scene, {threads, nullptr}));
+  PALPATE_ASSIGN(const render::PrepareReport report, out.renderer->prepare(scene, {threads, nullptr}));
+  out.bytes = static_cast<double>(report.bytes);
+  out.bytes_estimated = static_cast<double>(said.bytes);
+  return out;
+}
+
+Result<Piece> prepare_piece(SceneExcerpt excerpt, const NamedOptions& renderer,
+                            const render::Registry& registry) {
+  PALPATE_ASSIGN(Prepared made, prepare(excerpt.scene, renderer, registry, 1));
+  Piece piece{std::move(made), {}, 0.0};
+  piece.path = std::move(excerpt.path);
+  PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(*piece.renderer, piece.path));
+  piece.stretches = trace::frame_spans_of(trace::contact_of(trace.frames));
+  for (const trace::FrameSpan& stretch : piece.stretches)
+    if (stretch.contact) piece.contact_frames += static_cast<double>(stretch.end - stretch.begin);
+  return piece;
 }
 
 /// The prepared pieces of a model, and the whole path's length relative to theirs.
 struct SampledPieces {
-  std::vector<Pilot> pilots;
+  std::vector<Piece> pieces;
   double frames = 0.0, path_frames = 0.0;
   std::size_t points = 0;  ///< of all pieces
 };
 
-Result<SampledPieces> squadron_for(const CostQuery& expected, std::size_t index,
-                                   const render::Registry& registry) {
+Result<SampledPieces> sample_pieces(const CostQuery& expected, std::size_t index,
+                                    const render::Registry& registry) {
   const render::ModelInput& model = expected.scene.models[index];
   paths::PathTarget target;
   target.cloud = model.cloud.get();
@@ -121,87 +253,77 @@ Result<SampledPieces> squadron_for(const CostQuery& expected, std::size_t index,
   const NamedOptions on_piece{expected.renderer.name,
                               options_for(expected.renderer, expected.decided.models[index])};
   const auto period = static_cast<std::size_t>(number("period_frames"));
-  const bool whole = model.cloud->size() <= kMaxWholePilotPoints;
-  SampledPieces squadron;
-  squadron.path_frames = static_cast<double>(path.size());
+  const bool whole = model.cloud->size() <= kMaxWholePoints;
+  SampledPieces sampled;
+  sampled.path_frames = static_cast<double>(path.size());
   Error last{"no piece", {}, {}, 0};
-  for (const Window& window : choose_windows(path.size(), period, whole ? 1 : kMaxPilots)) {
-    SceneExcerpt piece = extract_excerpt(expected.scene, model, path, window.begin, window.end, reach);
-    const std::size_t points = piece.scene.models.front().cloud->size();
+  for (const Window& window : choose_windows(path.size(), period, whole ? 1 : kMaxExcerpts)) {
+    SceneExcerpt excerpt = extract_excerpt(expected.scene, model, path, window.begin, window.end, reach);
+    const std::size_t points = excerpt.scene.models.front().cloud->size();
     if (points == 0) continue;
-    Result<Pilot> pilot = prepared(std::move(piece), on_piece, registry);
-    if (!pilot) {
-      last = pilot.error();
+    Result<Piece> piece = prepare_piece(std::move(excerpt), on_piece, registry);
+    if (!piece) {
+      last = piece.error();
       continue;
     }
-    squadron.points += points;
-    squadron.frames += static_cast<double>(pilot->path.size());
-    squadron.pilots.push_back(*std::move(pilot));
+    sampled.points += points;
+    sampled.frames += static_cast<double>(piece->path.size());
+    sampled.pieces.push_back(*std::move(piece));
   }
-  if (squadron.pilots.empty()) return last;
-  return squadron;
+  if (sampled.pieces.empty()) return last;
+  return sampled;
 }
 
 /// One pass over all pieces in turn, like successive places of one model.
-double pass_ns(const std::vector<Pilot>& pilots, std::vector<std::uint64_t>* evicted) {
-  for (const Pilot& pilot : pilots) pilot.restart();
+double pass_ns(const std::vector<Piece>& pieces, std::vector<std::uint64_t>* evicted) {
+  for (const Piece& piece : pieces) piece.restart();
   if (evicted != nullptr)
     for (std::size_t i = 0; i < evicted->size(); i += kWordsALine) ++(*evicted)[i];
   double ns = 0.0;
-  for (const Pilot& pilot : pilots) ns += pilot.step_piece_ns();
+  for (const Piece& piece : pieces) ns += piece.step_contact_ns();
   return ns;
 }
 
-double fastest_pass_ns(const std::vector<Pilot>& pilots, int passes, std::vector<std::uint64_t>* evicted) {
+double fastest_pass_ns(const std::vector<Piece>& pieces, int passes, std::vector<std::uint64_t>* evicted) {
   double fastest = std::numeric_limits<double>::max();
-  for (int pass = 0; pass < passes; ++pass) fastest = std::min(fastest, pass_ns(pilots, evicted));
+  for (int pass = 0; pass < passes; ++pass) fastest = std::min(fastest, pass_ns(pieces, evicted));
   return fastest;
 }
 
 Result<FrameCost> model_cost(const CostQuery& expected, std::size_t index, const render::Registry& registry,
                              const Machine& machine) {
-  PALPATE_ASSIGN(const SampledPieces squadron, squadron_for(expected, index, registry));
+  PALPATE_ASSIGN(const SampledPieces sampled, sample_pieces(expected, index, registry));
   FrameCost cost;
-  cost.pilots = squadron.pilots.size();
+  cost.excerpts = sampled.pieces.size();
   double frames = 0.0, bytes = 0.0, said = 0.0;
-  for (const Pilot& pilot : squadron.pilots) {
-    frames += pilot.contact_frames;
-    bytes += pilot.bytes;
-    said += pilot.bytes_estimated;
+  for (const Piece& piece : sampled.pieces) {
+    frames += piece.contact_frames;
+    bytes += piece.bytes;
+    said += piece.bytes_estimated;
   }
   cost.bytes_share = {said > 0.0 ? bytes / said : 1.0};
   if (!(frames > 0.0)) return cost;
-  const double warm_ns = fastest_pass_ns(squadron.pilots, kPilotPasses, nullptr);
+  const double warm_ns = fastest_pass_ns(sampled.pieces, kWarmPasses, nullptr);
   std::vector<std::uint64_t> evicted(kEvictedWords, 1);
-  const double cold_ns = fastest_pass_ns(squadron.pilots, kColdPasses, &evicted) - warm_ns;
+  const double cold_ns = fastest_pass_ns(sampled.pieces, kColdPasses, &evicted) - warm_ns;
   cost.warm_us = warm_ns / frames / kNsPerUs;
-  const double share = squadron.frames > 0.0 ? squadron.path_frames / squadron.frames : 1.0;
+  const double share = sampled.frames > 0.0 ? sampled.path_frames / sampled.frames : 1.0;
   const double whole = static_cast<double>(expected.decided.models[index].bytes);
   cost.miss_us = memory_wait_ns({cold_ns / frames, frames, share, whole}, machine) / kNsPerUs;
   cost.frame_us = cost.warm_us + cost.miss_us;
   cost.reason = fmt::format(
       "{} µs over {} frames in contact on {} pieces of {} points together, where the probe will go; {} µs of "
       "waiting for memory, from {} µs with cold caches",
-      format_number(cost.warm_us), format_count(static_cast<std::uint64_t>(frames)), cost.pilots,
-      format_count(squadron.points), format_number(cost.miss_us),
+      format_number(cost.warm_us), format_count(static_cast<std::uint64_t>(frames)), cost.excerpts,
+      format_count(sampled.points), format_number(cost.miss_us),
       format_number((warm_ns + cold_ns) / frames / kNsPerUs));
   return cost;
 }
 
-/// A renderer prepared for the whole scene, with its path.
-struct Ready {
-  std::unique_ptr<render::HapticRenderer> renderer;
-  trace::ProbePath path;
-  double bytes = 0.0, bytes_estimated = 0.0;
-};
-Result<Ready> ready(const render::SceneInput& scene, const NamedOptions& renderer,
-                    const render::Registry& registry, const std::string& path_text, int threads) {
-  Ready out;
-  PALPATE_ASSIGN(out.renderer, registry.make(renderer.name, renderer.options));
-  PALPATE_ASSIGN(const render::Decisions said, out.renderer->decide(scene, {threads, nullptr}));
-  PALPATE_ASSIGN(const render::PrepareReport report, out.renderer->prepare(scene, {threads, nullptr}));
-  out.bytes = static_cast<double>(report.bytes);
-  out.bytes_estimated = static_cast<double>(said.bytes);
+/// For the whole scene, with a path from a generator.
+Result<Prepared> prepare_whole(const render::SceneInput& scene, const NamedOptions& renderer,
+                               const render::Registry& registry, const std::string& path_text, int threads) {
+  PALPATE_ASSIGN(Prepared out, prepare(scene, renderer, registry, threads));
   paths::PathTarget target;
   const render::ModelInput& model = scene.models.front();
   target.cloud = model.cloud.get();
@@ -220,23 +342,23 @@ double memory_wait_ns(const ColdCacheRun& pieces, const Machine& machine) {
   const double far_ns = machine.reads.back().ns, near_ns = machine.reads.front().ns;
   if (!(far_ns > near_ns)) return 0.0;
   const double lines_a_frame = pieces.cold_ns / (far_ns - near_ns);
-  const double here = lines_a_frame * pieces.frames * kLineBytes;
+  const double here = lines_a_frame * pieces.frames * static_cast<double>(kLine);
   const double all = std::max(here, std::min(here * pieces.path_share, pieces.whole_bytes));
   return lines_a_frame * std::max(0.0, machine.read_ns(all) - machine.read_ns(here));
 }
 
-Result<PilotRun> run_pilot(const render::SceneInput& scene, const NamedOptions& renderer,
+Result<SceneRun> run_scene(const render::SceneInput& scene, const NamedOptions& renderer,
                            const render::Registry& registry, const std::string& path_text, int threads) {
-  PALPATE_ASSIGN(const Ready flown, ready(scene, renderer, registry, path_text, threads));
+  PALPATE_ASSIGN(const Prepared whole, prepare_whole(scene, renderer, registry, path_text, threads));
   PALPATE_ASSIGN(const trace::ForceTrace trace,
-                 trace::replay(*flown.renderer, flown.path, scene.simulation.get()));
+                 trace::replay(*whole.renderer, whole.path, scene.simulation.get()));
   const std::vector<std::uint8_t> contact = trace::contact_of(trace.frames);
   const std::vector<trace::FrameSpan> stretches = trace::frame_spans_of(contact);
   std::vector<trace::FrameSpanTime> times(stretches.size());
-  trace::TimedPasses passes(*flown.renderer, flown.path, scene.simulation.get(), trace.frames);
+  trace::TimedPasses passes(*whole.renderer, whole.path, scene.simulation.get(), trace.frames);
   passes.warm_up(kWarmUpS);
   double fastest_ns = std::numeric_limits<double>::max(), frames = 0.0;
-  for (int pass = 0; pass < kPilotPasses; ++pass) {
+  for (int pass = 0; pass < kWarmPasses; ++pass) {
     PALPATE_TRY(passes.time_spans(stretches, times));
     double ns = 0.0;
     frames = 0.0;
@@ -247,8 +369,8 @@ Result<PilotRun> run_pilot(const render::SceneInput& scene, const NamedOptions& 
     }
     fastest_ns = std::min(fastest_ns, ns);
   }
-  return PilotRun{frames > 0.0 ? fastest_ns / frames / kNsPerUs : 0.0, frames, flown.bytes,
-                  flown.bytes_estimated};
+  return SceneRun{frames > 0.0 ? fastest_ns / frames / kNsPerUs : 0.0, frames, whole.bytes,
+                  whole.bytes_estimated};
 }
 
 Result<FrameCost> estimate_frame_cost(const CostQuery& expected, const render::Registry& registry,
@@ -272,26 +394,25 @@ Result<CountedFrames> count_frame_instructions(const CostQuery& expected, const 
                                                int threads) {
   CountedFrames counted;
   {
-    PALPATE_ASSIGN(const SampledPieces squadron, squadron_for(expected, 0, registry));
-    for (std::size_t k = 0; k < squadron.pilots.size(); ++k) {
-      const Pilot& pilot = squadron.pilots[k];
+    PALPATE_ASSIGN(const SampledPieces sampled, sample_pieces(expected, 0, registry));
+    for (std::size_t k = 0; k < sampled.pieces.size(); ++k) {
+      const Piece& piece = sampled.pieces[k];
       const std::string part = fmt::format("{} {}", kExpectedPart, k);
-      pilot.restart();
+      piece.restart();
       begin_counting();
-      pilot.step(0, pilot.path.size());
+      piece.step(0, piece.path.size());
       end_counting(part.c_str());
-      counted.expected += pilot.path.size();
+      counted.expected += piece.path.size();
     }
   }
-  PALPATE_ASSIGN(const Ready flown,
-                 ready(expected.scene, expected.renderer, registry, expected.path, threads));
-  PALPATE_TRY(trace::replay(*flown.renderer, flown.path));  // runs one-time work first
-  const trace::ProbePath& path = flown.path;
-  flown.renderer->restart(path.hip_mm[0], path.t_s[0] - (path.size() > 1 ? path.t_s[1] - path.t_s[0] : 1e-3));
+  PALPATE_ASSIGN(const Prepared whole,
+                 prepare_whole(expected.scene, expected.renderer, registry, expected.path, threads));
+  PALPATE_TRY(trace::replay(*whole.renderer, whole.path));  // runs one-time work first
+  whole.restart();
   begin_counting();
-  for (std::size_t k = 0; k < path.size(); ++k) (void)flown.renderer->step(path.hip_mm[k], path.t_s[k]);
+  whole.step(0, whole.path.size());
   end_counting(kMeasuredPart);
-  counted.measured = path.size();
+  counted.measured = whole.path.size();
   return counted;
 }
 

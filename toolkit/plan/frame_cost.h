@@ -1,25 +1,48 @@
 // Estimates a scene's frame time on this machine before preparation. It prepares the renderer for pieces of
 // the scene along the probe's path and steps it there, which measures the instructions; cold-cache steps show
-// the memory waits of the whole.
+// the memory waits of the whole. The machine's memory latency is measured once, in less than a second, and
+// cached by processor name and Palpate version.
 #pragma once
 
-#include <palpate/options.h>
-#include <palpate/registry.h>
-#include <palpate/renderer.h>
-#include <palpate/result.h>
-#include <palpate/trace.h>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "toolkit/plan/machine.h"
+#include <palpate/options.h>
+#include <palpate/progress.h>
+#include <palpate/registry.h>
+#include <palpate/renderer.h>
+#include <palpate/result.h>
+#include <palpate/trace.h>
 
 namespace palpate::plan {
 
+/// A dependent read somewhere in this many bytes.
+struct ReadLatency {
+  double bytes = 0.0;
+  double ns = 0.0;
+};
+
+struct Machine {
+  std::string cpu;
+  std::vector<ReadLatency> reads;  ///< bytes ascending
+  bool from_cache = false;
+
+  /// Interpolated along the logarithm; constant beyond the measured sizes.
+  [[nodiscard]] double read_ns(double bytes) const noexcept;
+};
+
+/// From the cache unless `anew`; else measured and cached if possible. `version`: of the program. Invalid
+/// cache files are replaced. Thread time.
+[[nodiscard]] Machine measure_machine(const std::string& version, bool anew, Progress* progress);
+
+/// "Intel Xeon ..: a read of 16 kB 1.2 ns, of 1 MB 4 ns, of 64 MB 95 ns"
+[[nodiscard]] std::string text(const Machine& machine);
+
 /// A smaller model is its own piece: parts of it would have other borders.
-inline constexpr std::size_t kMaxWholePilotPoints = 16'384;
+inline constexpr std::size_t kMaxWholePoints = 16'384;
 
 /// Distance from the HIP within which points matter, model frame.
 struct FeltReach {
@@ -49,13 +72,13 @@ struct Window {
                                                  std::size_t count);
 
 /// Most pieces per model; fewer on short paths.
-inline constexpr std::size_t kMaxPilots = 12;
+inline constexpr std::size_t kMaxExcerpts = 12;
 
 struct FrameCost {
   double frame_us = 0.0;  ///< mean contact frame, thread time; 0: no piece was felt
   double warm_us = 0.0;   ///< part measured on the pieces
   double miss_us = 0.0;   ///< part waiting for memory that the pieces had in cache
-  std::size_t pilots = 0;
+  std::size_t excerpts = 0;
   /// Per model: the pieces' bytes over their estimates. Where bytes are only estimated from points (bricks:
   /// thin things have two sheets per cube), the whole's are off alike.
   std::vector<double> bytes_share;
@@ -75,14 +98,14 @@ struct ColdCacheRun {
 [[nodiscard]] double memory_wait_ns(const ColdCacheRun& pieces, const Machine& machine);
 
 /// A renderer prepared for a scene and stepped along a path.
-struct PilotRun {
+struct SceneRun {
   double contact_us = 0.0;       ///< mean contact frame, thread time, fastest of several passes
   double contact_frames = 0.0;   ///< 0: nothing is felt
   double bytes = 0.0;            ///< held after preparation
   double bytes_estimated = 0.0;  ///< the renderer's estimate
 };
 /// `path`: a generator, on the first model (its formula, if any). Errors: those of preparing and of the path.
-[[nodiscard]] Result<PilotRun> run_pilot(const render::SceneInput& scene, const NamedOptions& renderer,
+[[nodiscard]] Result<SceneRun> run_scene(const render::SceneInput& scene, const NamedOptions& renderer,
                                          const render::Registry& registry, const std::string& path,
                                          int threads);
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include <palpate/aabb.h>
-#include "toolkit/render/model_subset.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::plan {
 namespace {
@@ -17,7 +17,7 @@ constexpr double kMarginSpacings = 8.0;
 /// Fewer points are nearly all border: the margin grows.
 constexpr std::size_t kFewestPoints = 1024;
 /// More take too long for a plan.
-constexpr std::size_t kMaxPoints = 2 * kMaxWholePilotPoints;
+constexpr std::size_t kMaxPoints = 2 * kMaxWholePoints;
 /// Stride of HIP places that form the tube: at most a few spacings.
 constexpr std::size_t kTubeStride = 8;
 /// 2^6 times the margin holds any model, and an eighth of a window still has contact frames.
@@ -127,7 +127,7 @@ SceneExcerpt extract_excerpt(const render::SceneInput& scene, const render::Mode
                              const trace::ProbePath& path, std::size_t begin, std::size_t end,
                              const FeltReach& reach) {
   const cloud::Cloud& cloud = *model.cloud;
-  if (cloud.size() <= kMaxWholePilotPoints) {
+  if (cloud.size() <= kMaxWholePoints) {
     std::vector<std::uint32_t> all(cloud.size());
     std::iota(all.begin(), all.end(), 0u);
     return {part_of(scene, model, all, cloud.raster), part_of(path, begin, end)};

@@ -16,11 +16,11 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/render/frame_time.h"
 #include "toolkit/render/joint_contact.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/near_models.h"
 #include "toolkit/render/surface_response.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::render {
 

@@ -1,11 +1,44 @@
-// Base classes for a renderer around another, and for stubs.
+// What renderers and those around them share: the time between frames, the words of a work bound, and base
+// classes for a renderer around another and for stubs.
 #pragma once
 
-#include <palpate/renderer.h>
 #include <memory>
+#include <string_view>
 #include <utility>
 
+#include <palpate/renderer.h>
+
 namespace palpate::render {
+
+/// Measures the time between a renderer's frames from the caller's times.
+class FrameTime {
+ public:
+  void restart(double t_s) noexcept { now_s_ = t_s; }
+  /// After release_contact() the past is unknown: the next frame counts no time.
+  void release_contact() noexcept { resumed_ = true; }
+  /// Takes a frame at `t_s`; returns the time since the last one.
+  double advance(double t_s) noexcept {
+    const double dt_s = resumed_ ? 0.0 : t_s - now_s_;
+    resumed_ = false;
+    now_s_ = t_s;
+    return dt_s;
+  }
+  [[nodiscard]] double now_s() const noexcept { return now_s_; }
+
+ private:
+  double now_s_ = 0.0;
+  bool resumed_ = false;
+};
+
+/// No bound is known.
+inline constexpr std::string_view kUnbounded = "unbounded";
+/// The worst frame within the bound takes longer than 1 ms; its time and cause follow.
+inline constexpr std::string_view kLongerThanATick = "longer than a tick at worst: ";
+
+/// True if a renderer declares that a frame may take longer than 1 ms.
+[[nodiscard]] constexpr bool may_miss_a_tick(std::string_view work_bound) noexcept {
+  return work_bound.starts_with(kUnbounded) || work_bound.starts_with(kLongerThanATick);
+}
 
 /// Forwards everything except step(). Owns the inner renderer, or refers to one that outlives it.
 class WrappedRenderer : public HapticRenderer {

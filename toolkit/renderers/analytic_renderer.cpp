@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::render {
 namespace {

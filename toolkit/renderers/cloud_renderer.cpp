@@ -4,15 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
 #include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
-#include "toolkit/render/opening_warning.h"
-#include "toolkit/render/prepare_phases.h"
-#include "toolkit/renderers/editable_renderer.h"
+#include "toolkit/render/frame_loop_renderer.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/renderers/local_delaunay_model.h"
 
 namespace palpate::render {
@@ -42,10 +42,10 @@ constexpr Features kFeaturesOnLocalDelaunay = kFeltRigid | Feature::kDent | Feat
 /// How triangles near the HIP are found.
 enum class StarSearch : std::uint8_t { kTree, kNone };
 
-class CloudRenderer final : public EditableRenderer<LocalDelaunayModel> {
+class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public Editable {
  public:
   CloudRenderer(const Options& options, StarSearch search)
-      : EditableRenderer(options),
+      : FrameLoopRenderer(options),
         search_(search),
         asked_{options.text("sides") == "both", options.text("raster") != "off"} {}
 
@@ -63,6 +63,32 @@ class CloudRenderer final : public EditableRenderer<LocalDelaunayModel> {
             local_delaunay::kMaxTestedTriangles, kMaxTouched, kMaxMovedPoints, kMaxBatch, kMaxInferredPoints,
             local_delaunay::kMaxRefitBlocks),
         options_};
+  }
+
+  bool undo(std::size_t model) noexcept override {
+    Deformer* const deformer = deformer_of(model);
+    if (deformer == nullptr) return false;
+    bool any = false;
+    put_back(model, [&](auto&& on_moved) noexcept { any = deformer->undo(on_moved); });
+    return any;
+  }
+  void restore(std::size_t model) noexcept override {
+    Deformer* const deformer = deformer_of(model);
+    if (deformer == nullptr) return;
+    put_back(model, [&](auto&& on_moved) noexcept { deformer->reset(on_moved); });
+  }
+  Result<cloud::Cloud> edited(std::size_t model) const override {
+    if (const Deformer* const deformer = deformer_of(model)) return deformer->edited();
+    return Error{"this model does not give way", "give it a [model.surface.dent]", {}, 0};
+  }
+  std::optional<Vec3> point_position_mm(std::size_t model, std::uint32_t point) const noexcept override {
+    const Deformer* const deformer = deformer_of(model);
+    if (deformer == nullptr) return std::nullopt;
+    return deformer->point_mm(point);
+  }
+  DeformCounters deform_counters(std::size_t model) const noexcept override {
+    const Deformer* const deformer = deformer_of(model);
+    return deformer == nullptr ? DeformCounters{} : deformer->counters();
   }
 
  private:
@@ -120,7 +146,11 @@ class CloudRenderer final : public EditableRenderer<LocalDelaunayModel> {
     describe_surface(input, surface, has_no_tree() ? kFeltRigid : kFeaturesOnLocalDelaunay, out.points, out);
     if (can_deform(input)) {
       const DeformerCapacity room = deformer_capacity(out.points);
-      describe_deformation("points move with their triangles", room, out);
+      out.decisions.push_back(
+          {"deformable geometry", "points move with their triangles",
+           fmt::format("up to {} points a frame, {} spare ones, {} changes undone; the first shape is kept",
+                       kMaxMovedPoints, room.spare_points, room.journal_points),
+           true});
       out.bytes += Deformer::bytes_for(out.points, room) +
                    DeformedLocalDelaunay::bytes_for(out.points, room.spare_points, room.journal_points);
     }
@@ -224,7 +254,11 @@ class CloudRenderer final : public EditableRenderer<LocalDelaunayModel> {
                                                           context.threads);
     own.mesh.drop_order();
     report.bytes += own.bytes() + made.surface.bytes();
-    begin_deformation(made.deformation, input, std::move(points), room, own.tree.box_mm(), report);
+    made.deformation.begin(input, std::move(points), room.journal_points, own.tree.box_mm());
+    report.bytes += made.deformation.deformer()->bytes();
+    report.notes.push_back(
+        fmt::format("deformation: up to {} points a frame, {} spare ones, {} changes undone", kMaxMovedPoints,
+                    room.spare_points, room.journal_points));
     phases.end();
   }
 
@@ -278,6 +312,14 @@ class CloudRenderer final : public EditableRenderer<LocalDelaunayModel> {
     if (const std::size_t softer = blend_stiffness(field, points, links, blend_mm); softer > 0)
       report.notes.push_back(
           fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
+  }
+
+  [[nodiscard]] Deformer* deformer_of(std::size_t model) const noexcept {
+    return model < models_.size() ? models_[model].deformation.deformer() : nullptr;
+  }
+  template <class Change>
+  void put_back(std::size_t model, Change&& change) noexcept {
+    models_[model].put_back(models_.counters(), std::forward<Change>(change));
   }
 
   StarSearch search_;

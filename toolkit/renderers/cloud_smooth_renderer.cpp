@@ -6,7 +6,6 @@
 #include <memory>
 #include <utility>
 
-#include "toolkit/render/correction_ramp.h"
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/surface_response.h"
 #include "toolkit/spline_sdf/spline_sdf_contact.h"

@@ -6,8 +6,8 @@
 
 #include "toolkit/heightfield/heightfield_model.h"
 #include "toolkit/render/frame_loop_renderer.h"
-#include "toolkit/render/literal_friction.h"
 #include "toolkit/render/shading.h"
+#include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
 namespace {

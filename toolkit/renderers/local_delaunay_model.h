@@ -6,9 +6,8 @@
 #include <memory>
 
 #include <palpate/aabb.h>
-#include "toolkit/deformation/deformation_state.h"
+#include "toolkit/deformation/deformer.h"
 #include "toolkit/local_delaunay/mesh_contact.h"
-#include "toolkit/render/correction_ramp.h"
 #include "toolkit/render/joint_contact.h"
 #include "toolkit/render/surface_response.h"
 

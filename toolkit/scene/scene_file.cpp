@@ -8,9 +8,9 @@
 #include <palpate/generate.h>
 #include <palpate/result.h>
 #include "toolkit/cloud/mesh_samples.h"
-#include "toolkit/control/virtual_coupling.h"
+#include "toolkit/control/control_stages.h"
 #include "toolkit/core/input_file.h"
-#include "toolkit/scene/scene_fields.h"
+#include "toolkit/scene/model_keys.h"
 
 namespace palpate::scene {
 namespace {
@@ -52,17 +52,11 @@ Fields model_fields(SceneModel& model, const cloud::Generator* generator, const 
   fields.push_back(field("scan", model.scan).of({kOfScan}));
   fields.push_back(field("generate", model.name).of({generated}));
   const auto of_files = [&fields](Field one) { fields.push_back(std::move(one).of({kOfFile, kOfScan})); };
-  of_files({"unit", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) {
-              return read_unit(node, model, in_file);
-            }});
-  fields.push_back({"sample", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) {
-                      return read_sample(node, model, in_file);
-                    }});
+  of_files(whole_field("unit", model, &read_unit));
+  fields.push_back(whole_field("sample", model, &read_sample));
   of_files(field("post_mm", model.post_mm, kLengthsMm));
   of_files(field("vertical_mm", model.vertical_mm, kLengthsMm));
-  of_files({"no_data", [&model](const toml::node& node, const std::string&, const TomlFile& in_file) {
-              return read_no_data(node, model, in_file);
-            }});
+  of_files(whole_field("no_data", model, &read_no_data));
   of_files(list(
       "view", model.views, [](SceneView& view, const std::string&) { return view_fields(view); }, {},
       "model.view"));
@@ -186,13 +180,6 @@ Status read_passivity(const toml::node& node, SceneFile& scene, const TomlFile& 
                       "or write passivity = { damping_limit_n_s_per_mm = 0.005 }");
   if (on.value_or(true)) scene.control.passivity = passivity;
   return Done{};
-}
-
-/// A field read as a whole by `read`.
-Field whole_field(std::string key, SceneFile& scene,
-                  Status (*read)(const toml::node&, SceneFile&, const TomlFile&)) {
-  return {std::move(key), [&scene, read](const toml::node& node, const std::string&,
-                                         const TomlFile& in_file) { return read(node, scene, in_file); }};
 }
 
 Fields control_fields(SceneFile& scene) {

@@ -143,6 +143,14 @@ template <class T>
             return Done{};
           }};
 }
+/// A value read as a whole by `read`.
+template <class T>
+[[nodiscard]] Field whole_field(std::string key, T& into,
+                                Status (*read)(const toml::node&, T&, const TomlFile&)) {
+  return {std::move(key), [&into, read](const toml::node& node, const std::string&, const TomlFile& in_file) {
+            return read(node, into, in_file);
+          }};
+}
 /// A choice among `choices` by text.
 template <class T>
 [[nodiscard]] Field choice(std::string key, T& into, std::vector<std::pair<std::string, T>> choices) {

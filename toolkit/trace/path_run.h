@@ -1,15 +1,27 @@
-// Runs a renderer along a path and digests its answers for comparison of passes. Internal to replay.
+// Runs a renderer along a path, and digests and hashes its answers frame by frame for comparison.
 #pragma once
 
 #include <bit>
 #include <cstdint>
+#include <ctime>
 #include <span>
+#include <string>
 
 #include <palpate/motion.h>
 #include <palpate/renderer.h>
 #include <palpate/trace.h>
+#include "toolkit/core/hash.h"
 
 namespace palpate::trace {
+
+inline constexpr std::int64_t kNsPerS = 1'000'000'000;
+
+/// Processor time of the calling thread: what else runs is not in it.
+[[nodiscard]] inline std::int64_t thread_cpu_ns() noexcept {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * kNsPerS + now.tv_nsec;
+}
 
 /// A renderer along a path and its simulation; the models advance first.
 class PathRun {
@@ -74,5 +86,20 @@ class FrameDigest {
   for (const render::Frame& frame : frames) digest.add(frame);
   return digest.value();
 }
+
+/// FNV-1a-64 over contact, force and god object of every added frame; used by trace_hash().
+class FrameHash {
+ public:
+  void add(const render::Frame& frame) noexcept {
+    hash_.byte(frame.contact ? 1 : 0);
+    for (int axis = 0; axis < 3; ++axis) hash_.real(frame.force_n[axis]);
+    for (int axis = 0; axis < 3; ++axis) hash_.real(frame.god_object_mm[axis]);
+  }
+  /// Sixteen hexadecimal digits.
+  [[nodiscard]] std::string hex() const { return hash_.hex(); }
+
+ private:
+  Hash64 hash_;
+};
 
 }  // namespace palpate::trace

@@ -124,11 +124,11 @@ Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, rende
   ForceTrace trace;
   trace.label = renderer.describe().name;
   trace.frames.reserve(path.size());
-  PathRun course(renderer, path, simulation);
-  course.restart();
+  PathRun run(renderer, path, simulation);
+  run.restart();
   for (std::size_t i = 0; i < path.size(); ++i) {
-    course.advance(i);
-    trace.frames.push_back(course.step(i));
+    run.advance(i);
+    trace.frames.push_back(run.step(i));
   }
   return trace;
 }

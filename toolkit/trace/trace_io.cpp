@@ -13,8 +13,10 @@
 #include <palpate/options.h>
 #include <palpate/result.h>
 #include "toolkit/core/atomic_file.h"
+#include "toolkit/core/hash.h"
 #include "toolkit/core/message_text.h"
 #include "toolkit/trace/csv_rows.h"
+#include "toolkit/trace/path_run.h"
 
 namespace palpate::trace {
 namespace {
@@ -237,6 +239,21 @@ Result<TrajRecording> read_traj(const std::string& file, const TrajColumns& colu
   if (reader.failure()) return *reader.failure();
   if (path.t_s.empty()) return reader.error("the file holds no line of numbers", "is this the right file?");
   return recording;
+}
+
+std::string trace_hash(const ForceTrace& trace) {
+  FrameHash hash;
+  for (const render::Frame& frame : trace.frames) hash.add(frame);
+  return hash.hex();
+}
+
+std::string path_hash(const ProbePath& path) {
+  Hash64 hash;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    hash.real(path.t_s[i]);
+    for (int axis = 0; axis < 3; ++axis) hash.real(path.hip_mm[i][axis]);
+  }
+  return hash.hex();
 }
 
 }  // namespace palpate::trace

@@ -1,4 +1,4 @@
-#include "toolkit/render/scene_broad_phase.h"
+#include "toolkit/render/near_models.h"
 
 #include <algorithm>
 #include <cmath>

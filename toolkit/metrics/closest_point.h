@@ -1,14 +1,19 @@
-// The second reference, without history: the closest surface point to the HIP. Where it differs from the god
-// object, the truth depends on the way taken.
+// Closest points along a path. The second reference, without history: the closest surface point to the HIP;
+// where it differs from the god object, the truth depends on the way taken. And the smallest distance to
+// models' points.
 #pragma once
 
 #include <cstddef>
+#include <limits>
+#include <span>
 #include <string>
 
 #include <palpate/progress.h>
 #include <palpate/reference.h>
+#include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
+#include <palpate/vec.h>
 
 namespace palpate::metrics {
 
@@ -38,5 +43,16 @@ struct HistoryCounts {
 [[nodiscard]] Result<HistoryCounts> compare_references(trace::ReferenceTrace& reference,
                                                        const trace::ReferenceTrace& second,
                                                        const trace::ProbePath& path);
+
+struct ClosestApproach {
+  double distance_mm = std::numeric_limits<double>::infinity();  ///< to the nearest point
+  std::size_t sample = 0;                                        ///< of the path
+  std::size_t model = 0;
+};
+
+/// Over all samples and points, models at their start poses. Exact. O(points log points), then little for a
+/// path that passes by, O(samples log points) among the points.
+[[nodiscard]] ClosestApproach closest_approach(const trace::ProbePath& path,
+                                               std::span<const render::ModelInput> models);
 
 }  // namespace palpate::metrics

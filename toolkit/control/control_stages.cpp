@@ -1,4 +1,4 @@
-#include "toolkit/control/force_filter.h"
+#include "toolkit/control/control_stages.h"
 
 #include <Eigen/Geometry>
 
@@ -6,10 +6,117 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <string>
+#include <utility>
 
+#include <palpate/renderer.h>
 #include <palpate/result.h>
 
 namespace palpate::control {
+
+Status check(const Coupling& coupling) {
+  if (!std::isfinite(coupling.stiffness_n_per_mm) || !(coupling.stiffness_n_per_mm > 0.0))
+    return Error{"the coupling's stiffness_n_per_mm is " + std::to_string(coupling.stiffness_n_per_mm),
+                 "give a finite number above 0", "", 0};
+  if (!std::isfinite(coupling.damping_n_s_per_mm) || coupling.damping_n_s_per_mm < 0.0)
+    return Error{"the coupling's damping_n_s_per_mm is " + std::to_string(coupling.damping_n_s_per_mm),
+                 "give a finite number, 0 or above", "", 0};
+  return Done{};
+}
+
+CouplingStability coupling_stability(const Coupling& coupling, double device_damping_n_s_per_mm,
+                                     double period_s) noexcept {
+  CouplingStability s;
+  s.min_device_damping_n_s_per_mm =
+      0.5 * coupling.stiffness_n_per_mm * period_s + coupling.damping_n_s_per_mm;
+  s.passive = device_damping_n_s_per_mm > s.min_device_damping_n_s_per_mm;
+  s.max_stiffness_n_per_mm =
+      std::max(0.0, 2.0 * (device_damping_n_s_per_mm - coupling.damping_n_s_per_mm) / period_s);
+  return s;
+}
+
+Vec3 VirtualCoupling::couple(const Vec3& hip_mm, const Vec3& god_object_mm, const Vec3& renderer_force_n,
+                             bool contact, double dt_s) noexcept {
+  const Vec3 stretch_mm = god_object_mm - hip_mm;
+  if (!contact || !is_finite(stretch_mm) || !is_finite(renderer_force_n)) {
+    last_length_mm_ = 0.0;
+    return Vec3::Zero();
+  }
+  const double length_mm = stable_norm(stretch_mm);
+  const double longer_mm = length_mm - std::exchange(last_length_mm_, length_mm);
+  const double coupled_n = coupling_.stiffness_n_per_mm * length_mm;
+  const double model_n = stable_norm(renderer_force_n);
+  // At depth 0, or without a model force, the direction is undefined.
+  if (!(coupled_n > 0.0) || !(model_n > 0.0)) return Vec3::Zero();
+  // Written so that neither a rigid nor a resting model divides by zero.
+  Vec3 force_n = renderer_force_n / (1.0 + model_n / coupled_n);
+  if (coupling_.damping_n_s_per_mm > 0.0 && dt_s > 0.0) {
+    const double spring_n = stable_norm(force_n);
+    const double damped_n = spring_n + coupling_.damping_n_s_per_mm / dt_s * longer_mm;
+    force_n *= damped_n > 0.0 && spring_n > 0.0 ? damped_n / spring_n : 0.0;
+  }
+  return is_finite(force_n) ? force_n : Vec3::Zero();
+}
+
+double PassivityObserver::current_force_weight() const noexcept {
+  switch (rule_) {
+    case EnergyRule::kTrapezoid:
+      return 0.5;
+    case EnergyRule::kPrinted:
+      return 1.0;
+    case EnergyRule::kHold:
+      return 0.0;
+  }
+  return 0.5;
+}
+
+double PassivityObserver::energy_after_mj(const Vec3& hip_mm, const Vec3& force_n) const noexcept {
+  if (!started_) return energy_mj_;
+  const double now = current_force_weight();
+  const Vec3 step_mm = hip_mm - last_hip_mm_;
+  const double after_mj = energy_mj_ - ((1.0 - now) * last_force_n_ + now * force_n).dot(step_mm);
+  return std::isfinite(after_mj) ? after_mj : energy_mj_;
+}
+
+void PassivityObserver::observe(const Vec3& hip_mm, const Vec3& force_n) noexcept {
+  if (!is_finite(hip_mm) || !is_finite(force_n)) return;
+  energy_mj_ = energy_after_mj(hip_mm, force_n);
+  min_energy_mj_ = std::min(min_energy_mj_, energy_mj_);
+  last_hip_mm_ = hip_mm;
+  last_force_n_ = force_n;
+  started_ = true;
+}
+
+Vec3 PassivityController::damping_n(const Vec3& hip_mm, const Vec3& wanted_n, double dt_s) const noexcept {
+  const double owed_mj = -observer_.energy_after_mj(hip_mm, wanted_n);
+  if (!(owed_mj > 0.0) || !observer_.started() || !(dt_s > 0.0)) return Vec3::Zero();
+  const Vec3 velocity_mm_s = (hip_mm - observer_.last_hip_mm()) / dt_s;
+  // N s/mm times mm^2/s^2 times s: the energy that one unit of damping takes, mJ.
+  const double weight = observer_.current_force_weight() > 0.0 ? observer_.current_force_weight() : 1.0;
+  const double taken_mj = weight * dt_s * velocity_mm_s.squaredNorm();
+  if (!(taken_mj > 0.0)) return Vec3::Zero();  // at rest damping takes nothing
+  const double alpha = std::min(owed_mj / taken_mj, options_.damping_limit_n_s_per_mm);
+  const Vec3 damping_n = -alpha * velocity_mm_s;
+  return is_finite(damping_n) ? damping_n : Vec3::Zero();
+}
+
+Vec3 PassivityController::control(const Vec3& hip_mm, const Vec3& wanted_n, double dt_s,
+                                  double limit_n) noexcept {
+  if (!is_finite(hip_mm) || !is_finite(wanted_n)) return Vec3::Zero();
+  Vec3 force_n = render::limited(wanted_n, limit_n);
+  const bool free = wanted_n == Vec3::Zero();
+  if (!free) {
+    const Vec3 damping = damping_n(hip_mm, force_n, dt_s);
+    if (damping != Vec3::Zero()) {
+      ++damped_frames_;
+      force_n = render::limited(force_n + damping, limit_n);
+    }
+  }
+  observer_.observe(hip_mm, force_n);
+  if (free) observer_.forget_surplus();
+  return force_n;
+}
+
 namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;

@@ -1,4 +1,4 @@
-#include "toolkit/metrics/score_io.h"
+#include "toolkit/metrics/scores.h"
 
 #include <fmt/format.h>
 
