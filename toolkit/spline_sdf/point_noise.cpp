@@ -15,6 +15,12 @@ namespace palpate::render {
 
 namespace {
 
+double median_of(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// With fewer points the ball grows, with more it shrinks; half and twice an even distribution, with
 /// tolerance.
 constexpr std::size_t kMinSeedPoints = 9, kMaxSeedPoints = 34;
@@ -133,9 +139,7 @@ double estimate_noise(const MortonPoints& points, int threads) {
   });
   std::erase_if(sigma, [](double s) { return s < 0.0; });
   if (sigma.empty()) return 0.0;
-  const auto middle = sigma.begin() + static_cast<std::ptrdiff_t>(sigma.size() / 2);
-  std::nth_element(sigma.begin(), middle, sigma.end());
-  return *middle;
+  return median_of(sigma);
 }
 
 namespace {
@@ -149,12 +153,6 @@ constexpr double kAroundSpacings = 16.0;
 /// twelfth, and this is three of those.
 constexpr double kMoreByChance = 1.25;
 constexpr std::size_t kFieldGrain = 16;
-
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 
@@ -287,9 +285,7 @@ InputQuality assess_input_quality(const MortonPoints& points, double noise, int 
   out.layered = static_cast<double>(apart.size()) / all;
   out.scattered = static_cast<double>(scattered) / all;
   if (apart.empty()) return out;
-  const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
-  std::nth_element(apart.begin(), middle, apart.end());
-  out.layer_distance_mm = *middle;
+  out.layer_distance_mm = median_of(apart);
   return out;
 }
 
