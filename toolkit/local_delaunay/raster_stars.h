@@ -8,7 +8,6 @@
 
 #include "toolkit/local_delaunay/candidate_triangulation.h"
 #include "toolkit/local_delaunay/raster_cells.h"
-#include "toolkit/local_delaunay/raster_grid.h"
 
 namespace palpate::local_delaunay {
 

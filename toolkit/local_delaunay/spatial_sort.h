@@ -10,7 +10,7 @@
 
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/simd.h"
-#include "toolkit/local_delaunay/raster_grid.h"
+#include "toolkit/local_delaunay/raster_cells.h"
 
 namespace palpate::local_delaunay {
 

@@ -8,7 +8,7 @@
 #include <span>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/spline_sdf/seed_ball.h"
+#include "toolkit/spline_sdf/point_noise.h"
 
 namespace palpate::render {
 namespace {

@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
-#include "toolkit/spline_sdf/noise_field.h"
 #include "toolkit/spline_sdf/point_interior.h"
+#include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/quadric.h"
 
 namespace palpate::render {

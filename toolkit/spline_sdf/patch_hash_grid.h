@@ -12,7 +12,7 @@
 
 #include "toolkit/search/morton_order.h"
 #include "toolkit/spline_sdf/fit_patches.h"
-#include "toolkit/spline_sdf/morton_cell_table.h"
+#include "toolkit/spline_sdf/morton_points.h"
 
 namespace palpate::render {
 

@@ -7,7 +7,6 @@
 
 #include <palpate/renderer.h>
 #include "toolkit/core/simd.h"
-#include "toolkit/spline_sdf/newton_step.h"
 #include "toolkit/spline_sdf/spline.h"
 
 namespace palpate::render {

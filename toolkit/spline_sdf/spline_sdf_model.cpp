@@ -18,10 +18,9 @@
 #include "toolkit/search/knn.h"
 #include "toolkit/spline_sdf/build_bricks.h"
 #include "toolkit/spline_sdf/fit_patches.h"
-#include "toolkit/spline_sdf/input_quality.h"
-#include "toolkit/spline_sdf/morton_cell_table.h"
+#include "toolkit/spline_sdf/morton_points.h"
 #include "toolkit/spline_sdf/orient_patches.h"
-#include "toolkit/spline_sdf/seed_ball.h"
+#include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/spline.h"
 
 namespace palpate::render {

@@ -13,10 +13,9 @@
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/spline_sdf/fit_moments.h"
-#include "toolkit/spline_sdf/input_quality.h"
 #include "toolkit/spline_sdf/orient_patches.h"
 #include "toolkit/spline_sdf/point_interior.h"
-#include "toolkit/spline_sdf/seed_ball.h"
+#include "toolkit/spline_sdf/point_noise.h"
 
 namespace palpate::render {
 namespace {

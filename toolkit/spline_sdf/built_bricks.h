@@ -1,4 +1,4 @@
-// Bricks under construction, and which pieces are felt from one side.
+// Bricks under construction: where they are needed, and which pieces are felt from one side.
 #pragma once
 
 #include <array>
