@@ -11,9 +11,9 @@
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/core/message_text.h"
 #include "toolkit/core/percentiles.h"
-#include "toolkit/geometry/loop_subdivision.h"
-#include "toolkit/geometry/mesh_ray_caster.h"
-#include "toolkit/geometry/mesh_surface_sampler.h"
+#include "toolkit/geometry/triangle_meshes.h"
+#include "toolkit/geometry/triangle_meshes.h"
+#include "toolkit/geometry/triangle_meshes.h"
 
 namespace palpate::cloud {
 namespace {
