@@ -6,13 +6,10 @@
 #include <cmath>
 
 #include <palpate/result.h>
-#include "toolkit/cloud/limits.h"
 #include "toolkit/cloud/poisson_disk.h"
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/core/message_text.h"
 #include "toolkit/core/percentiles.h"
-#include "toolkit/geometry/triangle_meshes.h"
-#include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/geometry/triangle_meshes.h"
 
 namespace palpate::cloud {
