@@ -14,7 +14,6 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/search/knn.h"
-#include "toolkit/search/knn.h"
 
 namespace palpate::render {
 namespace {
