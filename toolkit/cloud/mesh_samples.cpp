@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include <palpate/result.h>
-#include "toolkit/cloud/poisson_disk.h"
+#include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/core/message_text.h"
 #include "toolkit/core/percentiles.h"

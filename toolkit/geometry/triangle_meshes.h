@@ -13,7 +13,7 @@
 #include <palpate/triangle_mesh.h>
 #include <palpate/vec.h>
 #include "toolkit/core/random.h"
-#include "toolkit/geometry/aabb_tree.h"
+#include "toolkit/geometry/broad_phase.h"
 
 namespace palpate::geometry {
 
