@@ -5,7 +5,7 @@
 #include <bit>
 #include <cmath>
 
-#include "toolkit/cloud/limits.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/core/hash.h"
 
 namespace palpate::cloud {

@@ -8,8 +8,6 @@
 #include <limits>
 #include <numeric>
 
-#include "toolkit/cloud/height_field_holes.h"
-
 namespace palpate::cloud {
 namespace {
 

@@ -6,14 +6,11 @@
 #include <cmath>
 
 #include <palpate/result.h>
-#include "toolkit/cloud/limits.h"
-#include "toolkit/cloud/poisson_disk.h"
+#include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/core/message_text.h"
 #include "toolkit/core/percentiles.h"
-#include "toolkit/geometry/loop_subdivision.h"
-#include "toolkit/geometry/mesh_ray_caster.h"
-#include "toolkit/geometry/mesh_surface_sampler.h"
+#include "toolkit/geometry/triangle_meshes.h"
 
 namespace palpate::cloud {
 namespace {

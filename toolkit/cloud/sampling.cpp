@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "toolkit/cloud/poisson_disk.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"

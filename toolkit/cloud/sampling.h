@@ -1,15 +1,73 @@
-// Samplings besides the grid (random, blue noise, scan lines), and scanner defects: noise, outliers, shuffled
-// order. Internal to cloud.
+// The generators' surfaces, each with a grid of points and patches for other samplings (random, scan lines,
+// and blue noise: random places with a least distance, over any density), and scanner defects: noise,
+// outliers, shuffled order. Internal to cloud.
 #pragma once
 
+#include <array>
+#include <cmath>
 #include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <palpate/aabb.h>
-#include "toolkit/cloud/shapes.h"
+#include <palpate/analytic_surface.h>
+#include <palpate/cloud.h>
+#include <palpate/options.h>
+#include <palpate/vec.h>
+#include "toolkit/core/hash.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/random.h"
 
 namespace palpate::cloud {
+
+using Triangles = std::vector<std::array<std::uint32_t, 3>>;
+
+/// Options of every generator; lengths already scaled.
+struct CommonOptions {
+  double points = 0.0;
+  double spacing_mm = 0.0;  ///< 0 = from points
+  double extent_mm = 0.0;
+  double jitter = 0.0;
+  double nonuniform = 0.0;
+  std::uint64_t seed = 0;
+  double scale = 1.0;
+  bool mesh = true;
+  std::string order;  ///< of points, if selectable
+};
+
+/// Points by index, in mm; triangles on demand.
+struct Samples {
+  std::size_t count = 0;
+  std::function<Vec3(std::size_t)> point;
+  std::function<Triangles()> triangles;
+  std::optional<ScanRaster> raster;
+  double spacing_mm = 0.0;
+};
+
+/// A part of a surface over [0, 1]^2. Patches of a sheet meet; different sheets may come close.
+struct Patch {
+  std::function<Vec3(double u, double v)> point;
+  int sheet = 0;
+};
+
+struct Shape {
+  std::shared_ptr<const geometry::AnalyticSurface> surface;  ///< null for an unknown kind
+  Samples grid;
+  std::vector<Patch> patches;    ///< together the surface
+  bool is_height_field = false;  ///< z at a place is cheap, the closest place is not
+
+  /// Unit normal at a place of the surface.
+  [[nodiscard]] Vec3 normal_at(const Vec3& on_surface) const {
+    return is_height_field ? surface->track({on_surface, Vec3::UnitZ()}, on_surface).normal
+                           : surface->closest(on_surface).normal;
+  }
+};
+
+/// From a generator's name and validated options.
+[[nodiscard]] Shape shape_of(const std::string& name, const Options& options, const CommonOptions& common);
 
 enum class Sampling { kGrid, kRandom, kBlue, kLines, kScan };
 
@@ -44,5 +102,108 @@ void add_noise_and_outliers(const Shape& shape, double spacing_mm, const Samplin
 
 /// A uniform permutation: order[i] is the place that goes to i.
 [[nodiscard]] std::vector<std::uint32_t> random_permutation(std::size_t count, std::uint64_t seed);
+
+/// Least distance of blue noise over the mean spacing. Random disks cover at most 0.547 of the plane, which
+/// is 0.83 spacings; at 0.7 about ten candidates a point suffice.
+inline constexpr double kPoissonDiskDistance = 0.7;
+/// After this many candidates a point the distance shrinks: remaining openings are too small to find.
+inline constexpr double kCandidatesPerPoint = 16.0;
+inline constexpr double kDistanceShrink = 0.95;
+
+struct DiskSample {
+  Vec3 point = Vec3::Zero();
+  int sheet = 0;
+  Vec3 facing = Vec3::Zero();  ///< outward, any length; zero: unknown
+};
+
+/// Accepted places in a hash of cubes; places on one sheet (not facing apart) keep the distance.
+class AcceptedSamples {
+ public:
+  AcceptedSamples(std::size_t most, double cell_mm, const Vec3& low) : cell_(cell_mm), low_(low) {
+    std::size_t size = 1;
+    while (size < 2 * most) size *= 2;
+    first_.assign(size, kNone);
+  }
+  [[nodiscard]] bool far_from_all(const DiskSample& pick, double distance) const {
+    const auto cell = cell_of(pick.point);
+    for (std::int64_t x = -1; x <= 1; ++x)
+      for (std::int64_t y = -1; y <= 1; ++y)
+        for (std::int64_t z = -1; z <= 1; ++z)
+          for (std::uint32_t i = first_[slot(cell[0] + x, cell[1] + y, cell[2] + z)]; i != kNone;
+               i = next_[i])
+            if (sheets_[i] == pick.sheet && (facing_.empty() || facing_[i].dot(pick.facing) >= 0.0) &&
+                (points_[i] - pick.point).squaredNorm() < distance * distance)
+              return false;
+    return true;
+  }
+  void add(const DiskSample& pick) {
+    const auto cell = cell_of(pick.point);
+    std::uint32_t& first = first_[slot(cell[0], cell[1], cell[2])];
+    next_.push_back(first);
+    first = static_cast<std::uint32_t>(points_.size());
+    points_.push_back(pick.point);
+    sheets_.push_back(pick.sheet);
+    if (!pick.facing.isZero()) facing_.push_back(pick.facing);
+  }
+  [[nodiscard]] std::size_t size() const { return points_.size(); }
+  [[nodiscard]] std::vector<Vec3>& points() { return points_; }
+  [[nodiscard]] std::vector<Vec3>& facing() { return facing_; }
+
+ private:
+  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+  [[nodiscard]] std::array<std::int64_t, 3> cell_of(const Vec3& p) const {
+    const Vec3 at = ((p - low_) / cell_).array().floor();
+    return {static_cast<std::int64_t>(at.x()), static_cast<std::int64_t>(at.y()),
+            static_cast<std::int64_t>(at.z())};
+  }
+  [[nodiscard]] std::size_t slot(std::int64_t x, std::int64_t y, std::int64_t z) const {
+    auto key = static_cast<std::uint64_t>(x);
+    for (const std::int64_t next : {y, z})
+      key = (key ^ (key >> 32)) * kGolden64 + static_cast<std::uint64_t>(next);
+    key = (key ^ (key >> 32)) * kGolden64;
+    return static_cast<std::size_t>(key >> 20) & (first_.size() - 1);
+  }
+
+  double cell_;
+  Vec3 low_;
+  std::vector<std::uint32_t> first_, next_;
+  std::vector<Vec3> points_;
+  std::vector<int> sheets_;
+  std::vector<Vec3> facing_;  ///< empty: unknown
+};
+
+/// Dart throwing: keeps candidates far enough from earlier ones. `Table`: DiskSample pick(Random&), double
+/// weight() (sum of area x density), double density_at(point), at most 1. `random_of(i)`: candidate i's
+/// random sequence. Independent of the number of threads. `facing`: per place, if the table has it.
+template <class Table, class RandomOf>
+[[nodiscard]] std::vector<Vec3> poisson_disk_samples(const Table& table, std::size_t count, const Vec3& low,
+                                                     const RandomOf& random_of,
+                                                     std::vector<Vec3>* facing = nullptr) {
+  // Points per area at the densest; the distance follows the local density.
+  const double densest = static_cast<double>(count) / table.weight();
+  const double sparsest = densest * table.density_at(low);
+  double distance = kPoissonDiskDistance;
+  AcceptedSamples kept(count, kPoissonDiskDistance / std::sqrt(sparsest), low);
+  std::vector<DiskSample> candidates(kPointsPerChunk);
+  double tried = 0.0;
+  for (std::size_t block = 0; kept.size() < count; ++block) {
+    parallel_chunks(candidates.size(), kPointsPerChunk / 16, 0, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        Random random = random_of(block * candidates.size() + i);
+        candidates[i] = table.pick(random);
+      }
+    });
+    for (const DiskSample& pick : candidates) {
+      if (kept.size() == count) break;
+      const double spacing = 1.0 / std::sqrt(densest * table.density_at(pick.point));
+      if (kept.far_from_all(pick, distance * spacing)) kept.add(pick);
+      if (++tried < kCandidatesPerPoint * static_cast<double>(count)) continue;
+      tried = 0.0;
+      distance *= kDistanceShrink;
+    }
+  }
+  if (facing != nullptr) *facing = std::move(kept.facing());
+  return std::move(kept.points());
+}
 
 }  // namespace palpate::cloud

@@ -9,7 +9,6 @@
 #include <numbers>
 
 #include <palpate/result.h>
-#include "toolkit/cloud/limits.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"

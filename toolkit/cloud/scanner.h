@@ -13,6 +13,9 @@
 
 namespace palpate::cloud {
 
+/// Mesh indices are 32 bits, and a hundred million points with their mesh fill a desktop's memory.
+inline constexpr double kMaxGeneratedPoints = 1e8;
+
 /// Lengths in spacings: the distance of adjacent rays in the model's middle.
 struct ScannerOptions {
   double points = 0.0;        ///< wanted before dropout, over all views

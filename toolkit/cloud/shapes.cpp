@@ -1,4 +1,4 @@
-#include "toolkit/cloud/shapes.h"
+#include "toolkit/cloud/sampling.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,11 +1,17 @@
 #include "toolkit/cloud/statistics.h"
 
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
+#include <vector>
 
+#include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
 
 namespace palpate::cloud {
@@ -200,6 +206,84 @@ double fallback_spacing_mm(const Cloud& cloud) noexcept {
   constexpr double kShare = 1e-6;  // far above coordinate rounding, far below the sought sizes
   const double size = cloud.origin_mm.cwiseAbs().maxCoeff();
   return size > 0.0 ? kShare * size : 1.0;
+}
+
+namespace {
+
+// Points nearer to a line than this share of its length are collinear; text files have five digits or more.
+constexpr double kThinnest = 1e-5;
+
+/// The point farthest from `from`.
+Vec3 farthest_from(const Cloud& cloud, const Vec3& from) {
+  Vec3 best = from;
+  double best_sq = 0.0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const double distance_sq = (cloud.local_mm(i) - from).squaredNorm();
+    if (distance_sq <= best_sq) continue;
+    best_sq = distance_sq;
+    best = cloud.local_mm(i);
+  }
+  return best;
+}
+
+}  // namespace
+
+std::optional<std::string> degeneracy_of(const Cloud& cloud) {
+  if (cloud.empty()) return "it has no points";
+  const Vec3 one_end = cloud.local_mm(0), other_end = farthest_from(cloud, one_end);
+  const double length = (other_end - one_end).norm();
+  if (length > 0.0) {
+    const Vec3 along = (other_end - one_end) / length;
+    for (std::size_t i = 0; i < cloud.size(); ++i)
+      if ((cloud.local_mm(i) - one_end).cross(along).norm() > kThinnest * length) return std::nullopt;
+  }
+  const std::size_t places = cloud.size() - count_duplicates(cloud);
+  const std::string where = places == 1                   ? std::string("in one place")
+                            : places < kMinDistinctPoints ? fmt::format("in {} places", places)
+                                                          : std::string("in one line");
+  return cloud.size() == 1
+             ? fmt::format("it has one point; a surface needs at least {} that are not in one line",
+                           kMinDistinctPoints)
+             : fmt::format("its {} points stand {}; a surface needs at least {} that are not in one line",
+                           cloud.size(), where, kMinDistinctPoints);
+}
+
+std::vector<float> taken(const std::vector<float>& values, std::span<const std::uint32_t> of) {
+  std::vector<float> some;
+  if (values.empty()) return some;
+  some.reserve(of.size());
+  for (const std::uint32_t i : of) some.push_back(values[i]);
+  return some;
+}
+
+Cloud subset_of(const Cloud& cloud, std::span<const std::uint32_t> of) {
+  Cloud part;
+  part.origin_mm = cloud.origin_mm;
+  part.x_mm = taken(cloud.x_mm, of);
+  part.y_mm = taken(cloud.y_mm, of);
+  part.z_mm = taken(cloud.z_mm, of);
+  for (const Property& property : cloud.properties)
+    part.properties.push_back({property.name, taken(property.values, of)});
+  return part;
+}
+
+Cloud random_subset(const Cloud& cloud, std::size_t count, std::uint64_t seed) {
+  std::vector<std::uint32_t> kept(cloud.size());
+  std::iota(kept.begin(), kept.end(), 0u);
+  if (count < kept.size()) {
+    Random random(seed);
+    for (std::size_t i = 0; i < count; ++i) std::swap(kept[i], kept[i + random.below(kept.size() - i)]);
+    kept.resize(count);
+    std::sort(kept.begin(), kept.end());
+  }
+  Cloud some;
+  some.origin_mm = cloud.origin_mm;
+  for (const std::uint32_t i : kept) {
+    some.x_mm.push_back(cloud.x_mm[i]);
+    some.y_mm.push_back(cloud.y_mm[i]);
+    some.z_mm.push_back(cloud.z_mm[i]);
+  }
+  return some;
 }
 
 }  // namespace palpate::cloud

@@ -1,13 +1,24 @@
-// Statistics of a cloud that need no neighbours (others: search/spacing.h).
+// Statistics of a cloud that need no neighbours (others: search/neighbour_table.h), its limits, and its
+// subsets by point index.
 #pragma once
 
-#include <palpate/cloud.h>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
+
+#include <palpate/aabb.h>
+#include <palpate/cloud.h>
 
 namespace palpate::cloud {
+
+/// Most points of a cloud (checked by build_cloud()): twice an index plus one, which piece orientation uses
+/// for point and side, fits 32 bits.
+inline constexpr std::size_t kMaxCloudPoints = (std::size_t{1} << 31) - 1;
+static_assert(2 * (kMaxCloudPoints - 1) + 1 <= std::numeric_limits<std::uint32_t>::max());
 
 struct Statistics {
   std::size_t points = 0;
@@ -52,5 +63,15 @@ inline constexpr std::size_t kMinDistinctPoints = 3;
 /// Why the points are no surface, for the user ("its 1000 points stand in one place; ..."), or nothing. O(n);
 /// O(n log n) if they are none.
 [[nodiscard]] std::optional<std::string> degeneracy_of(const Cloud& cloud);
+
+/// The values at these indices, in their order; empty for an empty array.
+[[nodiscard]] std::vector<float> taken(const std::vector<float>& values, std::span<const std::uint32_t> of);
+
+/// These points in their order, as stored, with properties and without raster. Indices must be valid.
+[[nodiscard]] Cloud subset_of(const Cloud& cloud, std::span<const std::uint32_t> of);
+
+/// `count` points chosen uniformly, in their order, without properties and raster; all if there are no more.
+/// Deterministic per seed. O(n).
+[[nodiscard]] Cloud random_subset(const Cloud& cloud, std::size_t count, std::uint64_t seed);
 
 }  // namespace palpate::cloud

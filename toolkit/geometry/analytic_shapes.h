@@ -5,12 +5,22 @@
 // The functions return null for invalid parameters (non-finite, or not positive where a length is needed).
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
+#include <numbers>
 
 #include <palpate/analytic_surface.h>
 
 namespace palpate::geometry {
+
+/// The place (u, v) in [0, 1]^2 of the unit sphere. Equal areas: z is linear in v.
+[[nodiscard]] inline Vec3 unit_sphere_at(double u, double v) noexcept {
+  const double z = 1.0 - 2.0 * v, angle = 2.0 * std::numbers::pi * u,
+               ring = std::sqrt(std::max(0.0, 1.0 - z * z));
+  return {ring * std::cos(angle), ring * std::sin(angle), z};
+}
 
 /// z = 0 over the square of `extent_mm` about the origin.
 [[nodiscard]] std::shared_ptr<const AnalyticSurface> make_plane(double extent_mm);

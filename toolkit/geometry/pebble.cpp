@@ -104,9 +104,7 @@ class Pebble final : public AnalyticSurface {
     return above(a + *t * d);
   }
   [[nodiscard]] SurfacePoint at(double u, double v) const noexcept override {
-    const double z = 1.0 - 2.0 * v, angle = 2.0 * std::numbers::pi * u,
-                 ring = std::sqrt(std::max(0.0, 1.0 - z * z));
-    return above(Vec3(ring * std::cos(angle), ring * std::sin(angle), z));
+    return above(unit_sphere_at(u, v));
   }
 
   /// The surface point in the direction of p from the centre.

@@ -1,4 +1,4 @@
-#include "toolkit/points/point_decision.h"
+#include "toolkit/points/point_model.h"
 
 #include <fmt/format.h>
 
@@ -14,8 +14,7 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/coordinate_precision.h"
 #include "toolkit/render/prepare_phases.h"
-#include "toolkit/search/connected_knn.h"
-#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/search/knn.h"
 #include "toolkit/search/uniform_grid.h"
 #include "toolkit/surface/oriented_points.h"
 

@@ -13,8 +13,7 @@
 #include "toolkit/core/percentiles.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/prepare_phases.h"
-#include "toolkit/search/connected_knn.h"
-#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/search/knn.h"
 
 namespace palpate::render {
 namespace {

@@ -1,6 +1,7 @@
-#include "toolkit/search/directional_knn.h"
+#include "toolkit/search/knn.h"
 
 #include <Eigen/Eigenvalues>
+
 #include <array>
 #include <cmath>
 #include <numbers>

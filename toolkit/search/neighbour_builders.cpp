@@ -1,4 +1,4 @@
-#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/search/knn.h"
 
 #include <fmt/format.h>
 
@@ -8,10 +8,6 @@
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/message_text.h"
-#include "toolkit/search/connected_knn.h"
-#include "toolkit/search/directional_knn.h"
-#include "toolkit/search/knn.h"
-#include "toolkit/search/scan_table.h"
 
 namespace palpate::search {
 namespace {

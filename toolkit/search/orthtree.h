@@ -1,15 +1,159 @@
-// The modified octree (section 3.1.2.1) and the 3D quadtree (section 3.1.2.2).
+// The modified octree (section 3.1.2.1) and the 3D quadtree (section 3.1.2.2), traversed to the leaf of a
+// point and to all leaves that a segment touches.
 #pragma once
 
+#include <bit>
+#include <cmath>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "toolkit/core/large_pages.h"
-#include "toolkit/search/orthtree_traversal.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/geometry/segment_box.h"
+#include "toolkit/search/morton_order.h"
 #include "toolkit/search/partition.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::search {
+
+/// A root may grow to the lattice's limit of 2^40 cubes.
+inline constexpr int kMaxRootLevel = 40;
+
+/// A node of a tree that halves its axes: eight or four children.
+struct TreeNode {
+  std::uint32_t begin = 0, end = 0;  ///< its places at build
+  std::uint32_t child = 0;           ///< first of its consecutive children; 0: a leaf
+};
+
+/// The root's place in cubes of the lattice; a level-k node spans 2^k cubes along each axis.
+struct TreeFrame {
+  Lattice lattice;
+  std::int64_t low[3] = {0, 0, 0};
+  int root_level = kMortonBits;
+
+  /// The cube of a point, from the root's low corner.
+  [[nodiscard]] std::int64_t coordinate(const Vec3& local_mm, int axis) const noexcept {
+    return lattice.coordinate(local_mm[axis], axis) - low[axis];
+  }
+  template <int kAxes>
+  [[nodiscard]] bool holds(const Vec3& local_mm) const noexcept {
+    for (int axis = 0; axis < kAxes; ++axis)
+      if (static_cast<std::uint64_t>(coordinate(local_mm, axis)) >> root_level != 0) return false;
+    return true;
+  }
+};
+
+/// The child of a level `level` + 1 node that holds the cube.
+template <int kAxes>
+[[nodiscard]] inline std::uint32_t child_of(const std::int64_t (&cube)[3], int level) noexcept {
+  std::uint32_t child = 0;
+  for (int axis = 0; axis < kAxes; ++axis)
+    child |= static_cast<std::uint32_t>(cube[axis] >> level & 1) << axis;
+  return child;
+}
+
+/// The leaf that holds a point of the root's box, and its level.
+struct LeafAt {
+  std::uint32_t node = 0;
+  int level = 0;
+};
+template <int kAxes, class Nodes>
+[[nodiscard]] LeafAt leaf_at(const Nodes& nodes, const TreeFrame& frame, const Vec3& local_mm) noexcept {
+  std::int64_t cube[3] = {0, 0, 0};
+  for (int axis = 0; axis < kAxes; ++axis) cube[axis] = frame.coordinate(local_mm, axis);
+  LeafAt at{0, frame.root_level};
+  while (nodes[at.node].child != 0) {
+    --at.level;
+    at.node = nodes[at.node].child + child_of<kAxes>(cube, at.level);
+  }
+  return at;
+}
+
+/// Calls visit(node index) for every leaf that a widened segment touches, in Morton order. Lengths are in
+/// lattice cubes from the root's low corner, so node boxes are exact.
+template <int kAxes, class Nodes, class Visit>
+class OrthtreeTraversal {
+ public:
+  OrthtreeTraversal(const Nodes& nodes, const TreeFrame& frame, const Vec3& a_mm, const Vec3& b_mm,
+                    const Vec3& reach_mm, Visit& visit) noexcept
+      : nodes_(nodes), visit_(visit), probe_(in_cubes(frame, a_mm), in_cubes(frame, b_mm)) {
+    // Tolerance: a node's points may be rounded over its border by kCellSlack, and the segment by its
+    // distance. Operations: two differences, a product, half a sum, and those of a box test.
+    constexpr int kOperations = 4 + 2 * geometry::kSegmentBoxOperations;
+    const Vec3 size = probe_.middle_mm.cwiseAbs() + probe_.half_abs_mm;
+    reach_ = flat(reach_mm * frame.lattice.per_mm) + flat(Vec3::Constant(kCellSlack)) +
+             gamma(kOperations) * (size + flat(from_lattice(frame)));
+    const Vec3 around = probe_.half_abs_mm + reach_;
+    low_ = probe_.middle_mm - around;
+    high_ = probe_.middle_mm + around;
+  }
+
+  /// Visits the leaves below the root; false when stopped. At most kMaxRootLevel + 1 calls deep.
+  bool run(int root_level) {
+    Vec3 middle = Vec3::Zero();
+    const double half = std::ldexp(0.5, root_level);
+    for (int axis = 0; axis < kAxes; ++axis) middle[axis] = half;
+    return !touches(middle, half) || descend(0, middle, half);
+  }
+
+ private:
+  /// Zeroes axes that are not divided.
+  static Vec3 flat(Vec3 v) noexcept {
+    for (int axis = kAxes; axis < 3; ++axis) v[axis] = 0.0;
+    return v;
+  }
+  static Vec3 in_cubes(const TreeFrame& frame, const Vec3& p_mm) noexcept {
+    Vec3 p = (p_mm - frame.lattice.low_mm) * frame.lattice.per_mm;
+    for (int axis = 0; axis < 3; ++axis) p[axis] -= static_cast<double>(frame.low[axis]);
+    return flat(p);
+  }
+  /// Magnitude of the terms subtracted in in_cubes.
+  static Vec3 from_lattice(const TreeFrame& frame) noexcept {
+    Vec3 size = frame.lattice.low_mm.cwiseAbs() * frame.lattice.per_mm;
+    for (int axis = 0; axis < 3; ++axis) size[axis] += std::abs(static_cast<double>(frame.low[axis]));
+    return size;
+  }
+  bool touches(const Vec3& middle, double half) const noexcept {
+    return geometry::segment_touches_box(probe_, middle, reach_ + flat(Vec3::Constant(half)));
+  }
+
+  bool descend(std::uint32_t node, const Vec3& middle, double half) {
+    const std::uint32_t first = nodes_[node].child;
+    if (first == 0) return visit_(node);
+    // Excludes, per axis, the children below or above the middle, which are most.
+    std::uint32_t possible = (1u << (1 << kAxes)) - 1;
+    constexpr std::uint32_t kLower[3] = {0x55, 0x33, 0x0F};  // children whose bit of the axis is 0
+    for (int axis = 0; axis < kAxes; ++axis) {
+      if (low_[axis] > middle[axis]) possible &= ~kLower[axis];
+      if (high_[axis] < middle[axis]) possible &= kLower[axis];
+    }
+    const double quarter = 0.5 * half;
+    for (; possible != 0; possible &= possible - 1) {
+      const auto child = static_cast<std::uint32_t>(std::countr_zero(possible));
+      Vec3 at = middle;
+      for (int axis = 0; axis < kAxes; ++axis) at[axis] += (child >> axis & 1u) != 0 ? quarter : -quarter;
+      if (touches(at, quarter) && !descend(first + child, at, quarter)) return false;
+    }
+    return true;
+  }
+
+  const Nodes& nodes_;
+  Visit& visit_;
+  geometry::SegmentProbe probe_;
+  Vec3 reach_, low_, high_;
+};
+
+/// Runs an OrthtreeTraversal over `nodes`. Non-finite ends touch nothing.
+template <int kAxes, class Nodes, class Visit>
+bool visit_leaves(const Nodes& nodes, const TreeFrame& frame, const Vec3& a_mm, const Vec3& b_mm,
+                  const Vec3& reach_mm, Visit&& visit) {
+  if (!is_finite(a_mm) || !is_finite(b_mm)) return true;
+  return OrthtreeTraversal<kAxes, Nodes, std::remove_reference_t<Visit>>(nodes, frame, a_mm, b_mm, reach_mm,
+                                                                         visit)
+      .run(frame.root_level);
+}
 
 /// A tree that halves the first `kAxes` axes of every node with more than `max_points` points: a cube into
 /// eight (Octree), or a square column along z into four (Quadtree3d). Starts at the cloud's low corner and

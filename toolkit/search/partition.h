@@ -51,7 +51,7 @@ struct AnyVisitor {
 /// Positions are local coordinates, mm; a place is an index into the partition's order.
 /// - P::build(cloud, options, threads): O(n log n), independent of the number of threads.
 /// - order(): cloud index per place; a leaf's points are contiguous.
-///- visit_segment_ranges(p, a, b, reach, visit): calls visit(range) for every leaf that the segment a b,
+/// - visit_segment_ranges(p, a, b, reach, visit): calls visit(range) for every leaf that the segment a b,
 ///  widened by `reach` per axis, touches; also some near corners and empty ranges. Every place comes at
 ///  most once, in an order fixed by the partition. Stops, and returns false, when visit returns false.
 ///  Allocates nothing; stack bounded by the depth. Non-finite ends touch nothing.
@@ -66,37 +66,6 @@ concept Partition = requires(const P& p, const Vec3& at_mm, const cloud::Cloud& 
   { p.statistics() } -> std::same_as<LeafStatistics>;
   { visit_segment_ranges(p, at_mm, at_mm, at_mm, visit) } -> std::same_as<bool>;
   { visit_point_range(p, at_mm, visit) } -> std::same_as<bool>;
-};
-
-/// A stored point in double, exactly. In a separate translation unit on purpose: if both conversions double
-/// -> float -> double are in one function, GCC 12 at -O2 vectorises them away (for three components), and a
-/// point would be searched a rounding beside its stored place.
-[[nodiscard]] Vec3 widened(const Vec3f& stored) noexcept;
-
-/// The result of moving a point.
-enum class MoveStatus : std::uint8_t {
-  kStays,  ///< in its leaf: nothing changed
-  kMoved,
-  kFull,  ///< no spare room, or too far: nothing changed, and the point must stay
-};
-
-namespace detail {
-/// Any function from a place to its position.
-struct AnyPositions {
-  Vec3f operator()(std::uint32_t) const noexcept { return Vec3f::Zero(); }
-};
-}  // namespace detail
-
-/// A partition of moving points, also out of the cloud's first box. The owner stores the points as floats:
-/// p.move(place, to, at) asks at(place) for positions, in which `to` is not yet applied, and stores none.
-/// After any result but kFull the owner stores `to`. Non-finite points are refused as too far. Places keep
-/// their numbers; a place far from its leaf's others is its own range, so each still comes at most once. move
-/// allocates nothing; its work is bounded by the depth and a leaf's points. Must not be read during a move.
-template <class P>
-concept DynamicPartition = Partition<P> && requires(P& p, const Vec3f& to_mm, detail::AnyPositions at) {
-  { p.move(0u, to_mm, at) }
-  noexcept->std::same_as<MoveStatus>;
-  { p.spare_left() } -> std::same_as<std::size_t>;
 };
 
 }  // namespace palpate::search

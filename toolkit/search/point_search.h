@@ -10,7 +10,6 @@
 
 #include <palpate/aabb.h>
 #include <palpate/cloud.h>
-#include "toolkit/search/grid_traversal.h"
 #include "toolkit/search/partition.h"
 #include "toolkit/search/uniform_grid.h"
 

@@ -1,4 +1,4 @@
-#include "toolkit/search/connected_knn.h"
+#include "toolkit/search/knn.h"
 
 #include <algorithm>
 #include <cmath>

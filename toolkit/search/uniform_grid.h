@@ -1,11 +1,15 @@
-// The sparse uniform grid of section 3.1.2.3: memory follows occupied cells, not volume.
+// The sparse uniform grid of section 3.1.2.3 (memory follows occupied cells, not volume), and all cells of it
+// that a segment crosses: the broad phase of section 3.1.3.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/vec.h>
 #include "toolkit/core/large_pages.h"
 #include "toolkit/search/morton_order.h"
 #include "toolkit/search/partition.h"
@@ -74,5 +78,89 @@ class UniformGrid {
   std::int64_t last_cell_ = 0;
   std::uint32_t max_points_ = 0;
 };
+
+/// Tolerance on a position along the segment, relative to the coordinates: a nearer cell border counts as
+/// crossed. Coordinates below 2^21 have rounding below 2^-51 of that, far less than this.
+inline constexpr double kCellSlack = 1e-7;
+
+/// A box of cells, both ends included.
+struct CellRange {
+  Vec3 first = Vec3::Zero(), last = Vec3::Zero();  ///< whole numbers
+};
+
+/// Calls visit(cell) for every cell of the box that the segment, widened by `reach_mm` per axis, touches (a
+/// few more at corners), in order along the longest axis. Stops, and returns false, when visit returns false.
+/// Clips the segment first: at most (n + 2 r) (2 r + 2)^2 cells for a segment spanning n cells and a reach of
+/// r cells.
+template <class Visit>
+bool visit_cells(const Lattice& lattice, const CellRange& box, const Vec3& a_mm, const Vec3& b_mm,
+                 const Vec3& reach_mm, Visit&& visit) {
+  // In cell units, where the lattice starts at 0.
+  const Vec3 a = (a_mm - lattice.low_mm) * lattice.per_mm;
+  const Vec3 b = (b_mm - lattice.low_mm) * lattice.per_mm;
+  const Vec3 reach = reach_mm * lattice.per_mm + Vec3::Constant(kCellSlack);
+  const Vec3 low = a.cwiseMin(b) - reach, high = a.cwiseMax(b) + reach;
+  const Vec3 end = box.last + Vec3::Ones();
+  if ((high.array() < box.first.array()).any() || (low.array() > end.array()).any()) return true;
+
+  int axis = 0;
+  const Vec3 d = b - a;
+  d.cwiseAbs().maxCoeff(&axis);
+  const auto floor_in = [&box](double x, int of) {
+    return static_cast<std::int64_t>(std::clamp(std::floor(x), box.first[of], box.last[of]));
+  };
+  const std::int64_t first_slab = floor_in(low[axis], axis), last_slab = floor_in(high[axis], axis);
+  const bool forward = d[axis] >= 0.0;
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  for (std::int64_t i = 0; i <= last_slab - first_slab; ++i) {
+    const std::int64_t slab = forward ? first_slab + i : last_slab - i;
+    // The part of the segment whose widened box meets this slab.
+    double t0 = 0.0, t1 = 1.0;
+    if (d[axis] != 0.0) {
+      const double s = (static_cast<double>(slab) - reach[axis] - a[axis]) / d[axis];
+      const double e = (static_cast<double>(slab + 1) + reach[axis] - a[axis]) / d[axis];
+      t0 = std::clamp(std::min(s, e), 0.0, 1.0);
+      t1 = std::clamp(std::max(s, e), 0.0, 1.0);
+    }
+    const double u0 = a[u] + t0 * d[u], u1 = a[u] + t1 * d[u], v0 = a[v] + t0 * d[v], v1 = a[v] + t1 * d[v];
+    const double u_low = std::min(u0, u1) - reach[u], u_high = std::max(u0, u1) + reach[u];
+    const double v_low = std::min(v0, v1) - reach[v], v_high = std::max(v0, v1) + reach[v];
+    if (u_high < box.first[u] || v_high < box.first[v] || u_low > end[u] || v_low > end[v]) continue;
+    const std::int64_t ub = floor_in(u_low, u), ue = floor_in(u_high, u);
+    const std::int64_t vb = floor_in(v_low, v), ve = floor_in(v_high, v);
+    for (std::int64_t iv = vb; iv <= ve; ++iv)
+      for (std::int64_t iu = ub; iu <= ue; ++iu) {
+        std::int64_t at[3];
+        at[axis] = slab;
+        at[u] = iu;
+        at[v] = iv;
+        if (!visit(Cell{at[0], at[1], at[2]})) return false;
+      }
+  }
+  return true;
+}
+
+/// The same for the grid's own box.
+template <class Visit>
+bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm,
+                 Visit&& visit) {
+  const CellRange box{Vec3::Zero(), Vec3::Constant(static_cast<double>(grid.last_cell()))};
+  return visit_cells(grid.lattice(), box, a_mm, b_mm, reach_mm, visit);
+}
+
+/// The ranges of visit_cells' cells, including empty ones: each is a look-up.
+template <class Visit>
+bool visit_segment_ranges(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm,
+                          Visit&& visit) {
+  if (!is_finite(a_mm) || !is_finite(b_mm)) return true;
+  return visit_cells(grid, a_mm, b_mm, reach_mm, [&](const Cell& cell) { return visit(grid.find(cell)); });
+}
+
+template <class Visit>
+bool visit_point_range(const UniformGrid& grid, const Vec3& point_mm, Visit&& visit) {
+  return visit(grid.find(grid.cell_of(point_mm)));
+}
+
+static_assert(Partition<UniformGrid>);
 
 }  // namespace palpate::search

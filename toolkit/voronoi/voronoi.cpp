@@ -10,8 +10,8 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "toolkit/core/parallel.h"
+#include "toolkit/search/knn.h"
 #include "toolkit/search/knn_kernels.h"
-#include "toolkit/search/neighbour_builders.h"
 
 #include <CGAL/Delaunay_triangulation_3.h>
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>

@@ -1,4 +1,4 @@
-#include "toolkit/geometry/loop_subdivision.h"
+#include "toolkit/geometry/triangle_meshes.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "toolkit/search/compare_neighbours.h"
+#include "toolkit/search/neighbour_table.h"
 
 #include <fmt/format.h>
 
@@ -9,12 +9,96 @@
 #include <palpate/generate.h>
 #include <palpate/result.h>
 #include "toolkit/cloud/box_lattice.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/percentiles.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/knn_kernels.h"
-#include "toolkit/search/neighbour_builders.h"
-#include "toolkit/search/scan_table.h"
 
 namespace palpate::search {
+namespace {
+
+Percentiles percentiles(std::vector<double> values) {
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  return {values.front(), nearest_rank(values, 50.0), nearest_rank(values, 99.0), nearest_rank(values, 99.9),
+          values.back()};
+}
+
+}  // namespace
+
+Spacing describe_spacing(const cloud::Cloud& cloud, const NeighbourTable& table) {
+  Spacing found;
+  std::vector<double> nearest, eighth, index_distance;
+  nearest.reserve(table.size());
+  eighth.reserve(table.size());
+  index_distance.reserve(table.size());
+  double longest_sq = 0.0, longest_plan_sq = 0.0;
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const Vec3 p = cloud.local_mm(i);
+    double nearest_sq = 0.0, last_sq = 0.0;
+    std::size_t closest_in_order = cloud.size();
+    bool repeated = false;  // coincides with an earlier point
+    for (const std::uint32_t other : table.of[i]) {
+      if (other == i) continue;
+      const Vec3 offset = cloud.local_mm(other) - p;
+      const double sq = offset.squaredNorm();
+      last_sq = std::max(last_sq, sq);
+      longest_plan_sq = std::max(longest_plan_sq, offset.head<2>().squaredNorm());
+      if (sq == 0.0) {
+        repeated = repeated || other < i;
+      } else {
+        if (nearest_sq == 0.0 || sq < nearest_sq) nearest_sq = sq;
+        closest_in_order = std::min(closest_in_order, other > i ? other - i : i - other);
+      }
+    }
+    longest_sq = std::max(longest_sq, last_sq);
+    eighth.push_back(std::sqrt(last_sq));
+    if (repeated) continue;
+    if (nearest_sq > 0.0) {
+      nearest.push_back(std::sqrt(nearest_sq));
+      index_distance.push_back(static_cast<double>(closest_in_order));
+    } else {
+      ++found.without_nearest;
+    }
+  }
+  found.resolution_mm = std::sqrt(longest_sq);
+  found.plan_resolution_mm = std::sqrt(longest_plan_sq);
+  found.nearest_mm = percentiles(std::move(nearest));
+  found.eighth_mm = percentiles(std::move(eighth));
+  found.median_index_distance = percentiles(std::move(index_distance)).p50;
+  found.high_resolution = found.resolution_mm <= kHighResolutionMm;
+  return found;
+}
+
+Agreement agreement(const NeighbourTable& a, const NeighbourTable& b) {
+  Agreement sum;
+  const std::size_t n = std::min(a.size(), b.size());
+  const std::size_t chunks = (n + kPointsPerChunk - 1) / kPointsPerChunk;
+  std::vector<Agreement> parts(chunks);
+  parallel_chunks(n, kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
+    Agreement& part = parts[begin / kPointsPerChunk];
+    for (std::size_t i = begin; i < end; ++i) {
+      Neighbours x = a.of[i], y = b.of[i];
+      std::sort(x.begin(), x.end());
+      std::sort(y.begin(), y.end());
+      const bool equal = x == y;
+      const bool interior = a.count(i) == kNeighbours && b.count(i) == kNeighbours;
+      ++part.points;
+      part.equal_sets += equal;
+      part.interior_points += interior;
+      part.interior_equal += interior && equal;
+    }
+  });
+  for (const Agreement& part : parts) {
+    sum.points += part.points;
+    sum.equal_sets += part.equal_sets;
+    sum.interior_points += part.interior_points;
+    sum.interior_equal += part.interior_equal;
+  }
+  return sum;
+}
+
 namespace {
 
 constexpr double kPercent = 100.0;
