@@ -2,7 +2,6 @@
 #include "device/falcon/falcon_packets.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 #include <Eigen/LU>
 
 #include <algorithm>
@@ -22,6 +21,7 @@
 #include "device/falcon/falcon_device.h"
 #include "tests/device/helpers.h"
 #include "tests/device/mock/falcon_board.h"
+#include "tests/in_folder.h"
 #include "toolkit/core/random.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,
@@ -182,20 +182,15 @@ TEST(FalconFirmware, SaysWhatIsWrongAndWhere) {
   EXPECT_FALSE(check_falcon_firmware(made_up_image(0, 0))) << "no block at all";
 }
 
-class FirmwareFolder : public testing::Test {
+class FirmwareFolder : public InFolder {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() / ("palpate_falcon_" + std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_ / "a");
-    std::filesystem::create_directories(folder_ / "b");
+  FirmwareFolder() {
+    for (const char* const name : {"a", "b"}) std::filesystem::create_directory(folder_ / name);
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   void write(const std::string& name, const std::vector<std::uint8_t>& bytes) const {
     std::ofstream out(folder_ / name, std::ios::binary);
     out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   }
-  [[nodiscard]] std::string path(const std::string& name) const { return (folder_ / name).string(); }
-  std::filesystem::path folder_;
 };
 
 TEST_F(FirmwareFolder, IsSearchedInOrder) {
@@ -203,33 +198,33 @@ TEST_F(FirmwareFolder, IsSearchedInOrder) {
   const auto nothing = find_falcon_firmware(places);
   ASSERT_FALSE(nothing);
   EXPECT_TRUE(says(nothing.error().remedy, "firmware=FILE"));
-  EXPECT_TRUE(says(nothing.error().remedy, path("a"))) << "where to put it";
+  EXPECT_TRUE(says(nothing.error().remedy, in("a"))) << "where to put it";
   write("b/second.bin", made_up_image(2, 9));
-  EXPECT_EQ(find_falcon_firmware(places)->path, path("b/second.bin"));
+  EXPECT_EQ(find_falcon_firmware(places)->path, in("b/second.bin"));
   write("a/readme.txt", {1});
   write("a/broken.bin", {1, 2, 3});
-  EXPECT_EQ(find_falcon_firmware(places)->path, path("b/second.bin")) << "what is no image is passed over";
+  EXPECT_EQ(find_falcon_firmware(places)->path, in("b/second.bin")) << "what is no image is passed over";
   write("a/z.bin", made_up_image(1, 9));
   write("a/y.bin", made_up_image(1, 8));
-  EXPECT_EQ(find_falcon_firmware(places)->path, path("a/y.bin"));
-  places.variable = path("a/z.bin");
-  EXPECT_EQ(find_falcon_firmware(places)->path, path("a/z.bin"));
-  places.file = path("b/second.bin");
-  EXPECT_EQ(find_falcon_firmware(places)->path, path("b/second.bin"));
-  places.file = path("a/broken.bin");
+  EXPECT_EQ(find_falcon_firmware(places)->path, in("a/y.bin"));
+  places.variable = in("a/z.bin");
+  EXPECT_EQ(find_falcon_firmware(places)->path, in("a/z.bin"));
+  places.file = in("b/second.bin");
+  EXPECT_EQ(find_falcon_firmware(places)->path, in("b/second.bin"));
+  places.file = in("a/broken.bin");
   const auto named = find_falcon_firmware(places);
   ASSERT_FALSE(named) << "a file that was named is this or none";
-  EXPECT_EQ(named.error().file, path("a/broken.bin"));
+  EXPECT_EQ(named.error().file, in("a/broken.bin"));
   places = {"", "", {folder_ / "a"}};
   std::filesystem::remove(folder_ / "a/y.bin");
   std::filesystem::remove(folder_ / "a/z.bin");
-  EXPECT_EQ(find_falcon_firmware(places).error().file, path("a/broken.bin")) << "nothing else was there";
+  EXPECT_EQ(find_falcon_firmware(places).error().file, in("a/broken.bin")) << "nothing else was there";
 }
 
 TEST_F(FirmwareFolder, PlacesComeFromTheEnvironment) {
   const char* home = std::getenv("XDG_DATA_HOME");
   const std::string before = home == nullptr ? "" : home;
-  ::setenv("XDG_DATA_HOME", path("a").c_str(), 1);
+  ::setenv("XDG_DATA_HOME", in("a").c_str(), 1);
   const FalconFirmwarePlaces places = falcon_firmware_places("one.bin");
   EXPECT_EQ(places.file, "one.bin");
   ASSERT_EQ(places.folders.size(), 3u);

@@ -163,8 +163,18 @@ class SlowDevice final : public Device {
 };
 
 struct SlowBench {
-  explicit SlowBench(const VirtualClock& clock)
-      : device(inner), plane(0.5), servo(plane, {}, device, clock, geometry::RigidTransform{}) {}
+  SlowBench() : device(inner), plane(0.5), servo(plane, {}, device, clock, geometry::RigidTransform{}) {}
+  Tick tick() {
+    clock.advance(1e-3);
+    return servo.tick();
+  }
+  /// Gone in a tick, and there again to be opened.
+  void lose() {
+    inner.gone = true;
+    (void)tick();
+    inner.gone = false;
+  }
+  VirtualClock clock;
   SlowDevice inner;
   ReconnectingDevice device;
   SpringPlane plane;
@@ -172,44 +182,31 @@ struct SlowBench {
 };
 
 TEST(ReconnectingDevice, OpenedForItsLimitsFirstItIsNotOpenedTwice) {
-  VirtualClock clock;
-  SlowBench bench(clock);
+  SlowBench bench;
   ASSERT_TRUE(bench.device.open());
   EXPECT_EQ(bench.device.limits().force_max_n, 3.3);
   ASSERT_TRUE(bench.servo.start());
   EXPECT_EQ(bench.inner.opened, 1);
-  clock.advance(1e-3);
-  (void)bench.servo.tick();
+  (void)bench.tick();
   bench.servo.stop();
   EXPECT_EQ(bench.inner.closed, 1);
 }
 
 TEST(ReconnectingDevice, TheTickInWhichItIsGoneStillSendsAndLaterOnesDoNot) {
-  VirtualClock clock;
-  SlowBench bench(clock);
+  SlowBench bench;
   ASSERT_TRUE(bench.servo.start());
-  for (int i = 0; i < 3; ++i) {
-    clock.advance(1e-3);
-    (void)bench.servo.tick();
-  }
+  for (int i = 0; i < 3; ++i) (void)bench.tick();
   const int before = bench.inner.sent;
   bench.inner.gone = true;
-  for (int i = 0; i < 5; ++i) {
-    clock.advance(1e-3);
-    (void)bench.servo.tick();
-  }
+  for (int i = 0; i < 5; ++i) (void)bench.tick();
   EXPECT_EQ(bench.inner.sent, before + 1);
   EXPECT_TRUE(bench.device.lost());
 }
 
 TEST(ReconnectingDevice, AnotherDeviceThatComesBackIsRefused) {
-  VirtualClock clock;
-  SlowBench bench(clock);
+  SlowBench bench;
   ASSERT_TRUE(bench.servo.start());
-  bench.inner.gone = true;
-  clock.advance(1e-3);
-  (void)bench.servo.tick();
-  bench.inner.gone = false;
+  bench.lose();
   bench.inner.said.force_max_n = 12.0;
   EXPECT_TRUE(refused(bench.device.reopen(), "other limits"));
   EXPECT_TRUE(bench.device.lost());
@@ -220,13 +217,9 @@ TEST(ReconnectingDevice, AnotherDeviceThatComesBackIsRefused) {
 }
 
 TEST(ReconnectingDevice, WhatEndsWhileItIsBeingOpenedIsClosedByWhoOpenedIt) {
-  VirtualClock clock;
-  SlowBench bench(clock);
+  SlowBench bench;
   ASSERT_TRUE(bench.servo.start());
-  bench.inner.gone = true;
-  clock.advance(1e-3);
-  (void)bench.servo.tick();
-  bench.inner.gone = false;
+  bench.lose();
   bench.inner.hold = true;
   const int closed_before = bench.inner.closed;
   std::thread other([&] { EXPECT_TRUE(bench.device.reopen()); });
@@ -243,8 +236,7 @@ TEST(ReconnectingDevice, WhatEndsWhileItIsBeingOpenedIsClosedByWhoOpenedIt) {
 }
 
 TEST(ReconnectingDevice, CuttingForceNeverMeetsAnOpening) {
-  VirtualClock clock;
-  SlowBench bench(clock);
+  SlowBench bench;
   ASSERT_TRUE(bench.servo.start());
   std::atomic<bool> ending{false};
   std::thread cutter([&] {
@@ -252,13 +244,9 @@ TEST(ReconnectingDevice, CuttingForceNeverMeetsAnOpening) {
   });
   while (bench.inner.cut == 0) std::this_thread::yield();
   for (int i = 0; i < 200; ++i) {
-    bench.inner.gone = true;
-    clock.advance(1e-3);
-    (void)bench.servo.tick();
-    bench.inner.gone = false;
+    bench.lose();
     ASSERT_TRUE(bench.device.reopen());
-    clock.advance(1e-3);
-    EXPECT_EQ(bench.servo.tick().state.status, ReadStatus::kFresh);
+    EXPECT_EQ(bench.tick().state.status, ReadStatus::kFresh);
   }
   ending = true;
   cutter.join();

@@ -157,10 +157,7 @@ struct Pressed {
   Pressed() : device(link, clock), wall(0.5), servo(wall, quick(), device, clock, {}) {
     servo.watched_by(&heart);
     EXPECT_TRUE(servo.start().ok());
-    for (int i = 0; i < 100; ++i) {
-      clock.advance(1e-3);
-      tick = servo.tick();
-    }
+    for (int i = 0; i < 100; ++i) next();
     EXPECT_GT(board.held()[2], 900);
   }
   static GovernorOptions quick() {
@@ -194,38 +191,37 @@ TEST(ServoEnds, StoppedItSendsZero) {
   EXPECT_FALSE(rig.board.holds_force()) << "nothing comes after it";
 }
 
-TEST(ServoEnds, DestroyedItSendsZero) {
-  auto rig = std::make_unique<Pressed>();
-  SimulatedBoard board;  // a second servo on another board, whose end is seen from outside
-  SimulatedLink link(board, rig->script, rig->clock);
-  PacketDevice device(link, rig->clock);
-  {
-    Servo servo(rig->wall, Pressed::quick(), device, rig->clock, {});
-    ASSERT_TRUE(servo.start());
+/// A servo that presses on a board that outlives it.
+struct PressedElsewhere {
+  explicit PressedElsewhere(SimulatedBoard& board) : link(board, script, clock), device(link, clock) {
+    servo.emplace(wall, Pressed::quick(), device, clock, DeviceMap{});
+    EXPECT_TRUE(servo->start().ok());
     for (int i = 0; i < 100; ++i) {
-      rig->clock.advance(1e-3);
-      (void)servo.tick();
+      clock.advance(1e-3);
+      (void)servo->tick();
     }
-    ASSERT_TRUE(board.holds_force());
+    EXPECT_TRUE(board.holds_force());
   }
+  VirtualClock clock;
+  HandScript script = press_script();
+  SimulatedLink link;
+  PacketDevice device;
+  SpringPlane wall{0.5};
+  std::optional<Servo> servo;
+};
+
+// The servo alone: its device, which would send zero too, is still there.
+TEST(ServoEnds, DestroyedItSendsZero) {
+  SimulatedBoard board;
+  PressedElsewhere pressed(board);
+  pressed.servo.reset();
   EXPECT_FALSE(board.holds_force());
 }
 
 TEST(ServoEnds, AnExceptionThroughItSendsZero) {
   SimulatedBoard board;
   try {
-    VirtualClock clock;
-    HandScript script = press_script();
-    SimulatedLink link(board, script, clock);
-    PacketDevice device(link, clock);
-    SpringPlane wall(0.5);
-    Servo servo(wall, Pressed::quick(), device, clock, {});
-    ASSERT_TRUE(servo.start());
-    for (int i = 0; i < 100; ++i) {
-      clock.advance(1e-3);
-      (void)servo.tick();
-    }
-    ASSERT_TRUE(board.holds_force());
+    const PressedElsewhere pressed(board);
     throw std::bad_alloc();
   } catch (const std::bad_alloc&) {
   }
@@ -310,6 +306,14 @@ TEST(TrialInRealTime, AStuckRendererEndsWithoutForce) {
 
 constexpr timespec kShort{0, 1'000'000};
 
+/// A command of a force.
+PacketBytes pressing() {
+  Packet command;
+  command.kind = PacketKind::kCommand;
+  command.counts = {0, 0, 900};
+  return encoded(command);
+}
+
 /// A child that presses; gone with this.
 class Child {
  public:
@@ -368,9 +372,6 @@ INSTANTIATE_TEST_SUITE_P(Signals, EveryDeath,
 TEST(Guard, SurvivesWhatIsSentToItAndStillAnswers) {
   PALPATE_SKIP_FORKS();
   SharedBoard shared = SharedBoard::create().value();
-  Packet command;
-  command.kind = PacketKind::kCommand;
-  command.counts = {0, 0, 900};
   Guard guard = Guard::start([&shared] {
                   shared.board().command(PacketDevice::zero_command(), 0);
                   return true;
@@ -379,7 +380,7 @@ TEST(Guard, SurvivesWhatIsSentToItAndStillAnswers) {
   for (int i = 0; i < 20; ++i) ::nanosleep(&kShort, nullptr);
   EXPECT_TRUE(guard.alive());
   EXPECT_NE(::getsid(guard.pid()), ::getsid(0)) << "not in the group that Ctrl-C reaches";
-  shared.board().command(encoded(command), 0);
+  shared.board().command(pressing(), 0);
   guard.stop();
   EXPECT_FALSE(shared.board().holds_force()) << "a normal end, too";
   EXPECT_FALSE(guard.alive());
@@ -388,10 +389,7 @@ TEST(Guard, SurvivesWhatIsSentToItAndStillAnswers) {
 TEST(Guard, TriesAgainUntilTheDeviceIsFree) {
   PALPATE_SKIP_FORKS();
   SharedBoard shared = SharedBoard::create().value();
-  Packet command;
-  command.kind = PacketKind::kCommand;
-  command.counts = {0, 0, 900};
-  shared.board().command(encoded(command), 0);
+  shared.board().command(pressing(), 0);
   int tries = 0;  // the guard's own copy counts
   Guard guard = Guard::start([&shared, tries]() mutable {
                   if (++tries < 5) return false;

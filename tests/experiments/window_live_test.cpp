@@ -1,5 +1,6 @@
 // Whole sessions under a window, driven by program as a person would: what is dropped, typed, pressed,
 // closed.
+#define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <gtest/gtest.h>
 
@@ -23,8 +24,6 @@
 #include "tests/experiments/pulled_falcon.h"
 #include "tests/experiments/window_rig.h"
 #include "toolkit/cloud/cloud_subset.h"
-
-#define GLFW_INCLUDE_NONE
 
 namespace palpate::experiments {
 namespace {
