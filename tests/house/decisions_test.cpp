@@ -66,12 +66,6 @@ const std::vector<std::string> kFurther = {
     "mls-proxy:surface=metaball",
 };
 
-NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info) {
-  for (const OptionSpec& option : info.options)
-    if (option.key == "mesh" && !named.options.has("mesh")) named.options.set("mesh", "original");
-  return named;
-}
-
 std::vector<NamedOptions> all_wanted(const render::Registry& registry) {
   std::vector<std::string> texts = kFurther;
   for (const render::RendererInfo& info : registry.all()) texts.push_back(info.name);

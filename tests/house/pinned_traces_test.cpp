@@ -45,15 +45,9 @@ const std::vector<std::pair<std::string, std::string>> kStands = {
 
 /// Options that change the frame's code or data, besides every renderer's defaults. Meshes are the files'
 /// own: reconstruction has its own tests.
-const std::vector<std::string> kFurther = {
+const std::vector<std::string> kFurtherPinned = {
     "cloud-vertices:shading=none", "cloud-vertices:neighbours=exact-knn", "cloud-vertices:partition=octree",
     "cloud-literal:shading=area-raw"};
-
-NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info) {
-  for (const OptionSpec& option : info.options)
-    if (option.key == "mesh" && !named.options.has("mesh")) named.options.set("mesh", "original");
-  return named;
-}
 
 std::string hash_of(const render::Registry& registry, const NamedOptions& named, const CorpusScene& loaded,
                     int threads) {
@@ -80,7 +74,7 @@ Pins read_pins() {
 TEST(PinnedTraces, EveryRendererGivesThePinnedHash) {
   render::Registry registry;
   register_all_renderers(registry);
-  std::vector<std::string> wanted = kFurther;
+  std::vector<std::string> wanted = kFurtherPinned;
   for (const render::RendererInfo& info : registry.all()) wanted.push_back(info.name);
   const char* const write = std::getenv("PALPATE_PIN_TRACES");
   const Pins pins = read_pins();
