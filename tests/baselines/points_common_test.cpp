@@ -218,12 +218,8 @@ TEST_P(EveryRival, ForceIsLimitedAndModelsAddUp) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Points, EveryRival, testing::ValuesIn(kRivals), [](const auto& rival) {
-  std::string name = rival.param;
-  std::replace_if(
-      name.begin(), name.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
-  return name;
-});
+INSTANTIATE_TEST_SUITE_P(Points, EveryRival, testing::ValuesIn(kRivals),
+                         [](const auto& rival) { return test_name(rival.param); });
 
 // Two planes at 10 degrees to each other: held by both together a god object is pushed hardly more than by
 // one, where the sum would be twice that.

@@ -1,11 +1,20 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <palpate/generate.h>
 #include <palpate/paths.h>
 #include <palpate/replay.h>
+#include "baselines/reference/closest_mesh.h"
 #include "baselines/reference/facet_tree.h"
 #include "baselines/reference/mesh_reference.h"
 #include "tests/baselines/indexed.h"
+#include "tests/baselines/meshes.h"
 #include "tests/baselines/stand.h"
+#include "toolkit/core/random.h"
+#include "toolkit/metrics/closest_point_reference.h"
 
 namespace palpate::baselines {
 namespace {
@@ -129,6 +138,139 @@ TEST(MeshReference, AThinPlateHoldsAProbeThatIsBeyondIt) {
   const auto path = path_through({{1, 2, 3}, {1, 2, -1.5}, {4, 3, -1.5}, {4, 3, -1.5}});
   const auto reference = mesh_reference(*truth, path, 1.0, 0.0, no_progress()).value();
   EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 1.75)).norm(), 1e-9);
+}
+
+// ---- The mesh truth that shares nothing with the mesh renderers, against formulas, brute force and the
+// other one.
+
+constexpr std::uint64_t kClosestSeed = 4711;
+
+geometry::RigidTransform pose() {
+  return {Eigen::Quaterniond(0.3, 0.2, 0.9, -0.1).normalized(), Vec3(7, -8, 9)};
+}
+
+/// Facets in another order, each begun at another corner: nothing may depend on it.
+geometry::TriangleMesh mixed_up(geometry::TriangleMesh mesh, Random& random) {
+  for (std::size_t i = mesh.triangles.size(); i > 1; --i)
+    std::swap(mesh.triangles[i - 1], mesh.triangles[random.below(i)]);
+  for (auto& t : mesh.triangles)
+    std::rotate(t.begin(), t.begin() + static_cast<long>(random.below(3)), t.end());
+  return mesh;
+}
+
+TEST(ClosestMesh, SignedDistanceOfABoxAtEveryScale) {
+  RecordProperty("seed", static_cast<int>(kClosestSeed));
+  Random random(kClosestSeed);
+  for (const double scale : {1e-3, 1.0, 1e6}) {
+    geometry::RigidTransform where = pose();
+    where.translation_mm *= scale;
+    const auto truth =
+        ClosestMesh::build(mixed_up(test::box_mesh(scale, 2 * scale, 3 * scale), random), where);
+    ASSERT_TRUE(truth) << truth.error().message();
+    for (int i = 0; i < 3000; ++i) {
+      const Vec3 p{random.uniform(-3, 3), random.uniform(-4, 4), random.uniform(-5, 5)};
+      const Vec3 d = p.cwiseAbs() - Vec3(1, 2, 3);
+      const double expected = d.maxCoeff() < 0 ? d.maxCoeff() : d.cwiseMax(0.0).norm();
+      ASSERT_NEAR((*truth)->signed_distance_mm(where * (scale * p)), scale * expected, scale * 1e-9) << p;
+    }
+    // Straight off edges and corners, where no facet is nearer than its neighbours.
+    for (const Vec3& way : {Vec3(1, 1, 0), Vec3(1, 1, 1), Vec3(-1, 1, -1), Vec3(0, -1, 1)}) {
+      const Vec3 rim = way.cwiseProduct(Vec3(1, 2, 3));
+      const double out = (*truth)->signed_distance_mm(where * (scale * (rim + 0.5 * way)));
+      EXPECT_NEAR(out, scale * 0.5 * way.norm(), scale * 1e-9);
+      EXPECT_LT((*truth)->signed_distance_mm(where * (scale * (rim - 0.1 * way))), 0.0);
+    }
+  }
+}
+
+TEST(ClosestMesh, SharpFoldsAndThinParts) {
+  // A needle of a tetrahedron: at its tip the side cannot be told from one facet's plane.
+  geometry::TriangleMesh needle;
+  needle.vertices_mm = {{0, 0, 10}, {0.3, 0, 0}, {-0.15, 0.26, 0}, {-0.15, -0.26, 0}};
+  needle.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}};
+  const auto truth = ClosestMesh::build(needle, {});
+  ASSERT_TRUE(truth);
+  Random random(kClosestSeed);
+  int inside = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Vec3 p{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), random.uniform(-1, 11)};
+    bool behind_all = true;
+    for (const auto& t : needle.triangles) {
+      const Vec3 &a = needle.vertices_mm[t[0]], &b = needle.vertices_mm[t[1]], &c = needle.vertices_mm[t[2]];
+      behind_all = behind_all && (b - a).cross(c - a).dot(p - a) < 0.0;
+    }
+    inside += behind_all ? 1 : 0;
+    ASSERT_EQ((*truth)->signed_distance_mm(p) < 0.0, behind_all) << p.transpose();
+  }
+  EXPECT_GT(inside, 100);
+}
+
+TEST(ClosestMesh, BeyondTheRimOfAnOpenMeshIsOutside) {
+  const auto sheet = ClosestMesh::build(test::flat_mesh(8, 10.0), pose());
+  ASSERT_TRUE(sheet);
+  EXPECT_NEAR((*sheet)->signed_distance_mm(pose() * Vec3(3, 4, -1)), -1.0, 1e-12);
+  EXPECT_NEAR((*sheet)->signed_distance_mm(pose() * Vec3(3, 4, 1)), 1.0, 1e-12);
+  for (const Vec3& beyond : {Vec3(10.5, 1, -1), Vec3(0, -11, -2), Vec3(12, 12, -0.1), Vec3(-10.1, 0, 0.3)})
+    EXPECT_GT((*sheet)->signed_distance_mm(pose() * beyond), 0.0) << beyond.transpose();
+}
+
+TEST(ClosestMesh, AgreesWithTheOtherTruthOnAnUnevenBody) {
+  const auto made =
+      cloud::generate(parse_named_options("pebble:points=2000:jitter=0.2:nonuniform=0.6:seed=5").value());
+  ASSERT_TRUE(made) << made.error().message();
+  ASSERT_NE(made->original_mesh, nullptr);
+  Random random(kClosestSeed);
+  const auto ours = MeshTruth::build(*made->original_mesh, pose());
+  const auto theirs = ClosestMesh::build(mixed_up(*made->original_mesh, random), pose());
+  ASSERT_TRUE(ours && theirs);
+  const geometry::Aabb box = made->cloud.box_mm();
+  for (int i = 0; i < 3000; ++i) {
+    Vec3 p;
+    for (int axis = 0; axis < 3; ++axis) p[axis] = 1.2 * random.uniform(box.low_mm[axis], box.high_mm[axis]);
+    const double a = (*ours)->signed_distance_mm(pose() * p), b = (*theirs)->signed_distance_mm(pose() * p);
+    ASSERT_NEAR(a, b, 1e-9) << p.transpose();
+    const geometry::SurfacePoint near = (*theirs)->closest(pose() * p);
+    EXPECT_NEAR((near.point_mm - pose() * p).norm(), std::abs(b), 1e-9);
+    EXPECT_NEAR(near.normal.norm(), 1.0, 1e-9);
+  }
+}
+
+TEST(ClosestMesh, FindsWhereAFollowedReferenceIsHeldByASheet) {
+  // A plate of 0.4 mm is crossed: the way decides from the middle on.
+  const auto plate = test::subdivided(test::box_mesh(10, 10, 0.2), 2);
+  trace::ProbePath path;
+  path.name = "through";
+  for (int i = 0; i < 400; ++i) {
+    path.t_s.push_back(1e-3 * i);
+    path.hip_mm.push_back({0.3, 0.4, 1.0 - 0.005 * i});
+  }
+  const auto mesh = MeshTruth::build(plate, {});
+  const auto closest = ClosestMesh::build(plate, {});
+  ASSERT_TRUE(mesh && closest);
+  auto first = mesh_reference(**mesh, path, 0.5, 0.0, no_progress());
+  const auto second = metrics::closest_point_reference(**closest, path, 0.5, 0.0, no_progress());
+  ASSERT_TRUE(first && second);
+  const auto tally = metrics::compare_references(*first, *second, path);
+  ASSERT_TRUE(tally);
+  EXPECT_EQ(tally->place, 40u);                                // z in (-0.2, 0)
+  EXPECT_NEAR(static_cast<double>(tally->state), 159.0, 1.0);  // below the plate
+  for (std::size_t i = 0; i < path.size(); ++i)
+    if (std::abs(path.hip_mm[i].z()) > 1e-9 && std::abs(path.hip_mm[i].z() + 0.2) > 1e-9) {
+      EXPECT_EQ(first->frames[i].history_decides, path.hip_mm[i].z() < 0.0) << i;
+    }
+}
+
+TEST(ClosestMesh, RefusesWhatIsNoSurface) {
+  EXPECT_FALSE(ClosestMesh::build({}, {}));
+  geometry::TriangleMesh line;
+  line.vertices_mm = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};
+  line.triangles = {{0, 1, 2}};
+  EXPECT_FALSE(ClosestMesh::build(line, {}));
+  geometry::TriangleMesh nan = test::box_mesh(1, 1, 1);
+  nan.vertices_mm[3].y() = std::nan("");
+  const auto refused = ClosestMesh::build(nan, {});
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().what.find("vertex 3"), std::string::npos);
 }
 
 }  // namespace

@@ -5,9 +5,12 @@
 
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 #include <vector>
 
+#include "device/simulated/arm_models.h"
+#include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_link.h"
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
@@ -240,6 +243,213 @@ TEST(SimulatedLink, RefusesWhatIsNotRight) {
   LinkRig noisy;
   EXPECT_TRUE(noisy.link.submit(noise));
   EXPECT_EQ(noisy.board.refused(), 1u);
+}
+
+// ---- The physics of the simulated devices against closed forms.
+
+ArmOptions bare_arm() {
+  ArmOptions arm;
+  arm.force_max_n = 1e6;
+  return arm;
+}
+
+TEST(Motion, FreeDecayOfAVelocity) {
+  const Plant plant{0.045, 0.0003, 0.0, 0.0};
+  const double rate = 0.0003 / (0.045 * 1e-3);  // 1/s
+  const Motion to = moved(plant, {Vec3(1e6, -3, 0), Vec3(100, -20, 7), Vec3::Zero()}, {}, 0.2);
+  const double left = std::exp(-rate * 0.2);
+  EXPECT_NEAR(to.v_mm_s.x(), 100 * left, 1e-11);
+  EXPECT_NEAR(to.v_mm_s.z(), 7 * left, 1e-12);
+  EXPECT_NEAR(to.x_mm.y(), -3 - 20 * (1 - left) / rate, 1e-11);
+  // A million mm away: the rounding of the coordinate alone.
+  EXPECT_NEAR(to.x_mm.x(), 1e6 + 100 * (1 - left) / rate, 1e-9);
+}
+
+TEST(Motion, ASpringAndAMassSwingAtTheirFrequency) {
+  const double k = 0.4, m = 0.195, omega = std::sqrt(k / (m * 1e-3));
+  const Plant plant{m, 0.0, k, 0.0};
+  const Motion from{Vec3(2, 0, 0), Vec3::Zero(), Vec3::Zero()};
+  const double period_s = 2.0 * std::numbers::pi / omega;
+  for (const double share : {0.1, 0.25, 0.5, 1.0, 7.3}) {
+    const Motion to = moved(plant, from, {}, share * period_s);
+    EXPECT_NEAR(to.x_mm.x(), 2 * std::cos(2 * std::numbers::pi * share), 1e-11) << share;
+    EXPECT_NEAR(to.v_mm_s.x(), -2 * omega * std::sin(2 * std::numbers::pi * share), 1e-9) << share;
+  }
+}
+
+TEST(Motion, AGoalThatMovesPullsAlongAndTheMotorLags) {
+  // Critically damped about a ramp: after a long time it follows with the lag 2 / omega of the spring.
+  const double m = 0.1, omega = 200.0, k = m * 1e-3 * omega * omega, d = 2 * m * 1e-3 * omega;
+  const Motion far =
+      moved({m, d, k, 0.0}, {}, {Vec3::Zero(), Vec3::Zero(), Vec3(50, 0, 0), Vec3::Zero()}, 1.0);
+  EXPECT_NEAR(far.x_mm.x(), 50 * (1.0 - 2.0 / omega), 1e-9);
+  const Motion motor = moved({m, 0, 0, 0.002}, {}, {Vec3(0, 3, 0)}, 0.003);
+  EXPECT_NEAR(motor.motor_n.y(), 3 * (1 - std::exp(-1.5)), 1e-14);
+  // Twice integrated: F t^2/2 less what the lag withheld.
+  const double lag = 0.002, t = 0.003, e = std::exp(-t / lag);
+  EXPECT_NEAR(motor.x_mm.y(), 3 / (m * 1e-3) * (0.5 * t * t - lag * t + lag * lag * (1 - e)), 1e-12);
+}
+
+/// Runs an arm alone, without a servo, to `until_s`; a read every millisecond.
+void run_alone(SimulatedArm& arm, VirtualClock& clock, double until_s) {
+  while (clock.now_s() < until_s - 1e-9) {
+    clock.advance(1e-3);
+    (void)arm.read();
+  }
+}
+
+TEST(SimulatedArm, FrictionStopsItWhereItsEnergyIsSpent) {
+  VirtualClock clock;
+  ArmOptions options = bare_arm();
+  options.damping_n_s_per_mm = 0.0;
+  options.friction_n = 0.1;
+  // A hand that moves at 100 mm/s and lets go: the device flies on with that speed, m v^2 / 2f = 2.25 mm.
+  Hand guide;
+  guide.guides = true;
+  HandScript script = HandScript::create("throw", {0.0, 1.0}, {Vec3(0, 0, 0), Vec3(60, 80, 0)},
+                                         HandScript::Between::kStraight)
+                          .value();
+  script.release_s = 0.1;
+  SimulatedArm arm(options, guide, script, clock);
+  ASSERT_TRUE(arm.open());
+  run_alone(arm, clock, 0.1);
+  EXPECT_NEAR(arm.velocity_mm_s().norm(), 100.0, 1e-9);
+  const Vec3 from = arm.hip_mm();
+  run_alone(arm, clock, 0.3);
+  const double stop_mm = 0.045 * 1e-3 * 100 * 100 / (2 * 0.1);
+  EXPECT_NEAR((arm.hip_mm() - from).norm(), stop_mm, 1e-9);
+  EXPECT_EQ(arm.velocity_mm_s(), Vec3::Zero());
+  const Vec3 rest = arm.hip_mm();
+  run_alone(arm, clock, 0.5);
+  EXPECT_EQ(arm.hip_mm(), rest) << "nothing creeps";
+  // Energy: all of what the hand gave went into friction.
+  EXPECT_NEAR(arm.energy().hand(), arm.energy().friction, 1e-12);
+  EXPECT_NEAR(arm.energy().friction, 0.1 * (stop_mm + 10.0), 1e-9);
+}
+
+TEST(SimulatedArm, APushBelowFrictionMovesNothingAndAboveItAccelerates) {
+  for (const double push : {0.0999, 0.1001}) {
+    VirtualClock clock;
+    ArmOptions options = bare_arm();
+    options.damping_n_s_per_mm = 0.0;
+    options.friction_n = 0.1;
+    Hand hand;
+    hand.push_n = Vec3(0, 0, -push);
+    const HandScript script = resting_at(Vec3(0, 0, 1));
+    SimulatedArm arm(options, hand, script, clock);
+    ASSERT_TRUE(arm.open());
+    run_alone(arm, clock, 0.5);
+    const double way = push > 0.1 ? 0.5 * (push - 0.1) / (0.045 * 1e-3) * 0.25 : 0.0;
+    EXPECT_NEAR(arm.hip_mm().z(), 1.0 - way, 1e-9) << push;
+  }
+}
+
+TEST(SimulatedArm, EnergyIsAccountedForWhereAHandSwings) {
+  VirtualClock clock;
+  ArmOptions options = bare_arm();
+  options.friction_n = 0.02;
+  Hand hand = hand_models()[1];
+  hand.damping_n_s_per_mm = 0.0;  // what it holds is then known by its spring alone
+  const HandScript script =
+      HandScript::create("step", {0.0, 0.01}, {Vec3::Zero(), Vec3(3, 0, 0)}, HandScript::Between::kStraight)
+          .value();
+  SimulatedArm arm(options, hand, script, clock);
+  ASSERT_TRUE(arm.open());
+  run_alone(arm, clock, 0.01);
+  const auto stored = [&] {
+    return 0.5 * hand.stiffness_n_per_mm * (Vec3(3, 0, 0) - arm.hip_mm()).squaredNorm() +
+           0.5 * (hand.mass_kg + options.mass_kg) * 1e-3 * arm.velocity_mm_s().squaredNorm();
+  };
+  const double before = stored() + arm.energy().friction + arm.energy().damping;
+  run_alone(arm, clock, 2.0);
+  EXPECT_NEAR(stored() + arm.energy().friction + arm.energy().damping, before, 1e-6 * before);
+  EXPECT_GT(arm.energy().friction, 0.1 * before);
+  EXPECT_GT(arm.energy().damping, 0.01 * before);
+}
+
+TEST(SimulatedArm, MeasuresInStepsOfItsEncoder) {
+  VirtualClock clock;
+  ArmOptions options = bare_arm();
+  options.encoder_mm = 0.055;
+  Hand guide;
+  guide.guides = true;
+  const HandScript script = HandScript::create("ramp", {0.0, 1.0}, {Vec3(0, 0, 0), Vec3(1.1, -2.2, 0.02)},
+                                               HandScript::Between::kStraight)
+                                .value();
+  SimulatedArm arm(options, guide, script, clock);
+  ASSERT_TRUE(arm.open());
+  double worst = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    const Vec3 seen = arm.read().position_mm;
+    for (int a = 0; a < 3; ++a) {
+      const double steps = seen[a] / 0.055;
+      ASSERT_NEAR(steps, std::round(steps), 1e-9);
+      worst = std::max(worst, std::abs(seen[a] - arm.hip_mm()[a]));
+    }
+    clock.advance(1e-3);
+  }
+  EXPECT_LE(worst, 0.0275 + 1e-12);
+  EXPECT_GT(worst, 0.027);
+}
+
+TEST(SimulatedArm, CommandsArriveAfterTheirDelayInTheirOrderAndSaturate) {
+  VirtualClock clock;
+  ArmOptions options;
+  options.damping_n_s_per_mm = 0.0;
+  options.delay_s = 0.0025;
+  const HandScript script = resting_at(Vec3(0, 0, -1));
+  SimulatedArm arm(options, {}, script, clock);
+  ASSERT_TRUE(arm.open());
+  SpringPlane stiff(100.0);
+  ForceGovernor governor =
+      ForceGovernor::create({1000.0, arm.limits().workspace_mm, 0.0, 1000.0}, {1000.0, 1e12, 1e-9}).value();
+  governor.arm(0.0);
+  clock.advance(1e-3);
+  const DeviceState state = arm.read();
+  arm.send(governor.govern(clock.now_s(), state, stiff.step(state.position_mm, 0.0).force_n));
+  clock.advance(2.4e-3);
+  (void)arm.read();
+  EXPECT_EQ(arm.motor_force_n(), Vec3::Zero());
+  EXPECT_EQ(arm.hip_mm().z(), -1.0);
+  clock.advance(0.6e-3);
+  (void)arm.read();
+  EXPECT_NEAR((arm.motor_force_n() - Vec3(0, 0, 3.3)).norm(), 0.0, 1e-14) << "100 N were asked for";
+  // 0.5 ms of 3.3 N on 45 g.
+  EXPECT_NEAR(arm.hip_mm().z(), -1.0 + 0.5 * 3.3 / 0.045e-3 * 0.25e-6, 1e-12);
+}
+
+TEST(SimulatedArm, RefusesWhatIsNotRight) {
+  VirtualClock clock;
+  const HandScript script = resting_at(Vec3::Zero());
+  const auto refused = [&](auto change) {
+    ArmOptions options;
+    Hand hand;
+    change(options, hand);
+    SimulatedArm arm(options, hand, script, clock);
+    const Status opened = arm.open();
+    EXPECT_EQ(arm.read().status, ReadStatus::kLost);
+    return opened ? std::string() : opened.error().what;
+  };
+  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.mass_kg = 0.0; }), "mass_kg"));
+  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.friction_n = -1; }), "friction_n"));
+  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.delay_s = 1.0; }), "delay_s"));
+  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.lag_s = 1e-9; }), "lag_s"));
+  EXPECT_TRUE(says(refused([](ArmOptions&, Hand& h) { h.stiffness_n_per_mm = std::nan(""); }), "stiffness"));
+  EXPECT_FALSE(
+      HandScript::create("x", {0.0, 0.0}, {Vec3::Zero(), Vec3::Zero()}, HandScript::Between::kStraight));
+  EXPECT_FALSE(HandScript::create("x", {}, {}, HandScript::Between::kStraight));
+}
+
+TEST(HandScript, AReachOfLeastJerkRestsAtBothEndsAndIsWhereItSaysItMoves) {
+  const HandScript script = press({Vec3(1, 2, 3), Vec3(0, 0.6, 0.8), Vec3::UnitX()}, {});
+  for (const double t : {0.0, 0.01, 0.1, 0.15, 0.2, 0.29}) {
+    const double h = 1e-6;
+    const Vec3 slope = (script.at(t + h).position_mm - script.at(t).position_mm) / h;
+    EXPECT_NEAR((slope - script.at(t + 0.5 * h).velocity_mm_s).norm(), 0.0, 1e-5) << t;
+  }
+  EXPECT_NEAR((script.at(0.15).position_mm - Vec3(1, 2, 3)).norm(), 0.0, 1e-12) << "half of the way in";
+  EXPECT_EQ(script.at(0.3).velocity_mm_s, Vec3::Zero());
+  EXPECT_NEAR((script.at(9.0).position_mm - (Vec3(1, 2, 3) - 2 * Vec3(0, 0.6, 0.8))).norm(), 0.0, 1e-12);
 }
 
 }  // namespace

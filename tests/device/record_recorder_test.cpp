@@ -20,21 +20,52 @@ namespace {
 
 constexpr std::uint64_t kRecorderSeed = 7;
 
+/// Reads it to its end; how many ticks it holds.
+std::size_t ticks_of(Recording& recording) {
+  RecordedTick tick;
+  std::size_t ticks = 0;
+  for (;; ++ticks) {
+    const Result<bool> more = recording.next(tick);
+    EXPECT_TRUE(more) << more.error().message();
+    if (!more || !*more) return ticks;
+  }
+}
+
 std::size_t ticks_of(std::vector<std::byte> bytes, RecordingEnd& end) {
   Result<Recording> recording = open_bytes(std::move(bytes));
   EXPECT_TRUE(recording);
   if (!recording) return 0;
-  RecordedTick tick;
-  std::size_t ticks = 0;
-  for (;;) {
-    const Result<bool> more = recording->next(tick);
-    EXPECT_TRUE(more) << more.error().message();
-    if (!more || !*more) break;
-    ++ticks;
-  }
+  const std::size_t ticks = ticks_of(*recording);
   end = recording->end();
   return ticks;
 }
+
+/// Adds the two renderers of RandomTicks.
+bool add_both(Recorder& recorder) {
+  for (const char* const name : {"a", "b"})
+    if (!recorder.add_renderer({name, name, {}})) return false;
+  return true;
+}
+
+/// A recorder on a disk in memory, of ticks that are not kept.
+struct RecorderRig {
+  explicit RecorderRig(const RecorderOptions& options = {})
+      : made(Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, options).value()),
+        recorder(*made) {
+    EXPECT_TRUE(add_both(recorder));
+  }
+  void take(int ticks) {
+    for (int i = 0; i < ticks; ++i) recorder.took(source.next());
+  }
+  /// How many ticks the disk holds.
+  std::size_t on_disk() { return ticks_of(disk.copy(), end); }
+
+  MemoryDisk disk;
+  RandomTicks source{kRecorderSeed, 2, false};
+  std::unique_ptr<Recorder> made;
+  Recorder& recorder;
+  RecordingEnd end;
+};
 
 TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
   MemoryDisk disk;
@@ -65,94 +96,68 @@ TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
 }
 
 TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
-  MemoryDisk disk;
-  RandomTicks source(kRecorderSeed);
-  source.keeps = false;
   RecorderOptions options;
   options.ring_bytes = 1;  // the least that is given: two of the longest ticks
-  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, options);
-  ASSERT_TRUE(made);
-  Recorder& recorder = **made;
-  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
-  disk.slow_ms = 30;
-  for (int i = 0; i < 3000; ++i) recorder.took(source.next());
-  const RecorderCounts running = recorder.counts();
+  RecorderRig rig(options);
+  rig.disk.slow_ms = 30;
+  rig.take(3000);
+  const RecorderCounts running = rig.recorder.counts();
   EXPECT_EQ(running.ticks, 3000u) << "nobody waited";
-  const Status done = recorder.finish();
-  const RecorderCounts counts = recorder.counts();
+  const Status done = rig.recorder.finish();
+  const RecorderCounts counts = rig.recorder.counts();
   ASSERT_FALSE(done);
   EXPECT_TRUE(says(done.error().what, "were lost")) << done.error().message();
   EXPECT_TRUE(says(done.error().what, " s are kept")) << done.error().message();
   EXPECT_GT(counts.lost, 0u);
   EXPECT_EQ(counts.ticks, counts.written + counts.lost);
-  RecordingEnd end;
-  EXPECT_EQ(ticks_of(disk.copy(), end), counts.written);
-  EXPECT_EQ(end.lost, counts.lost) << "what is in the file is what was counted";
-  EXPECT_FALSE(end.warnings().empty());
+  EXPECT_EQ(rig.on_disk(), counts.written);
+  EXPECT_EQ(rig.end.lost, counts.lost) << "what is in the file is what was counted";
+  EXPECT_FALSE(rig.end.warnings().empty());
 }
 
 TEST(Recorder, ADiskThatIsFullForAWhileCostsNothing) {
-  MemoryDisk disk;
-  RandomTicks source(kRecorderSeed);
-  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, {});
-  ASSERT_TRUE(made);
-  Recorder& recorder = **made;
-  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
-  {
-    const std::lock_guard lock(disk.mutex);
-    disk.broken = true;
-  }
-  for (int i = 0; i < 600; ++i) recorder.took(source.next());
+  RecorderRig rig;
+  const auto is_broken = [&](bool broken) {
+    const std::lock_guard lock(rig.disk.mutex);
+    rig.disk.broken = broken;
+  };
+  is_broken(true);
+  rig.take(600);
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  EXPECT_EQ(recorder.counts().written, 0u);
-  {
-    const std::lock_guard lock(disk.mutex);
-    disk.broken = false;
-  }
-  EXPECT_TRUE(recorder.finish());
-  RecordingEnd end;
-  EXPECT_EQ(ticks_of(disk.copy(), end), 600u);
-  EXPECT_EQ(end.lost, 0u);
+  EXPECT_EQ(rig.recorder.counts().written, 0u);
+  is_broken(false);
+  EXPECT_TRUE(rig.recorder.finish());
+  EXPECT_EQ(rig.on_disk(), 600u);
+  EXPECT_EQ(rig.end.lost, 0u);
 }
 
 TEST(Recorder, ADiskThatStaysFullLosesTheRestAndSaysWhy) {
-  MemoryDisk disk;
-  RandomTicks source(kRecorderSeed);
-  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, {});
-  ASSERT_TRUE(made);
-  Recorder& recorder = **made;
-  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
+  RecorderRig rig;
   {
-    const std::lock_guard lock(disk.mutex);
-    disk.room = disk.bytes.size() + 100;
+    const std::lock_guard lock(rig.disk.mutex);
+    rig.disk.room = rig.disk.bytes.size() + 100;
   }
-  for (int i = 0; i < 600; ++i) recorder.took(source.next());
-  const Status done = recorder.finish();
+  rig.take(600);
+  const Status done = rig.recorder.finish();
   ASSERT_FALSE(done);
   EXPECT_TRUE(says(done.error().what, "No space left")) << done.error().message();
   EXPECT_TRUE(says(done.error().remedy, "free some space"));
   EXPECT_TRUE(says(done.error().what, "; 0 s are kept")) << done.error().message();
-  EXPECT_EQ(recorder.counts().lost, 600u);
-  RecordingEnd end;
-  EXPECT_EQ(ticks_of(disk.copy(), end), 0u);
+  EXPECT_EQ(rig.recorder.counts().lost, 600u);
+  EXPECT_EQ(rig.on_disk(), 0u);
 }
 
 TEST(Recorder, TicksAndTheWriterRunSideBySide) {
   // For ThreadSanitizer: a loop that takes ticks, a writer, and a thread that adds renderers and notes.
-  MemoryDisk disk;
-  RandomTicks source(kRecorderSeed);
-  source.keeps = false;
   RecorderOptions options;
   options.ring_bytes = std::size_t{1} << 17;
   options.chunk_s = 0.01;
-  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, options);
-  ASSERT_TRUE(made);
-  Recorder& recorder = **made;
-  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
+  RecorderRig rig(options);
+  Recorder& recorder = rig.recorder;
   std::thread loop([&] {
     for (int i = 0; i < 2000; ++i) {
       recorder.wait_for_room();
-      recorder.took(source.next());
+      rig.take(1);
     }
   });
   for (int i = 0; i < 20; ++i) {
@@ -162,29 +167,23 @@ TEST(Recorder, TicksAndTheWriterRunSideBySide) {
   }
   loop.join();
   ASSERT_TRUE(recorder.finish());
-  RecordingEnd end;
-  EXPECT_EQ(ticks_of(disk.copy(), end), 2000u);
+  EXPECT_EQ(rig.on_disk(), 2000u);
 }
 
 TEST(Recorder, TakingATickAllocatesNothing) {
-  MemoryDisk disk;
-  RandomTicks source(kRecorderSeed);
-  source.keeps = false;
   RecorderOptions options;
   options.chunk_s = 1e6;  // the writer only fetches
-  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, options);
-  ASSERT_TRUE(made);
-  for (const char* const name : {"a", "b"}) ASSERT_TRUE((*made)->add_renderer({name, name, {}}));
-  (*made)->took(source.next());
+  RecorderRig rig(options);
+  rig.take(1);
   std::uint64_t counted = 0;
   {
     const house::AllocationCount allocations(house::AllocationCount::Threads::kThisOne);
-    for (int i = 0; i < 1000; ++i) (*made)->took(source.next());
+    rig.take(1000);
     counted = allocations.count();
   }
   EXPECT_EQ(counted, 0u);
-  EXPECT_EQ((*made)->counts().written, 0u) << "nothing was written meanwhile";
-  EXPECT_TRUE((*made)->finish());
+  EXPECT_EQ(rig.recorder.counts().written, 0u) << "nothing was written meanwhile";
+  EXPECT_TRUE(rig.recorder.finish());
 }
 
 TEST(Recorder, TheTapNotesEveryCall) {
@@ -237,17 +236,13 @@ class RecorderOnDisk : public InFolder {
  protected:
   /// Records in a child process at about 1 kHz until it is killed; the last tick's number goes through a
   /// pipe.
-  template <class Limit>
-  pid_t record_in_child(const std::string& path, int out, Limit&& limit) {
+  pid_t record_in_child(const std::string& path, int out) {
     const pid_t pid = ::fork();
     if (pid != 0) return pid;
-    limit();
-    RandomTicks source(kRecorderSeed);
-    source.keeps = false;
+    RandomTicks source(kRecorderSeed, 2, false);
     auto made = Recorder::create(path, some_header(), source);
     if (!made) ::_exit(3);
-    for (const char* const name : {"a", "b"})
-      if (!(*made)->add_renderer({name, name, {}})) ::_exit(4);
+    if (!add_both(**made)) ::_exit(4);
     constexpr std::int64_t kTicks = 60'000;
     for (std::int64_t i = 1; i <= kTicks; ++i) {
       (*made)->took(source.next());
@@ -262,7 +257,7 @@ TEST_F(RecorderOnDisk, KilledInTheMiddleItLosesASecondAtMost) {
   const std::string path = in("killed.palrec");
   int pipes[2];
   ASSERT_EQ(::pipe(pipes), 0);
-  const pid_t pid = record_in_child(path, pipes[1], [] {});
+  const pid_t pid = record_in_child(path, pipes[1]);
   ASSERT_GT(pid, 0);
   ::close(pipes[1]);
   std::int64_t last = 0;
@@ -279,15 +274,8 @@ TEST_F(RecorderOnDisk, KilledInTheMiddleItLosesASecondAtMost) {
   ASSERT_TRUE(WIFSIGNALED(status));
   Result<Recording> recording = Recording::open(path);
   ASSERT_TRUE(recording) << recording.error().message();
-  RecordedTick tick;
-  std::int64_t ticks = 0;
-  for (;;) {
-    const Result<bool> more = recording->next(tick);
-    ASSERT_TRUE(more) << more.error().message();
-    if (!*more) break;
-    ++ticks;
-  }
-  EXPECT_GE(ticks, last - 1000) << "of " << last << " ticks, a millisecond each";
+  EXPECT_GE(static_cast<std::int64_t>(ticks_of(*recording)), last - 1000)
+      << "of " << last << " ticks, a millisecond each";
   EXPECT_FALSE(recording->end().closed);
   EXPECT_TRUE(says(recording->end().warnings().front(), "crashed"));
 }
@@ -300,12 +288,10 @@ TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
     std::signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{kMaxBytes, kMaxBytes};
     ::setrlimit(RLIMIT_FSIZE, &limit);
-    RandomTicks source(kRecorderSeed);
-    source.keeps = false;
+    RandomTicks source(kRecorderSeed, 2, false);
     auto made = Recorder::create(path, some_header(), source);
     if (!made) ::_exit(3);
-    for (const char* const name : {"a", "b"})
-      if (!(*made)->add_renderer({name, name, {}})) ::_exit(4);
+    if (!add_both(**made)) ::_exit(4);
     for (int i = 0; i < 3000; ++i) (*made)->took(source.next());
     const Status done = (*made)->finish();
     const RecorderCounts counts = (*made)->counts();
@@ -321,12 +307,8 @@ TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
   EXPECT_LE(std::filesystem::file_size(path), kMaxBytes);
   Result<Recording> recording = Recording::open(path);
   ASSERT_TRUE(recording);
-  RecordedTick tick;
-  std::size_t ticks = 0;
-  Result<bool> more = recording->next(tick);
-  for (; more && *more; more = recording->next(tick)) ++ticks;
-  EXPECT_TRUE(more) << "whole chunks, and at most half a one behind them";
-  EXPECT_GT(ticks, 0u);
+  // Whole chunks, and at most half a one behind them.
+  EXPECT_GT(ticks_of(*recording), 0u);
 }
 
 TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {

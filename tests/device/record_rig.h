@@ -45,14 +45,15 @@ class MemoryFile final : public RecordingFile {
 /// Ticks at 1 kHz with everything in them that a tick may hold.
 class RandomTicks final : public TickSource {
  public:
-  explicit RandomTicks(std::uint64_t seed, std::size_t tracks = 2) : random_(seed), tracks_(tracks) {}
+  explicit RandomTicks(std::uint64_t seed, std::size_t tracks = 2, bool keeps_all = true)
+      : keeps(keeps_all), random_(seed), tracks_(tracks) {}
   [[nodiscard]] Tick next();
   void fill(const Tick& tick, RecordedTick& out) noexcept override;
   void recorded() noexcept override {}
   /// As they were given to the recorder; calls are kept as well. Only of a source that keeps.
   std::vector<RecordedTick> given;
   std::vector<std::unique_ptr<std::array<std::vector<RendererCall>, RecordedTick::kMaxTracks>>> kept;
-  bool keeps = true;
+  bool keeps;
 
  private:
   [[nodiscard]] Vec3 anywhere();

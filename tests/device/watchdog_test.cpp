@@ -3,20 +3,28 @@
 #include <palpate/device/watchdog.h>
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
 
 #include <cctype>
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <memory>
 #include <new>
+#include <optional>
 #include <string>
 #include <thread>
 
+#include <palpate/clock.h>
 #include <palpate/device/guard.h>
 #include <palpate/device/scheduling.h>
 #include <palpate/device/servo.h>
+#include <palpate/stop_callback.h>
 #include "device/simulated/packet_device.h"
 #include "device/simulated/simulated_link.h"
+#include "experiments/benchmarks/death_trial.h"
 #include "experiments/benchmarks/fault_trial.h"
 #include "tests/device/helpers.h"
 #include "tests/device/rig.h"
@@ -149,10 +157,7 @@ struct Pressed {
   Pressed() : device(link, clock), wall(0.5), servo(wall, quick(), device, clock, {}) {
     servo.watched_by(&heart);
     EXPECT_TRUE(servo.start().ok());
-    for (int i = 0; i < 100; ++i) {
-      clock.advance(1e-3);
-      tick = servo.tick();
-    }
+    for (int i = 0; i < 100; ++i) next();
     EXPECT_GT(board.held()[2], 900);
   }
   static GovernorOptions quick() {
@@ -186,38 +191,37 @@ TEST(ServoEnds, StoppedItSendsZero) {
   EXPECT_FALSE(rig.board.holds_force()) << "nothing comes after it";
 }
 
-TEST(ServoEnds, DestroyedItSendsZero) {
-  auto rig = std::make_unique<Pressed>();
-  SimulatedBoard board;  // a second servo on another board, whose end is seen from outside
-  SimulatedLink link(board, rig->script, rig->clock);
-  PacketDevice device(link, rig->clock);
-  {
-    Servo servo(rig->wall, Pressed::quick(), device, rig->clock, {});
-    ASSERT_TRUE(servo.start());
+/// A servo that presses on a board that outlives it.
+struct PressedElsewhere {
+  explicit PressedElsewhere(SimulatedBoard& board) : link(board, script, clock), device(link, clock) {
+    servo.emplace(wall, Pressed::quick(), device, clock, DeviceMap{});
+    EXPECT_TRUE(servo->start().ok());
     for (int i = 0; i < 100; ++i) {
-      rig->clock.advance(1e-3);
-      (void)servo.tick();
+      clock.advance(1e-3);
+      (void)servo->tick();
     }
-    ASSERT_TRUE(board.holds_force());
+    EXPECT_TRUE(board.holds_force());
   }
+  VirtualClock clock;
+  HandScript script = press_script();
+  SimulatedLink link;
+  PacketDevice device;
+  SpringPlane wall{0.5};
+  std::optional<Servo> servo;
+};
+
+// The servo alone: its device, which would send zero too, is still there.
+TEST(ServoEnds, DestroyedItSendsZero) {
+  SimulatedBoard board;
+  PressedElsewhere pressed(board);
+  pressed.servo.reset();
   EXPECT_FALSE(board.holds_force());
 }
 
 TEST(ServoEnds, AnExceptionThroughItSendsZero) {
   SimulatedBoard board;
   try {
-    VirtualClock clock;
-    HandScript script = press_script();
-    SimulatedLink link(board, script, clock);
-    PacketDevice device(link, clock);
-    SpringPlane wall(0.5);
-    Servo servo(wall, Pressed::quick(), device, clock, {});
-    ASSERT_TRUE(servo.start());
-    for (int i = 0; i < 100; ++i) {
-      clock.advance(1e-3);
-      (void)servo.tick();
-    }
-    ASSERT_TRUE(board.holds_force());
+    const PressedElsewhere pressed(board);
     throw std::bad_alloc();
   } catch (const std::bad_alloc&) {
   }
@@ -295,6 +299,149 @@ TEST(TrialInRealTime, AStuckRendererEndsWithoutForce) {
     EXPECT_NE(outcome.fault, Fault::kNone) << fault.name;
     EXPECT_EQ(outcome.force_at_end_n, 0.0) << fault.name;
   }
+}
+
+// ---- The guard process and the end of a program, in child processes that die in every way. The board stands
+// in memory that they share, and holds its torque for ever unless it is told.
+
+constexpr timespec kShort{0, 1'000'000};
+
+/// A command of a force.
+PacketBytes pressing() {
+  Packet command;
+  command.kind = PacketKind::kCommand;
+  command.counts = {0, 0, 900};
+  return encoded(command);
+}
+
+/// A child that presses; gone with this.
+class Child {
+ public:
+  explicit Child(const PressOptions& options = {}) : shared_(SharedBoard::create().value()) {
+    pid_ = ::fork();
+    if (pid_ == 0) press_for_ever(board(), options);
+    EXPECT_TRUE(comes([&] { return board().holds_force(); })) << "it presses";
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  ~Child() {
+    if (!reaped_) {
+      ::kill(pid_, SIGKILL);
+      (void)status();
+    }
+  }
+  void send(int number) const { ::kill(pid_, number); }
+  int status() {
+    int status = 0;
+    if (!reaped_) ::waitpid(pid_, &status, 0);
+    reaped_ = true;
+    return status;
+  }
+  [[nodiscard]] SimulatedBoard& board() const { return shared_.board(); }
+
+ private:
+  SharedBoard shared_;
+  pid_t pid_ = -1;
+  bool reaped_ = false;
+};
+
+TEST(Guard, WithoutOneTheTorqueIsHeldForEver) {
+  PALPATE_SKIP_FORKS();
+  Child child({.guarded = false});
+  child.send(SIGKILL);
+  EXPECT_TRUE(WIFSIGNALED(child.status()));
+  for (int i = 0; i < 100; ++i) ::nanosleep(&kShort, nullptr);
+  EXPECT_TRUE(child.board().holds_force()) << "this is what the guard is for";
+}
+
+class EveryDeath : public testing::TestWithParam<int> {};
+
+TEST_P(EveryDeath, IsFollowedByZero) {
+  PALPATE_SKIP_FORKS();
+  Child child;
+  child.send(GetParam());
+  (void)child.status();
+  EXPECT_TRUE(comes([&] { return !child.board().holds_force(); })) << "signal " << GetParam();
+}
+
+INSTANTIATE_TEST_SUITE_P(Signals, EveryDeath,
+                         testing::Values(SIGKILL, SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGINT, SIGTERM, SIGHUP,
+                                         SIGXCPU),
+                         [](const auto& instance) { return "signal_" + std::to_string(instance.param); });
+
+TEST(Guard, SurvivesWhatIsSentToItAndStillAnswers) {
+  PALPATE_SKIP_FORKS();
+  SharedBoard shared = SharedBoard::create().value();
+  Guard guard = Guard::start([&shared] {
+                  shared.board().command(PacketDevice::zero_command(), 0);
+                  return true;
+                }).value();
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE}) ::kill(guard.pid(), number);
+  for (int i = 0; i < 20; ++i) ::nanosleep(&kShort, nullptr);
+  EXPECT_TRUE(guard.alive());
+  EXPECT_NE(::getsid(guard.pid()), ::getsid(0)) << "not in the group that Ctrl-C reaches";
+  shared.board().command(pressing(), 0);
+  guard.stop();
+  EXPECT_FALSE(shared.board().holds_force()) << "a normal end, too";
+  EXPECT_FALSE(guard.alive());
+}
+
+TEST(Guard, TriesAgainUntilTheDeviceIsFree) {
+  PALPATE_SKIP_FORKS();
+  SharedBoard shared = SharedBoard::create().value();
+  shared.board().command(pressing(), 0);
+  int tries = 0;  // the guard's own copy counts
+  Guard guard = Guard::start([&shared, tries]() mutable {
+                  if (++tries < 5) return false;
+                  shared.board().command(PacketDevice::zero_command(), 0);
+                  return true;
+                }).value();
+  static_cast<void>(tries);
+  guard.stop();
+  EXPECT_FALSE(shared.board().holds_force());
+}
+
+TEST(Guard, AStoppedProgramIsKilledWhereThatIsAllowedAndLeftWhereNot) {
+  PALPATE_SKIP_FORKS();
+  {
+    Child stopped({.guarded = true, .guard = {.kill_after_s = 0.5}});
+    stopped.send(SIGSTOP);
+    EXPECT_TRUE(comes([&] { return !stopped.board().holds_force(); }));
+    EXPECT_EQ(WTERMSIG(stopped.status()), SIGKILL);
+  }
+  for (const GuardOptions& leaves : {GuardOptions{}, GuardOptions{.kill_after_s = 0.05, .debugger = true}}) {
+    Child stopped({.guarded = true, .guard = leaves});
+    stopped.send(SIGSTOP);
+    for (int i = 0; i < 300; ++i) ::nanosleep(&kShort, nullptr);
+    EXPECT_TRUE(stopped.board().holds_force()) << "as it must where killing is off";
+    stopped.send(SIGKILL);
+    EXPECT_TRUE(comes([&] { return !stopped.board().holds_force(); }));
+  }
+}
+
+TEST(Guard, RefusesOptionsThatAreNotRight) {
+  EXPECT_FALSE(Guard::start({}, {}));
+  EXPECT_FALSE(Guard::start([] { return true; }, {.kill_after_s = -1.0}));
+  EXPECT_FALSE(Guard::start([] { return true; }, {.kill_after_s = std::nan("")}));
+}
+
+// A stop of the program (Ctrl-C): its actions are run by a thread of their own while the servo goes on, and
+// the process ends right after. No guard here.
+TEST(ServoEnds, AStopOfTheProgramSendsZeroThatStays) {
+  PALPATE_SKIP_FORKS();
+  SharedBoard shared = SharedBoard::create().value();
+  const pid_t child = ::fork();
+  if (child == 0) {
+    // The servo in a thread of its own, as in a program; the list belongs to this process.
+    std::thread([&shared] { press_for_ever(shared.board(), {.guarded = false}); }).detach();
+    if (!comes([&shared] { return shared.board().holds_force(); })) ::_exit(3);
+    const std::string said = run_stop_callbacks();
+    ::_exit(said.empty() ? 0 : 4);
+  }
+  int status = -1;
+  ::waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+  EXPECT_FALSE(shared.board().holds_force());
 }
 
 }  // namespace

@@ -1,9 +1,16 @@
 // palpate live as a user runs it, on a tiny scene.
 #include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+
+#include "device/drivers/usb_ids.h"
+#include "device/simulated/arm_models.h"
+#include "experiments/live/device_report.h"
+#include "experiments/live/doctor.h"
+#include "experiments/live/session_device.h"
 #include "tests/experiments/program.h"
+#include "tests/json_schema.h"
 
 namespace palpate::experiments {
 namespace {
@@ -146,6 +153,330 @@ TEST_F(Live, WhatIsWrongIsNamedAndNothingIsLeft) {
     refuses(named, live("bad", arguments));
     EXPECT_FALSE(exists("bad/live.json"));
   }
+}
+
+// ---- palpate list devices, and the doctor's judgement of machines that are not here.
+
+/// A machine on which nothing is wrong.
+SystemFacts good_machine() {
+  SystemFacts facts;
+  facts.tried.fifo = facts.tried.memory_locked = facts.tried.latency_held = true;
+  facts.tried.priority = device::kWatchdogPriority;
+  facts.tried.kernel = device::KernelKind::kRealTime;
+  facts.tried.kernel_release = "6.12.0-rt";
+  facts.tried.cpus = 4;
+  facts.rtprio_limit = 85;
+  facts.memlock_limit_bytes = SystemFacts::kUnlimited;
+  facts.cpu_governors = {"performance"};
+  facts.has_latency_file = facts.has_usb = true;
+  facts.clock_resolution_ns = 1;
+  facts.clock_source = "tsc";
+  facts.lateness.p50_ns = 3'000;
+  facts.lateness.p99_ns = 9'000;
+  facts.real_time_share_us = 950'000;
+  return facts;
+}
+
+/// The only check that is not fine; its name is empty where there is none or more than one.
+Check only_finding(const SystemFacts& facts) {
+  const std::vector<Check> checks = examine(facts);
+  const auto not_fine = [](const Check& check) { return check.verdict != CheckVerdict::kFine; };
+  if (std::count_if(checks.begin(), checks.end(), not_fine) != 1) return {};
+  return *std::find_if(checks.begin(), checks.end(), not_fine);
+}
+
+bool any_line(const Check& check, const std::string& says) {
+  return std::any_of(check.remedy.begin(), check.remedy.end(),
+                     [&](const std::string& line) { return line.find(says) != std::string::npos; });
+}
+
+TEST(Doctor, FindsNothingOnAGoodMachine) {
+  for (const Check& check : examine(good_machine())) {
+    EXPECT_EQ(check.verdict, CheckVerdict::kFine) << check.about << ": " << check.found;
+    EXPECT_TRUE(check.remedy.empty()) << check.about;
+    EXPECT_FALSE(check.found.empty()) << check.about;
+  }
+}
+
+TEST(Doctor, FindsEachFaultAloneAndSaysItsRemedy) {
+  struct Case {
+    const char* about;
+    CheckVerdict verdict;
+    const char* remedy;
+    void (*spoil)(SystemFacts&);
+  };
+  const Case cases[] = {
+      {"real-time priority", CheckVerdict::kWarning, "@realtime - rtprio 85",
+       [](SystemFacts& f) { f.tried.fifo = false; }},
+      {"locked memory", CheckVerdict::kWarning, "@realtime - memlock unlimited",
+       [](SystemFacts& f) { f.tried.memory_locked = false; }},
+      {"kernel", CheckVerdict::kWarning, "linux-image-rt-amd64",
+       [](SystemFacts& f) { f.tried.kernel = device::KernelKind::kDynamic; }},
+      {"CPUs", CheckVerdict::kWarning, "two CPUs", [](SystemFacts& f) { f.tried.cpus = 1; }},
+      {"CPU governor", CheckVerdict::kWarning, "--governor performance",
+       [](SystemFacts& f) {
+         f.cpu_governors = {"performance", "powersave"};
+       }},
+      {"CPU sleep states", CheckVerdict::kWarning, "KERNEL==\"cpu_dma_latency\"",
+       [](SystemFacts& f) { f.tried.latency_held = false; }},
+      {"timer", CheckVerdict::kProblem, "HIGH_RES_TIMERS",
+       [](SystemFacts& f) { f.clock_resolution_ns = 4'000'000; }},
+      {"timer", CheckVerdict::kWarning, "tsc=reliable", [](SystemFacts& f) { f.clock_source = "hpet"; }},
+      {"timer", CheckVerdict::kWarning, "stop what else runs",
+       [](SystemFacts& f) { f.lateness.p50_ns = 500'000; }},
+      {"real-time share", CheckVerdict::kWarning, "sched_rt_runtime_us=950000",
+       [](SystemFacts& f) { f.real_time_share_us = -1; }},
+      {"host and steal", CheckVerdict::kWarning, "machine of its own",
+       [](SystemFacts& f) { f.virtual_machine = true; }},
+      {"host and steal", CheckVerdict::kWarning, "machine of its own",
+       [](SystemFacts& f) { f.steal_percent = 3.0; }},
+      {"USB permission", CheckVerdict::kWarning, R"(ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48")",
+       [](SystemFacts& f) {
+         f.usb.push_back({"Novint Falcon", "0403", "cb48", "/dev/bus/usb/001/004", false,
+                          device::udev_rule(device::known_usb_ids().front())});
+         f.usb.push_back({"3Dconnexion", "256f", "c635", "/dev/hidraw0", true, ""});
+       }},
+  };
+  for (const Case& one : cases) {
+    SystemFacts facts = good_machine();
+    one.spoil(facts);
+    const Check found = only_finding(facts);
+    EXPECT_EQ(found.about, one.about);
+    EXPECT_EQ(found.verdict, one.verdict) << one.about;
+    EXPECT_TRUE(any_line(found, one.remedy)) << one.about << ": " << json(found.remedy);
+  }
+}
+
+TEST(Doctor, WhatIsNotThereIsNoFault) {
+  SystemFacts facts = good_machine();
+  facts.cpu_governors.clear();
+  facts.has_latency_file = facts.has_usb = facts.tried.latency_held = false;
+  facts.real_time_share_us.reset();
+  facts.clock_source.clear();
+  for (const Check& check : examine(facts)) EXPECT_EQ(check.verdict, CheckVerdict::kFine) << check.about;
+}
+
+TEST(Doctor, ReadsThisMachine) {
+  const SystemFacts facts = read_system_facts();
+  EXPECT_GE(facts.tried.cpus, 1);
+  EXPECT_GT(facts.clock_resolution_ns, 0);
+  EXPECT_EQ(facts.lateness.count, 99u) << "a tenth of a second at 1 kHz";
+  EXPECT_GE(facts.steal_percent, 0.0);
+  EXPECT_FALSE(facts.tried.kernel_release.empty());
+}
+
+class Devices : public OnCommandLine {};
+
+TEST_F(Devices, AreListedWithWhatTheyNeed) {
+  const ProcessOutcome text = palpate("list devices"), run = palpate("list devices --json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(text.exit_code, 0);
+  expect_valid("devices", run.out);
+  const json document = json::parse(run.out);
+  EXPECT_FALSE(document.contains("checks")) << "only where asked for";
+  std::vector<std::string> names;
+  for (const json& one : document["devices"]) {
+    names.push_back(one["name"]);
+    EXPECT_THAT(text.out, HasSubstr(names.back()));
+    EXPECT_EQ(one["status"] == "ready", one["needs"].empty()) << one;
+    for (const json& need : one["needs"]) EXPECT_THAT(text.out, HasSubstr(need.get<std::string>())) << need;
+  }
+  for (const device::ArmOptions& arm : device::arm_models())
+    EXPECT_EQ(std::count(names.begin(), names.end(), "sim:" + arm.name), 1) << arm.name;
+}
+
+TEST_F(Devices, TheDoctorSaysEveryCheckInTextAndJson) {
+  const ProcessOutcome text = palpate("list devices --doctor"), run = palpate("list devices --doctor --json");
+  expect_valid("devices", run.out);
+  const json checks = json::parse(run.out)["checks"];
+  ASSERT_EQ(checks.size(), examine(good_machine()).size());
+  bool problem = false;
+  for (const json& check : checks) {
+    EXPECT_THAT(text.out, HasSubstr(check["about"].get<std::string>() + ": ")) << check;
+    EXPECT_EQ(check["verdict"] == "fine", check["remedy"].empty()) << check;
+    problem = problem || check["verdict"] == "problem";
+  }
+  EXPECT_EQ(run.exit_code, problem ? 1 : 0) << "warnings are no failure";
+}
+
+TEST_F(Devices, KnowNoOtherArguments) {
+  refuses("--doctor", "list devices --doctr");
+}
+
+// ---- palpate live serve and palpate devices --report, as a user runs them. Where one waits for another, it
+// waits as long as it takes.
+
+const std::string kReportSchema = std::string(PALPATE_DOCS) + "/schemas/device-report.schema.json";
+const std::string kCountsSchema = std::string(PALPATE_DOCS) + "/schemas/bridge.schema.json";
+
+class BridgeCommand : public OnCommandLine {
+ protected:
+  /// "ADDRESS:PORT" at which a started `palpate live serve` listens; empty where it ended.
+  static std::string address_of(Started& bridge) {
+    std::string where;
+    bridge.wait_for([&] {
+      const std::string text = bridge.out();
+      const std::size_t at = text.find(" at "), end = text.find(": forces");
+      if (end == std::string::npos) return false;
+      where = text.substr(at + 4, end - at - 4);
+      return true;
+    });
+    return where;
+  }
+};
+
+TEST_F(BridgeCommand, AProgramAtAnotherProcessFeelsTheDevice) {
+  Started bridge(folder_, {"live", "serve", "--device", "sim:falcon", "--listen", "127.0.0.1:0",
+                           "--watchdog-ms", "1000", "--most-age-ms", "1000"});
+  const std::string where = address_of(bridge);
+  ASSERT_NE(where, "") << bridge.err();
+  const ProcessOutcome run =
+      succeeds("list devices --report", "bridge:" + where, "--seconds 0.5 --device-option most-age-ms=1000");
+  EXPECT_EQ(schema_violations(kReportSchema, run.out), "");
+  const json report = json::parse(run.out);
+  EXPECT_TRUE(report["opened"].get<bool>());
+  EXPECT_EQ(report["limits"]["force_max_n"], 8.0) << "the far device's own";
+  EXPECT_GT(report["packets"]["fresh"], 0);
+  EXPECT_FALSE(report["packets"]["first"].empty());
+  EXPECT_EQ(report["device"]["options"]["most-age-ms"], "1000");
+  EXPECT_FALSE(report["device"]["unproven"].empty());
+  bridge.wait_for_signals();
+  bridge.send(SIGINT);
+  EXPECT_EQ(bridge.end(), 130);
+}
+
+TEST_F(BridgeCommand, CountsWhatItDid) {
+  const ProcessOutcome run = succeeds("live serve --listen 127.0.0.1:0 --seconds 0.2 --json");
+  EXPECT_EQ(schema_violations(kCountsSchema, run.out), "");
+  const json counts = json::parse(run.out);
+  EXPECT_GT(counts["ticks"], 0);
+  EXPECT_EQ(counts["sessions"], 0);
+  EXPECT_FALSE(counts["scheduling"].get<std::string>().empty());
+}
+
+TEST_F(BridgeCommand, ItsSchemaRefusesWhatItNeverPrints) {
+  json counts = json::parse(palpate("live serve --listen 127.0.0.1:0 --seconds 0.1 --json").out);
+  ASSERT_EQ(schema_violations(kCountsSchema, counts.dump()), "");
+  counts["trips"] = -1;
+  EXPECT_NE(schema_violations(kCountsSchema, counts.dump()), "");
+  counts.erase("trips");
+  EXPECT_NE(schema_violations(kCountsSchema, counts.dump()), "");
+}
+
+TEST_F(BridgeCommand, RefusesWhatMeansNothing) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"live serve --device sim:falcn", "falcon"},
+      {"live serve --device nothing", "palpate list devices"},
+      {"live serve --device sim --grip paw", "paw"},
+      {"live serve --listen nowhere", "HOST:PORT"},
+      {"live serve --listen 127.0.0.1:99999", "port"},
+      {"live serve --device-option novalue", "KEY=VALUE"},
+      {"live serve --device sim --device-option a=b", "leave it out"},
+      {"live serve --device path", "palpate list devices"},
+      {"list devices --report nothing", "palpate list devices"},
+      {"list devices --report sim --out report.txt", ".json"},
+      {"list devices --report bridge:a:b:c", "HOST:PORT"}};
+  for (const auto& [line, says] : cases) EXPECT_EQ(refuses(says, line).out, "") << line;
+}
+
+TEST_F(BridgeCommand, AReportOfASimulatedArmFitsItsSchemaAndAddsUp) {
+  const std::string out = (folder_ / "report.json").string();
+  const std::vector<std::string> command = {"list", "devices", "--report", "sim:omni", "--seconds",
+                                            "0.3",  "--rate",  "500",      "--out",    out};
+  const ProcessOutcome run = succeeds(command);
+  EXPECT_EQ(run.out, "");
+  EXPECT_EQ(schema_violations(kReportSchema, file_text(out)), "");
+  const json report = json::parse(file_text(out));
+  const json& packets = report["packets"];
+  EXPECT_EQ(packets["fresh"].get<int>() + packets["nothing_new"].get<int>() + packets["garbled"].get<int>() +
+                packets["lost"].get<int>(),
+            packets["frames"].get<int>());
+  EXPECT_GT(packets["frames"], 0);
+  EXPECT_TRUE(report["homing"]["at_start"].get<bool>());
+  EXPECT_EQ(report["device"]["driver"], "sim");
+  const ProcessOutcome again = palpate(command);
+  EXPECT_EQ(again.exit_code, 2) << "a report that is there is kept";
+  std::vector<std::string> forced = command;
+  forced.emplace_back("--force");
+  succeeds(forced);
+}
+
+TEST_F(BridgeCommand, ADeviceThatDoesNotOpenIsAReportToo) {
+  const ProcessOutcome run = palpate("list devices --report bridge:127.0.0.1:1");
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_EQ(schema_violations(kReportSchema, run.out), "");
+  const json report = json::parse(run.out);
+  EXPECT_FALSE(report["opened"].get<bool>());
+  EXPECT_THAT(report["error"].get<std::string>(), HasSubstr("palpate live serve"));
+  EXPECT_THAT(run.err, HasSubstr("palpate live serve"));
+}
+
+TEST(SessionDevice, OptionsAreReadInOrder) {
+  const auto options = option_pairs({"k=2.5", "firmware=a=b", "empty="});
+  ASSERT_TRUE(options);
+  ASSERT_EQ(options->size(), 3u);
+  EXPECT_EQ((*options)[1], (std::pair<std::string, std::string>("firmware", "a=b")));
+  EXPECT_EQ((*options)[2].second, "");
+  EXPECT_TRUE(option_pairs({})->empty());
+  for (const char* bad : {"k", "=2", ""}) EXPECT_FALSE(option_pairs({bad})) << bad;
+}
+
+/// Says what it is told to say.
+class ToldDevice final : public device::Device {
+ public:
+  [[nodiscard]] std::string name() const override { return "told"; }
+  [[nodiscard]] Status open() override { return Done{}; }
+  void close() noexcept override {}
+  [[nodiscard]] device::DeviceLimits limits() const noexcept override {
+    return {1.0, {Vec3::Constant(-1.0), Vec3::Constant(1.0)}, 0.01, 1000.0};
+  }
+  [[nodiscard]] device::DeviceState read() noexcept override { return state; }
+  void send(device::GovernedForce force) noexcept override { zero = zero && force.newtons().isZero(0.0); }
+  device::DeviceState state;
+  bool zero = true;
+};
+
+TEST(DeviceLooker, CountsWhatASilentLyingAndHomingDeviceDoes) {
+  VirtualClock clock;
+  ToldDevice told;
+  device::ForceGovernor governor = device::ForceGovernor::create(told.limits(), {}).value();
+  DeviceLooker looker(told, governor, clock);
+  told.state.homed = false;
+  const auto frame = [&](device::ReadStatus status, double x_mm) {
+    clock.advance(1e-3);
+    told.state.status = status;
+    told.state.position_mm.x() = x_mm;
+    told.state.packet_ns = clock.now_ns() - 200'000;
+    looker.frame(clock.now_ns());
+  };
+  using device::ReadStatus;
+  frame(ReadStatus::kFresh, 1.0);
+  frame(ReadStatus::kFresh, 1.5);
+  told.state.homed = true;
+  told.state.buttons = 2;
+  frame(ReadStatus::kFresh, 1.25);
+  told.state.buttons = 4;
+  frame(ReadStatus::kFresh, std::nan(""));
+  for (int i = 0; i < 5; ++i) frame(ReadStatus::kNothingNew, 9.0);
+  frame(ReadStatus::kGarbled, 9.0);
+  frame(ReadStatus::kLost, 9.0);
+  const DeviceWatch& watch = looker.watch();
+  EXPECT_TRUE(told.zero) << "zero force all the while";
+  EXPECT_EQ(watch.frames, 11u);
+  EXPECT_EQ(watch.fresh, 4u);
+  EXPECT_EQ(watch.nothing_new, 5u);
+  EXPECT_EQ(watch.garbled, 1u);
+  EXPECT_EQ(watch.lost, 1u);
+  EXPECT_EQ(watch.longest_gap_ns, 7'000'000);
+  EXPECT_FALSE(watch.homed_at_start);
+  ASSERT_TRUE(watch.homed_after_s);
+  EXPECT_NEAR(*watch.homed_after_s, 2e-3, 1e-9);
+  EXPECT_EQ(watch.buttons_seen, 6u);
+  EXPECT_EQ(watch.low_mm.x(), 1.0);
+  EXPECT_EQ(watch.high_mm.x(), 1.5);
+  EXPECT_EQ(watch.smallest_step_mm.x(), 0.25);
+  EXPECT_EQ(watch.interval.statistics().count, 3u);
+  EXPECT_EQ(watch.age_bins.counts[18], 4u) << "200 us lie between 2^17 and 2^18 ns";
 }
 
 }  // namespace

@@ -72,6 +72,15 @@ class WindowTest : public testing::Test {
     return *project(window->camera().clip_from_world(window->view_width(), window->view_height()), world_mm,
                     window->view_width(), window->view_height());
   }
+  /// Down and up in two pictures, with one before that shows where the mouse is.
+  void click_at(double x, double y) {
+    window->mouse_at(x, y);
+    ASSERT_TRUE(window->frame());
+    for (const bool down : {true, false}) {
+      window->mouse_button(Window::Button::kLeft, down);
+      ASSERT_TRUE(window->frame());
+    }
+  }
   void point_at(const Vec3& world_mm) {
     const Pixel at = seen(world_mm);
     window->mouse_at(at.x, at.y);

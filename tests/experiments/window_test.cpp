@@ -282,12 +282,7 @@ TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
   // By the mouse, where the button's words are: back to the first.
   bool pressed = false;
   for (int y = 60; y < 260 && !pressed; y += 6) {
-    window->mouse_at(window->view_width() + 100.0, y);
-    ASSERT_TRUE(window->frame());
-    window->mouse_button(Window::Button::kLeft, true);
-    ASSERT_TRUE(window->frame());
-    window->mouse_button(Window::Button::kLeft, false);
-    ASSERT_TRUE(window->frame());
+    ASSERT_NO_FATAL_FAILURE(click_at(window->view_width() + 100.0, y));
     virtual_session.run(0.5);
     ASSERT_TRUE(window->frame());
     pressed = window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane == 0;
@@ -318,12 +313,7 @@ TEST_F(WindowTest, AFaultIsShownWithItsRemedyAndTheButtonArmsAgain) {
   // Its button is the only one over the cloud.
   bool armed = false;
   for (int y = 30; y < 90 && !armed; y += 8) {
-    window->mouse_at(60.0, y);
-    ASSERT_TRUE(window->frame());
-    window->mouse_button(Window::Button::kLeft, true);
-    ASSERT_TRUE(window->frame());
-    window->mouse_button(Window::Button::kLeft, false);
-    ASSERT_TRUE(window->frame());
+    ASSERT_NO_FATAL_FAILURE(click_at(60.0, y));
     virtual_session.run(0.1);
     ASSERT_TRUE(window->frame());
     armed = window->drawn_tick().tick.fault == device::Fault::kNone;

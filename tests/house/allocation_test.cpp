@@ -1,6 +1,7 @@
 // No frame allocates: 10,000 frames of every registered renderer, entering and leaving the model.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <memory>
@@ -9,9 +10,12 @@
 #include <vector>
 
 #include <palpate/control.h>
+#include <palpate/device/servo_loop.h>
 #include <palpate/generate.h>
 #include <palpate/options.h>
 #include <palpate/triple_buffer.h>
+#include "device/simulated/arm_models.h"
+#include "tests/device/rig.h"
 #include "tests/house/all_renderers.h"
 #include "tests/house/allocation_count.h"
 #include "tests/house/example_renderer.h"
@@ -19,6 +23,8 @@
 #include "toolkit/core/random.h"
 #include "toolkit/deformation/editable.h"
 #include "toolkit/geometry/broad_phase.h"
+#include "toolkit/search/dynamic_grid.h"
+#include "toolkit/search/dynamic_orthtree.h"
 
 namespace palpate::house {
 namespace {
@@ -225,3 +231,90 @@ TEST(Frames, NoBroadPhaseAllocates) {
 
 }  // namespace
 }  // namespace palpate::house
+
+// ---- Moving and finding points within a frame does not allocate.
+namespace palpate::search {
+namespace {
+
+template <class P>
+std::uint64_t allocated() {
+  Random random(41);
+  std::vector<Vec3> start;
+  for (int i = 0; i < 4000; ++i) start.emplace_back(random.uniform(), random.uniform(), 0.0);
+  const cloud::Cloud cloud = cloud::build_cloud(start, cloud::NonFinite::kRefuse).value();
+  PartitionOptions options;
+  options.cell_mm = 0.05;
+  P partition = P::build(cloud, options, 1);
+  std::vector<Vec3f> points;
+  for (const std::uint32_t i : partition.order())
+    points.emplace_back(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
+  std::size_t visited = 0;
+  const house::AllocationCount count;
+  for (int k = 0; k < 20000; ++k) {
+    const auto place = static_cast<std::uint32_t>(random.below(points.size()));
+    const double far = k % 100 == 0 ? 5.0 : 0.1;
+    const Vec3f to = points[place] +
+                     Vec3(far * random.normal(), far * random.normal(), far * random.normal()).cast<float>();
+    if (partition.move(place, to, [&](std::uint32_t p) { return points[p]; }) != MoveStatus::kFull)
+      points[place] = to;
+    visit_segment_ranges(partition, widened(to), Vec3(Vec3::Zero()), Vec3::Constant(0.01),
+                         [&](IndexRange range) {
+                           visited += range.end - range.begin;
+                           return true;
+                         });
+  }
+  EXPECT_GT(visited, 20000u);
+  return count.count();
+}
+
+TEST(MovingPartition, AllocatesNothing) {
+  EXPECT_EQ(allocated<DynamicGrid>(), 0u);
+  EXPECT_EQ(allocated<DynamicOctree>(), 0u);
+  EXPECT_EQ(allocated<DynamicQuadtree3d>(), 0u);
+}
+
+}  // namespace
+}  // namespace palpate::search
+
+// ---- No tick allocates, including counting, observing and rearming.
+namespace palpate::device {
+namespace {
+
+struct Counting final : TickObserver {
+  void took(const Tick& tick) noexcept override { touched += tick.frame.contact ? 1 : 0; }
+  int touched = 0;
+};
+
+TEST(Frames, NoTickOfTheServoLoopAllocates) {
+  constexpr std::int64_t kNs = 2'000'000'000;
+  VirtualClock clock;
+  SpringPlane plane(0.5);
+  const HandScript script =
+      HandScript::create("press", {0.0, 0.2, 0.6}, {Vec3{0, 0, 5}, Vec3{0, 0, 5}, Vec3{0, 0, -3}},
+                         HandScript::Between::kStraight)
+          .value();
+  SimulatedArm arm(arm_models().front(), hand_models()[1], script, clock);
+  GovernorOptions governed;
+  governed.period_s = 0.00025;
+  Servo servo(plane, governed, arm, clock, {});
+  Counting counting;
+  const std::array<TickObserver*, 1> observers = {&counting};
+  auto loop = ServoLoop::create(servo, clock, 4000, observers).value();
+  ASSERT_TRUE(servo.start());
+  int asked = 0;
+  const house::AllocationCount count;
+  const std::uint64_t ticks = run_accelerated(*loop, clock, kNs, [&] {
+    constexpr int kRearmEvery = 3000;
+    if (++asked % kRearmEvery == 0) loop->request_rearm();
+    return true;
+  });
+  const std::uint64_t blocks = count.count();
+  servo.stop();
+  EXPECT_EQ(blocks, 0u);
+  EXPECT_EQ(ticks, 8001u);
+  EXPECT_GT(counting.touched, 1000) << "nothing was felt";
+  EXPECT_EQ(loop->histograms().statistics().ticks, ticks);
+}
+
+}  // namespace
+}  // namespace palpate::device

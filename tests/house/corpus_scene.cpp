@@ -58,4 +58,10 @@ CorpusScene load_corpus(const std::string& scene_file, const std::string& path_f
   return {*std::move(loaded), *std::move(path)};
 }
 
+NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info) {
+  for (const OptionSpec& option : info.options)
+    if (option.key == "mesh" && !named.options.has("mesh")) named.options.set("mesh", "original");
+  return named;
+}
+
 }  // namespace palpate::house

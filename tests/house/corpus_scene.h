@@ -3,6 +3,8 @@
 
 #include <string>
 
+#include <palpate/options.h>
+#include <palpate/registry.h>
 #include <palpate/scene.h>
 #include <palpate/trace.h>
 
@@ -17,5 +19,9 @@ struct CorpusScene {
 
 /// The corpus folder, with a final slash.
 [[nodiscard]] std::string corpus_folder();
+
+/// A renderer that needs a mesh feels the file's own, unless its options name another: reconstruction has its
+/// own tests.
+[[nodiscard]] NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info);
 
 }  // namespace palpate::house

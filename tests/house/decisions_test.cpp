@@ -2,14 +2,23 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <functional>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include <palpate/device/contact_catch_up.h>
 #include <palpate/options.h>
+#include <palpate/replay.h>
 #include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
+
 #ifdef PALPATE_WITH_BASELINES
 #include "baselines/mesh_holder.h"
 #endif
@@ -56,12 +65,6 @@ const std::vector<std::string> kFurther = {
     "mls-penalty:normals=covariance",
     "mls-proxy:surface=metaball",
 };
-
-NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info) {
-  for (const OptionSpec& option : info.options)
-    if (option.key == "mesh" && !named.options.has("mesh")) named.options.set("mesh", "original");
-  return named;
-}
 
 std::vector<NamedOptions> all_wanted(const render::Registry& registry) {
   std::vector<std::string> texts = kFurther;
@@ -177,6 +180,217 @@ TEST(Decisions, EmptyScenesAndCloudsAreRefused) {
   register_all_renderers(registry);
   for (const render::RendererInfo& info : registry.all())
     EXPECT_FALSE(registry.make(info.name, {}).value()->decide({}, {1, nullptr})) << info.name;
+}
+
+// ---- The registry tells the truth: a supported feature changes the answers, and a scene with an unsupported
+// one is refused with the names of renderers that have it.
+
+using render::Feature;
+using render::SceneInput;
+
+struct Asking {
+  Feature feature;
+  std::function<void(SceneInput&)> ask;
+};
+
+void vary_points(SceneInput& scene) {
+  auto values = std::make_shared<surface::PointProperties>();
+  const std::size_t points = scene.models[0].cloud->size();
+  for (std::size_t i = 0; i < points; ++i) values->deformation.push_back(2 * i < points ? 0.5f : 0.0f);
+  scene.models[0].surface.per_point = std::move(values);
+}
+
+void move(SceneInput& scene) {
+  auto simulation = std::make_shared<render::ScriptedSimulation>();
+  render::ScriptedMotion motion;
+  motion.velocity_mm_s = Vec3(0, 0, 0.2);
+  scene.models[0].motion = simulation->add(motion);
+  scene.simulation = simulation;
+}
+
+void add_a_model(SceneInput& scene) {
+  scene.models.push_back(scene.models[0]);
+  scene.models.back().world_from_model.translation_mm = Vec3(2.0, 1.5, 0.25);
+}
+
+void expect_moves(SceneInput& scene) {
+  scene.models[0].moves = std::make_shared<render::MoveQueue>();
+}
+
+const std::vector<Asking> kAskings = {
+    {Feature::kFriction,
+     [](SceneInput& s) {
+       s.models[0].surface.friction = {0.7, 0.5};
+     }},
+    {Feature::kSoftness, [](SceneInput& s) { s.models[0].surface.deformation = 0.5; }},
+    {Feature::kTexture,
+     [](SceneInput& s) {
+       s.models[0].surface.texture.kind = surface::TextureKind::kNoise;
+       s.models[0].surface.texture.depth_mm = 0.1;
+       s.models[0].surface.texture.wavelength_mm = 2.0;
+     }},
+    {Feature::kDent,
+     [](SceneInput& s) {
+       s.models[0].surface.dent = {0.2, 2.0, 20.0};
+     }},
+    {Feature::kPerPoint, vary_points},
+    {Feature::kMotion, move},
+    {Feature::kManyModels, add_a_model},
+    {Feature::kMovedPoints, expect_moves},
+};
+
+/// Raises the model's first points by a millimetre at the first frame.
+void lift_points(const render::ModelInput& model) {
+  render::MoveBatch& batch = *model.moves->begin();
+  const cloud::Cloud& cloud = *model.cloud;
+  for (; batch.count < render::kMaxBatch && batch.count < cloud.size(); ++batch.count) {
+    const std::uint32_t i = batch.count;
+    batch.point[i] = i;
+    batch.to_mm[i] = Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i] + 1.0f);
+  }
+  model.moves->publish();
+}
+
+std::string hash_of(const render::Registry& registry, const render::RendererInfo& info,
+                    const SceneInput& scene, const trace::ProbePath& path) {
+  Options options;
+  for (const OptionSpec& option : info.options)
+    if (option.key == "mesh") options.set("mesh", "original");
+  std::unique_ptr<render::HapticRenderer> renderer = registry.make(info.name, options).value();
+  const auto prepared = renderer->prepare(scene, {});
+  if (!prepared) return "refused: " + prepared.error().message();
+  if (scene.models[0].moves != nullptr) lift_points(scene.models[0]);
+  return trace::trace_hash(trace::replay(*renderer, path, scene.simulation.get()).value());
+}
+
+TEST(Capabilities, WhatIsSupportedIsFelt) {
+  render::Registry registry;
+  register_all_renderers(registry);
+  const CorpusScene heights = load_corpus("ridge.toml", "ridge.csv");
+  const CorpusScene formula = load_corpus("formula.toml", "plate.csv");
+  for (const render::RendererInfo& info : registry.all()) {
+    const CorpusScene& corpus = info.geometry == render::Geometry::kFormula ? formula : heights;
+    const std::string plain = hash_of(registry, info, corpus.scene.input, corpus.path);
+    ASSERT_FALSE(plain.starts_with("refused")) << info.name << " " << plain;
+    for (const Asking& asking : kAskings) {
+      SceneInput scene = corpus.scene.input;
+      asking.ask(scene);
+      ASSERT_TRUE(features_required_by(scene).has(asking.feature));
+      SCOPED_TRACE(info.name + ": " + names_of(asking.feature).front());
+      const Status fits = registry.check_supports(info, scene);
+      ASSERT_EQ(fits.ok(), info.supports.has(asking.feature));
+      if (!fits) {
+        EXPECT_NE(fits.error().message().find("cloud"), std::string::npos)
+            << "names who has it: " << fits.error().message();
+        continue;
+      }
+      const std::string with = hash_of(registry, info, scene, corpus.path);
+      EXPECT_FALSE(with.starts_with("refused")) << with;
+      EXPECT_NE(with, plain) << "it is supported, and nothing is felt of it";
+    }
+  }
+}
+
+TEST(Capabilities, APlainSceneAsksForNothing) {
+  const CorpusScene corpus = load_corpus("ridge.toml", "ridge.csv");
+  EXPECT_TRUE(features_required_by(corpus.scene.input).empty());
+}
+
+// ---- A renderer caught up from a free place answers in contact like one that never released.
+
+constexpr double kTickS = 1e-3;
+/// Ticks until a caught-up renderer is at rest.
+constexpr int kRestTicks = 50;
+
+/// Renderers with memory: two ways to one place rightly end with two forces.
+const std::map<std::string, std::string> kExceptions = {
+    {"cloud-literal", "figure 42 sticks: what it answers depends on the boxes that the way crossed"},
+    {"sphere-proxy", "let go nearer to the points than its radius, the ball begins among them"},
+    {"mesh-proxy", "let go nearer to the surface than its radius, the sphere begins smaller"},
+    {"stream-proxy", "the proxy stops within a step of its goal, and the way decides where"},
+    {"variable-proxy", "as stream-proxy: it shares its walk"},
+    {"penalty-grid", "the side is that of the nearest point, which between two parts of a model is either's"},
+};
+
+/// The deepest frame of a contact and the last free frame before it.
+struct Touch {
+  std::size_t free, deep;
+};
+std::vector<Touch> touches_of(const trace::ForceTrace& trace) {
+  std::vector<Touch> touches;
+  std::optional<std::size_t> free;
+  for (std::size_t i = 0; i < trace.frames.size(); ++i) {
+    if (!trace.frames[i].contact) {
+      free = i;
+    } else if (free) {
+      if (touches.empty() || touches.back().free != *free) touches.push_back({*free, i});
+      const auto depth = [&](std::size_t k) { return trace.frames[k].force_n.norm(); };
+      if (depth(i) > depth(touches.back().deep)) touches.back().deep = i;
+    }
+  }
+  return touches;
+}
+
+/// Force at rest at a HIP reached along the path, and after release and catch-up from the last free place.
+struct Forces {
+  Vec3 tracked, brought_up;
+};
+Forces forces_at(render::HapticRenderer& renderer, const trace::ProbePath& path, const Touch& touch) {
+  double t_s = 0.0;
+  renderer.restart(path.hip_mm[0], t_s);
+  const auto step = [&](const Vec3& hip) { return renderer.step(hip, t_s += kTickS); };
+  for (std::size_t i = 0; i <= touch.free; ++i) (void)step(path.hip_mm[i]);
+  // Straight to the deep place, like a catch-up.
+  render::ContactCatchUp catch_up;
+  const Vec3 deep = path.hip_mm[touch.deep];
+  const auto rest = [&] {
+    render::Frame frame;
+    for (int i = 0; i < kRestTicks; ++i) frame = step(deep);
+    return frame.force_n;
+  };
+  Forces forces;
+  const Vec3 way = deep - path.hip_mm[touch.free];
+  const double steps = std::max(1.0, std::ceil(way.norm() / render::ContactCatchUpOptions{}.step_mm));
+  for (int i = 1; i <= steps; ++i) (void)step(path.hip_mm[touch.free] + (i / steps) * way);
+  forces.tracked = rest();
+  catch_up.begin(renderer, path.hip_mm[touch.free], t_s);
+  for (int tick = 0; catch_up.pending(); ++tick) {
+    EXPECT_LT(tick, 1000) << "it never arrives";
+    (void)catch_up.advance(renderer, deep, t_s += kTickS);
+  }
+  forces.brought_up = rest();
+  return forces;
+}
+
+TEST(ContactCatchUp, ReachesTheForceOfARendererThatNeverLetGo) {
+  render::Registry registry;
+  register_all_renderers(registry);
+  const std::pair<const char*, const char*> kStands[] = {
+      {"ridge.toml", "ridge.csv"}, {"torus.toml", "torus.csv"}, {"formula.toml", "plate.csv"}};
+  for (const auto& [scene_file, path_file] : kStands) {
+    const CorpusScene corpus = load_corpus(scene_file, path_file);
+    for (const render::RendererInfo& info : registry.all()) {
+      if (kExceptions.contains(info.name)) continue;
+      SCOPED_TRACE(info.name + " on " + scene_file);
+      Options options;
+      for (const OptionSpec& option : info.options)
+        if (option.key == "mesh") options.set("mesh", "original");
+      const auto renderer = registry.make(info.name, options).value();
+      if (!renderer->prepare(corpus.scene.input, {})) continue;  // no height field, no formula
+      const auto trace = trace::replay(*renderer, corpus.path).value();
+      const std::vector<Touch> touches = touches_of(trace);
+      if (std::string(scene_file) != "formula.toml") {
+        ASSERT_GE(touches.size(), 3u) << "the path must touch";
+      }
+      for (const Touch& touch : touches) {
+        const Forces forces = forces_at(*renderer, corpus.path, touch);
+        // Both rest at one place; the difference is how far each god object has settled.
+        EXPECT_LE((forces.brought_up - forces.tracked).norm(), 1e-6 * (1.0 + forces.tracked.norm()))
+            << "touch from frame " << touch.free << " to " << touch.deep << ": " << forces.tracked.transpose()
+            << " against " << forces.brought_up.transpose();
+      }
+    }
+  }
 }
 
 }  // namespace
