@@ -15,8 +15,8 @@
 #include "experiments/ablate/variants.h"
 #include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/cleaning.h"
 #include "experiments/run/run.h"
+#include "experiments/run/stage.h"
 #include "experiments/run/work.h"
 #include "toolkit/core/instruction_counter.h"
 

@@ -6,7 +6,7 @@
 
 #include <palpate/result.h>
 #include "device/live/workspace.h"
-#include "experiments/live/moving_scene.h"
+#include "experiments/live/changes.h"
 #include "experiments/psychophysics/felt_renderers.h"
 #include "toolkit/render/model_subset.h"
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "experiments/run/cleaning.h"
+#include "experiments/run/stage.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/metrics/machine_info.h"

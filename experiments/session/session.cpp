@@ -5,7 +5,7 @@
 #include <palpate/baselines.h>
 #include <palpate/registry.h>
 #include "baselines/versions.h"
-#include "experiments/run/cleaning.h"
+#include "experiments/run/stage.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/messages.h"
