@@ -18,7 +18,7 @@
 #include <palpate/stop_callback.h>
 #include "device/record/recorder.h"
 #include "experiments/live/session_device.h"
-#include "experiments/session/progress_bar.h"
+#include "experiments/session/terminal.h"
 
 namespace palpate::experiments {
 

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include <palpate/result.h>
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/live/recording_session.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/messages.h"

@@ -11,7 +11,7 @@
 #include <palpate/result.h>
 #include "device/live/workspace.h"
 #include "device/record/recorder.h"
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/changes.h"
 #include "experiments/run/choices.h"

@@ -1,5 +1,5 @@
 // A renderer at work on a stage: prepared, replayed, timed. What it answers stands in memory that another
-// process may read (seat.h).
+// process may read: a seat is such a process.
 #pragma once
 
 #include <memory>
