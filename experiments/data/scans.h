@@ -51,7 +51,7 @@ struct Scan {
 [[nodiscard]] std::filesystem::path checksum_record(const std::filesystem::path& file);
 
 /// A scan's file, plain or compressed: in $PALPATE_DATA first, then in the cache. Cached files were checked
-/// when fetched; check_stored() of fetch.h checks again.
+/// when fetched; check_stored() checks again.
 [[nodiscard]] std::optional<std::filesystem::path> locate_scan(const Scan& scan);
 
 /// Limit of a download and its unpacked file without a listed size: four times the Stanford repository's
