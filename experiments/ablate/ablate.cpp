@@ -11,12 +11,10 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "experiments/ablate/document.h"
-#include "experiments/ablate/variants.h"
 #include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/cleaning.h"
 #include "experiments/run/run.h"
+#include "experiments/run/stage.h"
 #include "experiments/run/work.h"
 #include "toolkit/core/instruction_counter.h"
 

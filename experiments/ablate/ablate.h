@@ -1,9 +1,72 @@
-// `palpate compare ablate`: leaves out each stage of a scene in turn and measures savings and losses.
+// `palpate compare ablate`: leaves out each stage of a scene in turn (surface effects, motion, control,
+// cleaning, or renderer options) and measures savings and losses: ablate.json, table and page.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <palpate/decision.h>
+#include <palpate/registry.h>
+#include <palpate/scene.h>
+#include "experiments/report/page.h"
+#include "experiments/run/arguments.h"
 #include "experiments/session/study_run.h"
 
 namespace palpate::experiments {
+
+inline constexpr const char* kAblateFile = "ablate.json";
+/// Increases when a key is redefined or removed.
+inline constexpr const char* kAblateSchema = "palpate-ablate/1";
+
+/// A scene without one stage, measured; a document's first row is the whole scene.
+struct AblateRow {
+  std::string stage, instead;                        ///< as in Variant; empty stage: the whole scene
+  std::string reason;                                ///< why it did not run; empty: it ran
+  std::optional<double> instructions, frame_cpu_us;  ///< per frame, over all frames
+  std::optional<std::uint64_t> bytes;
+  std::optional<double> prepare_ms;
+  std::optional<double> error_percent;  ///< RMS change of force, relative to the whole scene's
+  std::optional<double>
+      truth_percent;  ///< force_rms_percent against the ground truth, if it covers the scene
+  std::string trace_hash;
+};
+
+[[nodiscard]] std::string to_text(const AblateRow& row);
+[[nodiscard]] bool from_text(const std::string& text, AblateRow& row);
+
+struct AblateDocument {
+  metrics::DocumentHead head;
+  std::string scene, path, renderer;
+  std::string truth;              ///< the ground truth's name; empty: none covers the scene
+  std::string counted;            ///< how instructions were counted, or why not
+  std::vector<AblateRow> rows{};  ///< at least the whole scene
+  std::vector<std::string> warnings, notes;
+};
+
+[[nodiscard]] std::string to_json(const AblateDocument& document);
+[[nodiscard]] Table ablate_table(const AblateDocument& document);
+[[nodiscard]] Page ablate_page(const AblateDocument& document);
+
+struct Variant {
+  std::string stage;    ///< the missing stage: "friction", "model 2, bunny"; empty: none
+  std::string instead;  ///< its replacement, a few words
+  scene::LoadedScene scene;
+  RendererRequest request;
+};
+
+/// Scenes of more models only keep the first: leaving each out would tell little more.
+inline constexpr std::size_t kMostModelsInTurn = 8;
+
+/// The whole scene, then a variant for each stage of the scene or the renderer. `decided`: the renderer's
+/// decisions for the scene. `uncleaned`: the scene without cleaning steps; null if it has none.
+/// Deterministic, so another process can recreate the list.
+[[nodiscard]] std::vector<Variant> variants_of(const scene::LoadedScene& scene,
+                                               const RendererRequest& request,
+                                               const render::Registry& registry,
+                                               const render::Decisions& decided,
+                                               const scene::LoadedScene* uncleaned);
 
 /// Default path length as in sweeps: some thousand contact frames.
 inline constexpr int kAblateFrames = 6'000;

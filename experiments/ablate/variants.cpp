@@ -1,4 +1,4 @@
-#include "experiments/ablate/variants.h"
+#include "experiments/ablate/ablate.h"
 
 #include <fmt/format.h>
 

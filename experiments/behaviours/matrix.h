@@ -1,4 +1,4 @@
-// Runs the suite with several renderers: a matrix and a picture per behaviour.
+// The behaviour suite as a command, and run with several renderers: a matrix and a picture per behaviour.
 #pragma once
 
 #include <string>
@@ -6,6 +6,7 @@
 
 #include "experiments/behaviours/behaviour.h"
 #include "experiments/driver/suite.h"
+#include "experiments/session/session.h"
 
 namespace palpate::experiments {
 
@@ -34,5 +35,16 @@ struct BehaviourMatrix {
 [[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix);
 /// Adds a section with matrix and pictures, drawn into `folder`/figures.
 void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder);
+
+struct BehavioursArguments {
+  std::string renderers;  ///< empty: all methods
+  std::string only;       ///< "thin-plate,ridge"; empty: all
+  std::string out;
+  int threads = 0;
+  bool json = false;
+};
+
+/// Returns the exit status.
+[[nodiscard]] Result<int> watch_behaviours(const BehavioursArguments& arguments, Context& context);
 
 }  // namespace palpate::experiments

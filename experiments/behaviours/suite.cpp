@@ -4,7 +4,7 @@
 
 #include <palpate/generate.h>
 #include <palpate/paths.h>
-#include "experiments/behaviours/strokes.h"
+#include "experiments/behaviours/behaviour.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments {

@@ -21,7 +21,6 @@
 #include <palpate/options.h>
 #include <palpate/registry.h>
 #include <palpate/result.h>
-#include "experiments/benchmarks/felt_surface/slice.h"
 #include "experiments/benchmarks/felt_surface/trial.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/message_text.h"

@@ -8,19 +8,26 @@
 // without valgrind, under which ten million points take an hour to prepare. It single-steps the frames, runs
 // the rest at full speed, and ends each line with the instructions.
 #include <fmt/format.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/ptrace.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <new>
 #include <string>
 #include <vector>
 
 #include <palpate/generate.h>
 #include <palpate/registry.h>
-#include "experiments/benchmarks/single_steps.h"
 #include "toolkit/core/instruction_counter.h"
 #include "toolkit/core/random.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
@@ -30,6 +37,115 @@
 namespace {
 
 using namespace palpate;
+
+// Counts a part's instructions by single-stepping it from a second process; the rest runs at full speed. For
+// parts of some million instructions in programs too slow for an emulator; some 25 microseconds of processor
+// time per instruction. Linux only.
+
+/// Shared between the process with the part and the one that steps it.
+class SteppedPart {
+ public:
+  /// Names the next part; no line breaks, truncated if too long.
+  void name(const std::string& text) noexcept;
+  /// Starts counting; includes some dozen instructions of this call's end.
+  void begin() noexcept;
+  void end() noexcept { counting_ = 0; }
+
+  [[nodiscard]] bool counting() const noexcept { return counting_ != 0; }
+  [[nodiscard]] const char* text() const noexcept { return name_.data(); }
+
+ private:
+  static constexpr std::size_t kMostName = 255;
+  volatile int counting_ = 0;
+  std::array<char, kMostName + 1> name_{};
+};
+
+void SteppedPart::name(const std::string& text) noexcept {
+  const std::size_t size = std::min(text.size(), kMostName);
+  std::copy_n(text.data(), size, name_.data());
+  name_[size] = '\0';
+}
+
+void SteppedPart::begin() noexcept {
+  counting_ = 1;
+  std::raise(SIGTRAP);  // the other process single-steps from here
+}
+
+/// Waits until the traced process stops or ends; false with its status if it ended.
+bool stopped(pid_t traced, int& signal, int& status) {
+  int what = 0;
+  if (::waitpid(traced, &what, 0) != traced) {
+    status = 1;
+    return false;
+  }
+  if (WIFSTOPPED(what)) {
+    signal = WSTOPSIG(what);
+    return true;
+  }
+  status = WIFEXITED(what) ? WEXITSTATUS(what) : 1;
+  return false;
+}
+
+/// Steps through one part; false if the process ended within it.
+bool step_through(pid_t traced, const SteppedPart& part, int& status) {
+  std::uint64_t instructions = 0;
+  int signal = SIGTRAP;
+  while (part.counting()) {
+    // Foreign signals are passed on.
+    const long passed = signal == SIGTRAP ? 0 : signal;
+    if (::ptrace(PTRACE_SINGLESTEP, traced, nullptr, passed) != 0) return false;
+    if (!stopped(traced, signal, status)) return false;
+    ++instructions;
+  }
+  fmt::print("{} {}\n", part.text(), instructions);
+  std::fflush(stdout);
+  return true;
+}
+
+/// Pins both processes to one processor, so a step wakes no second one.
+void share_processor(pid_t traced) noexcept {
+  const int here = ::sched_getcpu();
+  if (here < 0) return;
+  cpu_set_t one;
+  CPU_ZERO(&one);
+  CPU_SET(static_cast<std::size_t>(here), &one);
+  ::sched_setaffinity(0, sizeof one, &one);
+  ::sched_setaffinity(traced, sizeof one, &one);
+}
+
+int trace(pid_t traced, const SteppedPart& part) {
+  int status = 1, signal = 0;
+  if (!stopped(traced, signal, status)) return status;
+  ::ptrace(PTRACE_SETOPTIONS, traced, nullptr, PTRACE_O_EXITKILL);
+  long passed = 0;
+  while (::ptrace(PTRACE_CONT, traced, nullptr, passed) == 0) {
+    if (!stopped(traced, signal, status)) return status;
+    passed = signal == SIGTRAP ? 0 : signal;
+    if (signal == SIGTRAP && part.counting() && !step_through(traced, part, status)) return status;
+  }
+  return 1;
+}
+
+/// Runs `work` in another process. It may mark any number of parts in sequence on its calling thread; a line
+/// is printed for each: name, space, instructions. Returns work's result, or 1 if tracing is refused or the
+/// process ended by itself.
+int run_stepped(const std::function<int(SteppedPart*)>& work) {
+  void* const shared =
+      ::mmap(nullptr, sizeof(SteppedPart), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (shared == MAP_FAILED) return 1;
+  auto* const part = new (shared) SteppedPart;
+  std::fflush(nullptr);  // else both processes would write the buffers
+  const pid_t traced = ::fork();
+  if (traced == 0) {
+    if (::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) ::_exit(1);
+    std::raise(SIGSTOP);
+    ::_exit(work(part));
+  }
+  if (traced > 0) share_processor(traced);
+  const int status = traced > 0 ? trace(traced, *part) : 1;
+  ::munmap(shared, sizeof(SteppedPart));
+  return status;
+}
 
 constexpr double kPeriodS = 1e-3;
 constexpr int kFramesTried = 600;

@@ -17,7 +17,7 @@
 #include <palpate/stop_callback.h>
 #include "device/bridge/bridge_server.h"
 #include "device/links/udp_link.h"
-#include "experiments/live/homing_teller.h"
+#include "experiments/live/session_device.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

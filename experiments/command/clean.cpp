@@ -4,13 +4,11 @@
 
 #include <palpate/stop_callback.h>
 #include <palpate/write_mesh.h>
-#include "experiments/command/catalogue.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/report/tables.h"
-#include "experiments/run/cleaning.h"
-#include "experiments/run/output_file.h"
+#include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/messages.h"

@@ -7,7 +7,7 @@
 #include "experiments/command/subcommands.h"
 #include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
-#include "experiments/run/output_file.h"
+#include "experiments/run/arguments.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/message_text.h"

@@ -1,4 +1,4 @@
-#include "experiments/data/fetch.h"
+#include "experiments/data/scans.h"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,6 @@
 #include <palpate/stop_callback.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/data/fetch.h"
-#include "experiments/data/scene_scans.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/messages.h"
 

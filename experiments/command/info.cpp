@@ -6,7 +6,7 @@
 
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/live/recording_facts.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/doubts.h"

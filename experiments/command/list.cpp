@@ -3,7 +3,6 @@
 
 #include <palpate/paths.h>
 #include <palpate/trace.h>
-#include "experiments/command/catalogue.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/run/arguments.h"

@@ -7,11 +7,11 @@
 #include <palpate/result.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/cleaning.h"
 #include "experiments/run/doubts.h"
+#include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/messages.h"

@@ -9,7 +9,7 @@
 #include <new>
 #include <system_error>
 
-#include "experiments/command/command_line.h"
+#include "experiments/command/cli.h"
 #include "toolkit/core/messages.h"
 
 namespace {

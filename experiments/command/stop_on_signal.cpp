@@ -1,4 +1,4 @@
-#include "experiments/command/command_line.h"
+#include "experiments/command/cli.h"
 
 #include <poll.h>
 #include <semaphore.h>

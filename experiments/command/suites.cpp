@@ -1,7 +1,7 @@
 // The kinds of `palpate test`.
 #include <fmt/format.h>
 
-#include "experiments/behaviours/watch.h"
+#include "experiments/behaviours/matrix.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/goals/goals.h"

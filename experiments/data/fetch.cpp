@@ -1,4 +1,4 @@
-#include "experiments/data/fetch.h"
+#include "experiments/data/scans.h"
 
 #include <fmt/format.h>
 

@@ -5,9 +5,224 @@
 #include <algorithm>
 
 #include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/goals/measures.h"
+#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Finding, about, value, unit, limit, at_most, limit_from, baseline)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Cell, text, best, bad)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Table, title, caption, columns, rows, notes, turns, best_means, bad_means)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figure, name, title, caption, svg, wide)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Goal, id, title, words, method, findings, tables, figures, short_of, notes,
+                                   picture)
+
+namespace {
+
+std::string with_unit(double value, const std::string& unit) {
+  return format_number(value) + (unit.empty() ? "" : " " + unit);
+}
+
+std::string goal_file(const Goal& goal) {
+  return "goal-" + goal.id + ".html";
+}
+
+const char* class_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kReached:
+      return "reached";
+    case Verdict::kInPart:
+      return "part";
+    case Verdict::kMissed:
+    case Verdict::kNotMeasured:
+      break;
+  }
+  return "missed";
+}
+
+std::string verdict_html(const Goal& goal) {
+  const auto good = std::count_if(goal.findings.begin(), goal.findings.end(), kept);
+  const Verdict verdict = verdict_of(goal);
+  return fmt::format(
+      "<p class=\"verdict {}\"><strong>{}</strong>: {} of {} numbers are as asked. The numbers decide, "
+      "nobody "
+      "else.</p>\n",
+      class_of(verdict), name_of(verdict), good, goal.findings.size());
+}
+
+DocumentJson finding_json(const Finding& finding) {
+  return {{"about", finding.about},
+          {"value", finding.value},
+          {"unit", finding.unit},
+          {"limit", finding.limit},
+          {"limit_is", finding.at_most ? "at most" : "at least"},
+          {"limit_from", finding.limit_from},
+          {"baseline", finding.baseline},
+          {"kept", kept(finding)}};
+}
+
+Table findings_table(const Goal& goal) {
+  Table table;
+  table.title = "What decides";
+  table.columns = {"measured", "value", "asked", "because", "mesh"};
+  for (const Finding& finding : goal.findings) {
+    const std::string asked = fmt::format("{} {}", finding.at_most ? "at most" : "at least",
+                                          with_unit(finding.limit, finding.unit));
+    table.rows.push_back(
+        {{finding.about},
+         {finding.value ? with_unit(*finding.value, finding.unit) : "not measured", false, !kept(finding)},
+         {asked},
+         {finding.limit_from},
+         {finding.baseline ? with_unit(*finding.baseline, finding.unit) : std::string(kMissingNumber)}});
+  }
+  table.bad_means = "is not as asked";
+  return table;
+}
+
+/// Missed findings and other shortcomings.
+std::vector<std::string> shortcomings(const Goal& goal) {
+  std::vector<std::string> all;
+  for (const Finding& finding : goal.findings)
+    if (!kept(finding)) all.push_back(finding.about + ": " + text_of(finding));
+  all.insert(all.end(), goal.short_of.begin(), goal.short_of.end());
+  if (all.empty()) all.emplace_back("Nothing that was measured here.");
+  return all;
+}
+
+Page goal_page(const Goal& goal, const GoalsDocument& document) {
+  Page page = begin_page("Goal: " + goal.title, document.head);
+  add_known(page, Known{{}, document.warnings, {}});
+  HeadlineGroup group{"What falls short", {}};
+  for (const std::string& sentence : shortcomings(goal))
+    group.lines.push_back({std::to_string(group.lines.size() + 1) + ".", sentence});
+  page.headlines.push_back(std::move(group));
+  Section section;
+  section.id = goal.id;
+  section.title = "What was measured";
+  section.opening =
+      verdict_html(goal) + "<p class=\"by\"><a href=\"report.html\">All goals</a></p>\n" + goal.picture;
+  section.paragraphs.push_back("Section 1.4 of the thesis asks for it; in our own words: " + goal.words);
+  section.paragraphs.insert(section.paragraphs.end(), goal.method.begin(), goal.method.end());
+  section.tables.push_back(findings_table(goal));
+  section.tables.insert(section.tables.end(), goal.tables.begin(), goal.tables.end());
+  section.figures = goal.figures;
+  if (!goal.notes.empty()) section.facts.push_back({"notes", goal.notes});
+  page.sections.push_back(std::move(section));
+  return page;
+}
+
+}  // namespace
+
+bool kept(const Finding& finding) {
+  if (!finding.value) return false;
+  return finding.at_most ? *finding.value <= finding.limit : *finding.value >= finding.limit;
+}
+
+const char* name_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kReached:
+      return "reached";
+    case Verdict::kInPart:
+      return "reached in part";
+    case Verdict::kMissed:
+      return "not reached";
+    case Verdict::kNotMeasured:
+      break;
+  }
+  return "not measured";
+}
+
+Verdict verdict_of(const Goal& goal) {
+  const std::vector<Finding>& all = goal.findings;
+  if (all.empty() || std::any_of(all.begin(), all.end(), [](const Finding& f) { return !f.value; }))
+    return Verdict::kNotMeasured;
+  const auto good = std::count_if(all.begin(), all.end(), kept);
+  if (good == static_cast<std::ptrdiff_t>(all.size())) return Verdict::kReached;
+  return good > 0 ? Verdict::kInPart : Verdict::kMissed;
+}
+
+std::string text_of(const Finding& finding) {
+  std::string text = finding.value ? with_unit(*finding.value, finding.unit) : std::string("not measured");
+  text += fmt::format(" (asked: {} {}, {}", finding.at_most ? "at most" : "at least",
+                      with_unit(finding.limit, finding.unit), finding.limit_from);
+  if (finding.baseline) text += "; mesh " + with_unit(*finding.baseline, finding.unit);
+  return text + ")";
+}
+
+std::string to_text(const Goal& goal) {
+  return to_line(goal);
+}
+bool from_text(const std::string& text, Goal& goal) {
+  return from_line(text, goal);
+}
+
+std::string to_json(const GoalsDocument& document) {
+  DocumentJson json = begin_json(kGoalsSchema, document.head);
+  json["quick"] = document.quick;
+  json["warnings"] = document.warnings;
+  json["notes"] = document.notes;
+  json["goals"] = DocumentJson::array();
+  for (const Goal& goal : document.goals) {
+    DocumentJson findings = DocumentJson::array();
+    for (const Finding& finding : goal.findings) findings.push_back(finding_json(finding));
+    json["goals"].push_back({{"id", goal.id},
+                             {"title", goal.title},
+                             {"thesis_section", "1.4"},
+                             {"page", goal_file(goal)},
+                             {"verdict", name_of(verdict_of(goal))},
+                             {"findings", std::move(findings)},
+                             {"falls_short", shortcomings(goal)},
+                             {"notes", goal.notes}});
+  }
+  return document_text(json);
+}
+
+Table goals_table(const GoalsDocument& document) {
+  Table table;
+  table.title = "The goals of section 1.4";
+  table.columns = {"goal", "verdict", "as asked", "farthest from what is asked"};
+  for (const Goal& goal : document.goals) {
+    const auto good = std::count_if(goal.findings.begin(), goal.findings.end(), kept);
+    const auto first = std::find_if_not(goal.findings.begin(), goal.findings.end(), kept);
+    table.rows.push_back({{goal.title},
+                          {name_of(verdict_of(goal)), false, verdict_of(goal) != Verdict::kReached},
+                          {fmt::format("{} of {}", good, goal.findings.size())},
+                          {first == goal.findings.end() ? std::string("all are kept")
+                                                        : first->about + ": " + text_of(*first)}});
+  }
+  table.columns.back() = "first that is not";
+  table.bad_means = "not reached as a whole";
+  return table;
+}
+
+Status write_goal_pages(const GoalsDocument& document, const OutputFolder& folder) {
+  for (const Goal& goal : document.goals)
+    PALPATE_TRY(folder.write(goal_file(goal), to_html(goal_page(goal, document))));
+  return Done{};
+}
+
+Page goals_page(const GoalsDocument& document) {
+  Page page = begin_page("The goals of the thesis, measured", document.head);
+  add_known(page, Known{{}, document.warnings, document.notes});
+  Section section;
+  section.id = "goals";
+  section.title = "Seven goals, each answered by a measurement";
+  for (const Goal& goal : document.goals)
+    section.opening += fmt::format(
+        "<p class=\"verdict {0}\"><a href=\"{1}\">{2}</a>: <strong>{3}</strong></p>\n",
+        class_of(verdict_of(goal)), goal_file(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
+  section.paragraphs.emplace_back(
+      "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
+      "beside "
+      "the same on a mesh of the same points, and with what falls short. A goal is reached where every "
+      "number "
+      "that decides is as asked, reached in part where some are.");
+  section.tables.push_back(goals_table(document));
+  page.sections.push_back(std::move(section));
+  return page;
+}
+
 namespace {
 
 constexpr const char* kGoalsFolder = "out/goals";

@@ -6,7 +6,7 @@
 
 #include <palpate/trace.h>
 #include "experiments/driver/suite.h"
-#include "experiments/goals/goal.h"
+#include "experiments/goals/goals.h"
 #include "experiments/run/run.h"
 
 namespace palpate::experiments {

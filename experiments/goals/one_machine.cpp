@@ -6,7 +6,7 @@
 #include <palpate/result.h>
 #include "experiments/goals/measures.h"
 #include "experiments/goals/pinned_loop.h"
-#include "experiments/report/png.h"
+#include "experiments/report/figures.h"
 #include "toolkit/core/number_format.h"
 #include "toolkit/core/percentiles.h"
 

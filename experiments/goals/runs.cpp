@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/driver/json_document.h"
 #include "experiments/goals/measures.h"
 #include "toolkit/core/number_format.h"

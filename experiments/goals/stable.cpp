@@ -4,7 +4,7 @@
 
 #include <palpate/result.h>
 #include "experiments/goals/measures.h"
-#include "experiments/stability/measure.h"
+#include "experiments/stability/stability.h"
 #include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {

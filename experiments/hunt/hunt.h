@@ -1,12 +1,63 @@
-// Adversarial random search over models, edits, options and paths for a renderer's worst behaviour.
+// Adversarial random search over models, edits, options and paths for a renderer's worst behaviour; its
+// results are replayable cases and a document.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "experiments/hunt/trial.h"
+#include "experiments/run/arguments.h"
 #include "experiments/session/session.h"
+#include "experiments/study/output_folder.h"
 
 namespace palpate::experiments {
+
+/// One renderer's worst case for one goal.
+struct Found {
+  double score = 0.0;
+  std::uint64_t trial = 0;  ///< trial number, which with the hunt's seed reproduces the quarry
+  std::size_t frame = 0;
+  Quarry quarry;
+};
+struct Fault {
+  std::string what;
+  std::uint64_t trial = 0;
+  Quarry quarry;
+};
+struct Quest {
+  RendererRequest renderer;
+  std::array<std::optional<Found>, kGoals> worst;
+  std::vector<Fault> faults;  ///< the first kMostFaults
+  std::uint64_t trials = 0, refused = 0, bound_hits = 0, faulty = 0;
+};
+inline constexpr std::size_t kMostFaults = 5;
+
+struct HuntState {
+  std::uint64_t next_trial = 0;
+  double spent_s = 0.0;
+  std::vector<Quest> quests;
+};
+[[nodiscard]] std::string to_text(const HuntState& state);
+/// False for a text of other quests.
+[[nodiscard]] bool from_text(const std::string& text, HuntState& state);
+
+/// The renderer with the quarry's options.
+[[nodiscard]] NamedOptions renderer_of(const Quest& quest, const Quarry& quarry);
+
+/// Writes NAME.csv, NAME.toml and, for points of no generator, NAME.ply. `palpate compare NAME.toml
+/// --renderers auto
+/// --path NAME.csv` renders the case and counts a hand's artefacts.
+[[nodiscard]] Status write_case(const OutputFolder& folder, const std::string& name, const Quarry& quarry,
+                                const NamedOptions& renderer);
+/// Command that replays a case.
+[[nodiscard]] std::string command_of(const OutputFolder& folder, const std::string& name);
+
+/// Writes all cases and the document that names them.
+[[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const HuntState& state,
+                                              std::uint64_t seed);
 
 inline constexpr double kUsualHuntMinutes = 10.0;
 

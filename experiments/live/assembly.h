@@ -15,12 +15,34 @@
 #include <palpate/device/servo.h>
 #include <palpate/device/servo_loop.h>
 #include <palpate/device/servo_thread.h>
+#include <palpate/stop_callback.h>
 #include "device/record/recorder.h"
-#include "experiments/live/homing_teller.h"
 #include "experiments/live/session_device.h"
-#include "experiments/session/progress_bar.h"
+#include "experiments/session/terminal.h"
 
 namespace palpate::experiments {
+
+/// Switches the terminal to single keys without echo while it lives. Gives no keys if standard input is no
+/// terminal. Restores the terminal however the program ends.
+class Keys {
+ public:
+  Keys();
+  ~Keys();
+  Keys(const Keys&) = delete;
+  Keys& operator=(const Keys&) = delete;
+  /// The next key pressed, without waiting.
+  [[nodiscard]] std::optional<char> next();
+  [[nodiscard]] bool there() const noexcept { return raw_; }
+
+ private:
+  void give_back() noexcept;
+  bool raw_ = false;
+  StopCallback stop_callback_;
+};
+
+/// Resident memory of the process in bytes, after returning freed memory to the system. Not for the servo's
+/// thread: takes the heap's locks and reads a file.
+[[nodiscard]] std::uint64_t resident_bytes();
 
 /// A force as a changing line for devices without motors: "1.10 N [====        ] x +0.00 y +0.00 z +1.10".
 /// `full_n` fills the bar.

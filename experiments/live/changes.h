@@ -1,15 +1,21 @@
-// Creates the renderers of a live session at its start and after each parameter change.
+// Creates the renderers of a live session at its start and after each parameter change, and the coarse one
+// that stands in while they are made.
 #pragma once
 
+#include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <palpate/control.h>
 #include <palpate/model_store.h>
 #include <palpate/registry.h>
+#include "experiments/live/live.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments {
 
@@ -59,5 +65,53 @@ struct LiveChange {
 [[nodiscard]] Result<std::vector<LiveChange>> parse_changes(const std::string& text,
                                                             const std::vector<LiveSetting>& at_start,
                                                             const render::Registry& registry);
+
+/// A wrapper. Moves the models to the time of each step before it. Owns the renderer; refers to the
+/// simulation, which nothing else may advance.
+class MovingScene final : public render::WrappedRenderer {
+ public:
+  MovingScene(std::unique_ptr<render::HapticRenderer> inner, render::Simulation& simulation)
+      : WrappedRenderer(std::move(inner)), simulation_(simulation) {}
+
+  void restart(const Vec3& hip_mm, double t_s) noexcept override {
+    simulation_.reset();
+    simulation_.advance(t_s);
+    inner().restart(hip_mm, t_s);
+  }
+  [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+    simulation_.advance(t_s);
+    return inner().step(hip_mm, t_s);
+  }
+
+ private:
+  render::Simulation& simulation_;
+};
+
+// A coarse stand-in for every lane while a large scene's renderers are prepared. It is one renderer on an
+// evenly spread subset of the points.
+
+/// Ascending indices of about `points` of the cloud's points, at most one per grid cell. Work is bounded by
+/// `points`, not by the cloud. A cloud of at most `points` is kept whole.
+[[nodiscard]] std::vector<std::uint32_t> thinned(const cloud::Cloud& cloud, std::size_t points);
+
+/// A coarse scene and its renderer.
+struct StandIn {
+  render::SceneInput input;  ///< without the files' faces
+  RendererRequest request;
+  std::size_t points = 0, of_points = 0;
+  /// "cloud on 60,000 of 437,645 points"
+  [[nodiscard]] std::string text() const;
+};
+
+/// Empty if everything is prepared at once (no window, virtual clock, small scene) or a coarse scene would
+/// behave differently: moving points (dents), or a recording, whose replay uses the whole scene. Uses the
+/// first requested renderer if it renders points, else `cloud`.
+[[nodiscard]] std::optional<StandIn> stand_in_for(const LiveArguments& arguments,
+                                                  const std::vector<LiveSetting>& settings,
+                                                  const render::SceneInput& scene,
+                                                  const render::Registry& registry);
+
+/// The document's entry for a renderer.
+[[nodiscard]] LiveRenderer described(const LiveSetting& setting, const MadeRenderer& made);
 
 }  // namespace palpate::experiments

@@ -17,7 +17,7 @@
 #include <palpate/device/watchdog.h>
 #include <palpate/result.h>
 #include <palpate/stop_callback.h>
-#include "experiments/live/homing_teller.h"
+#include "experiments/live/session_device.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

@@ -96,7 +96,7 @@ FactsJson renderers_json(const RecordingFacts& facts) {
 }
 
 /// A text from the file as one terminal line; removes control characters, which would move the cursor.
-std::string plain(std::string text) {
+std::string line_of_text(std::string text) {
   constexpr unsigned char kFirstPrintable = 0x20, kDelete = 0x7F;
   std::erase_if(text, [](char c) {
     const auto byte = static_cast<unsigned char>(c);
@@ -118,7 +118,7 @@ std::string faults_text(const std::vector<RecordedFault>& faults) {
 }
 
 std::string device_text(const device::RecordingHeader& header) {
-  std::string text = plain(header.device);
+  std::string text = line_of_text(header.device);
   if (header.limits.force_max_n > 0.0) text += fmt::format(", {:.3g} N", header.limits.force_max_n);
   if (header.limits.resolution_mm > 0.0) text += fmt::format(", {:.3g} mm", header.limits.resolution_mm);
   if (header.limits.rate_hz > 0.0) text += fmt::format(", {:.4g} Hz", header.limits.rate_hz);
@@ -198,14 +198,14 @@ std::string facts_text(const RecordingFacts& facts) {
   };
   row("format", fmt::format("palrec {}, {}", device::kRecordingVersion,
                             format_bytes(static_cast<double>(facts.bytes))));
-  row("recorded", fmt::format("{}, by {}", plain(header.started_utc), plain(header.program)));
-  row("machine", plain(header.machine));
+  row("recorded", fmt::format("{}, by {}", line_of_text(header.started_utc), line_of_text(header.program)));
+  row("machine", line_of_text(header.machine));
   row("scene",
-      fmt::format("{}{}", plain(header.scene), header.scene_text.empty() ? "" : ", its file is kept"));
-  row("scene hash", plain(header.scene_hash));
+      fmt::format("{}{}", line_of_text(header.scene), header.scene_text.empty() ? "" : ", its file is kept"));
+  row("scene hash", line_of_text(header.scene_hash));
   row("device", device_text(header));
-  row("mapping", plain(header.mapping));
-  row("loop", fmt::format("{:.4g} Hz, {}", header.rate_hz, plain(header.scheduling)));
+  row("mapping", line_of_text(header.mapping));
+  row("loop", fmt::format("{:.4g} Hz, {}", header.rate_hz, line_of_text(header.scheduling)));
   row("length", fmt::format("{:.3f} s, {} ticks, {} lost", facts.length_s, format_count(facts.end.ticks),
                             facts.end.lost == 0 ? std::string("none") : format_count(facts.end.lost)));
   row("latest tick", fmt::format("{} after it was due", format_duration(facts.late_max_ms)));
@@ -213,19 +213,19 @@ std::string facts_text(const RecordingFacts& facts) {
   row("faults", faults_text(facts.faults));
   row("largest force", fmt::format("{:.3g} N sent", facts.force_max_n));
   for (const auto& [decision, ticks] : facts.decisions)
-    row("mixer", fmt::format("{}, {}", plain(decision), times_text(ticks)));
+    row("mixer", fmt::format("{}, {}", line_of_text(decision), times_text(ticks)));
   for (const RecordedRendererFacts& one : facts.renderers) {
     row("renderer", fmt::format("{} ({}): stepped in {} ticks, {} in contact; felt in {}; longest {}",
-                                plain(one.renderer.label), plain(one.renderer.name), format_count(one.ticks),
-                                format_count(one.contact_ticks), format_count(one.felt_ticks),
-                                format_duration(1e-3 * one.step_max_us)));
+                                line_of_text(one.renderer.label), line_of_text(one.renderer.name),
+                                format_count(one.ticks), format_count(one.contact_ticks),
+                                format_count(one.felt_ticks), format_duration(1e-3 * one.step_max_us)));
     std::vector<std::string> options;
-    for (const auto& [key, value] : one.renderer.options) options.push_back(plain(key + "=" + value));
+    for (const auto& [key, value] : one.renderer.options) options.push_back(line_of_text(key + "=" + value));
     if (!options.empty()) row("  with", joined(options));
   }
   if (facts.renderers.empty()) row("renderer", "none");
-  for (const std::string& note : facts.notes) row("note", plain(note));
-  if (facts.end.closed) row("ended", plain(facts.end.reason));
+  for (const std::string& note : facts.notes) row("note", line_of_text(note));
+  if (facts.end.closed) row("ended", line_of_text(facts.end.reason));
   for (const std::string& warning : facts.end.warnings()) text += fmt::format("  warning: {}\n", warning);
   return text;
 }

@@ -11,9 +11,9 @@
 #include <palpate/result.h>
 #include "device/live/workspace.h"
 #include "device/record/recorder.h"
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/live/assembly.h"
-#include "experiments/live/moving_scene.h"
+#include "experiments/live/changes.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/hash.h"

@@ -11,7 +11,6 @@
 #include <palpate/result.h>
 #include "experiments/psychophysics/ledger.h"
 #include "experiments/psychophysics/machine.h"
-#include "experiments/psychophysics/markers.h"
 #include "experiments/psychophysics/person.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/atomic_file.h"

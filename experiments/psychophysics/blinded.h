@@ -6,7 +6,7 @@
 
 #include "experiments/live/session_device.h"
 #include "experiments/psychophysics/analysis.h"
-#include "experiments/psychophysics/sessions.h"
+#include "experiments/psychophysics/ledger.h"
 #include "experiments/report/page.h"
 #include "experiments/session/session.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "experiments/psychophysics/distributions.h"
+#include "experiments/psychophysics/trial_statistics.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

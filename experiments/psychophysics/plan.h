@@ -9,9 +9,8 @@
 
 #include <palpate/registry.h>
 #include <palpate/result.h>
-#include "experiments/psychophysics/distributions.h"
-#include "experiments/psychophysics/power.h"
 #include "experiments/psychophysics/procedures.h"
+#include "experiments/psychophysics/trial_statistics.h"
 
 namespace palpate::experiments::psychophysics {
 

@@ -6,8 +6,8 @@
 
 #include <palpate/result.h>
 #include "device/live/workspace.h"
-#include "experiments/live/moving_scene.h"
-#include "experiments/psychophysics/felt_renderers.h"
+#include "experiments/live/changes.h"
+#include "experiments/psychophysics/bench.h"
 #include "toolkit/render/model_subset.h"
 
 namespace palpate::experiments::psychophysics {

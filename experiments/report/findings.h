@@ -1,5 +1,6 @@
 // What a result says, before any table: what a person must know first, whom to take, and who is right, exact,
-// fast and ready soon. Pure functions of the document.
+// fast and ready soon; and the report card of a renderer: every threshold that the literature gives, and
+// whether it is kept. Pure functions of the document.
 #pragma once
 
 #include <string>
@@ -41,5 +42,21 @@ struct Choice {
 /// says also what each renderer is, and marks the best.
 enum class SummaryFor { kTerminal, kPage };
 [[nodiscard]] Table summary_table(const metrics::ResultDocument& document, SummaryFor where);
+
+/// One line of a card. docs/reference/scores.md has a section on each.
+struct CardItem {
+  std::string about;  ///< "lag, ms"
+  std::string limit;  ///< "at most 1"
+  std::string value;
+  bool known = false;  ///< measured here
+  bool kept = false;
+};
+
+/// The card of one renderer, the headline first; empty without a truth to compare forces with. Always the
+/// same items in the same order. A pure function of the result.
+[[nodiscard]] std::vector<CardItem> card_of(const metrics::RendererResult& result);
+
+/// A column a renderer; nothing where nobody has a card.
+[[nodiscard]] std::optional<Table> card_table(const metrics::ResultDocument& document);
 
 }  // namespace palpate::experiments

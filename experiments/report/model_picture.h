@@ -6,7 +6,6 @@
 #include <palpate/aabb.h>
 #include <palpate/vec.h>
 #include "experiments/report/figures.h"
-#include "experiments/report/png.h"
 #include "experiments/study/study.h"
 
 namespace palpate::experiments {

@@ -4,15 +4,21 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <set>
+#include <utility>
 
+#include <palpate/options.h>
 #include <palpate/result.h>
 #include <palpate/scene.h>
 #include <palpate/trace.h>
+#include <palpate/write_mesh.h>
 #include "device/record/recording.h"
-#include "experiments/run/cleaning.h"
-#include "experiments/run/recorded_path.h"
+#include "experiments/run/stage.h"
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/message_text.h"
+#include "toolkit/core/physical_ranges.h"
+#include "toolkit/io/text.h"
 
 namespace palpate::experiments {
 namespace {
@@ -170,6 +176,218 @@ Result<trace::ProbePath> open_path(const std::string& argument, const paths::Pat
                             "give a .csv or .traj file, or one of " + joined(generator_names()) +
                                 " (`palpate list paths`)"),
                argument, 0};
+}
+
+namespace {
+
+constexpr std::uint64_t kBytesASample = sizeof(double) + sizeof(Vec3);
+// What a place that is let go at is before the first step, where nothing is before it: a frame at 1 kHz.
+constexpr double kBeforeS = 1e-3;
+
+class WayOfCalls {
+ public:
+  explicit WayOfCalls(trace::ProbePath& path) : path_(path) {}
+
+  void add(const device::RendererCall& call) {
+    if (!is_finite(call.hip_mm)) return;
+    if (call.kind == device::RendererCall::Kind::kReleaseContact) {
+      free_mm_ = call.hip_mm;
+      let_go_ = true;
+      return;
+    }
+    if (std::exchange(let_go_, false)) {
+      const double before_s = path_.size() > 0 ? path_.t_s.back() : call.t_s - 2.0 * kBeforeS;
+      push(free_mm_, 0.5 * (before_s + call.t_s));
+    }
+    push(call.hip_mm, call.t_s);
+  }
+
+ private:
+  void push(const Vec3& hip_mm, double t_s) {
+    if (path_.size() > 0 && !(t_s > path_.t_s.back())) return;
+    path_.t_s.push_back(t_s);
+    path_.hip_mm.push_back(hip_mm);
+  }
+  trace::ProbePath& path_;
+  Vec3 free_mm_ = Vec3::Zero();  // where it let go, and did not step since
+  bool let_go_ = false;
+};
+
+}  // namespace
+
+Result<RecordedPath> path_of_recording(const std::string& file, std::uint64_t max_bytes) {
+  PALPATE_ASSIGN(device::Recording recording, device::Recording::open(file));
+  RecordedPath recorded;
+  recorded.path.name = file;
+  WayOfCalls way(recorded.path);
+  device::RecordedTick tick;
+  for (;;) {
+    PALPATE_ASSIGN(const bool more, recording.next(tick));
+    if (!more) break;
+    for (const device::RecordedTrack& track : tick.tracked()) {
+      if (track.calls.empty()) continue;
+      for (const device::RendererCall& call : track.calls) way.add(call);
+      break;
+    }
+    if (recorded.path.size() * kBytesASample > max_bytes)
+      return over_memory_limit("the path of " + file, max_bytes);
+  }
+  recorded.warnings = recording.end().warnings();
+  if (recorded.path.size() == 0)
+    return Error{"holds no step of any renderer", "record a session in which the device was held", file, 0};
+  return recorded;
+}
+
+namespace {
+
+/// A value that the command line gives to every model.
+struct Given {
+  std::optional<double> stiffness_n_per_mm;
+  std::optional<surface::Friction> friction;
+  std::optional<double> deformation;
+};
+
+Result<double> number(const char* option, const std::string& text, const NumberRange& range) {
+  Result<double> value = read_number(text, range);
+  if (!value) return Error{fmt::format("--{}: {}", option, value.error().what), value.error().remedy, {}, 0};
+  return value;
+}
+
+Result<surface::Friction> friction(const std::string& text) {
+  std::vector<double> values;
+  for (const std::string& part : split_list(text)) {
+    const Result<double> mu = number("friction", part, kFrictionCoefficients);
+    if (!mu) return mu.error();
+    values.push_back(*mu);
+  }
+  if (values.size() > 2 || values.back() > values.front())
+    return Error{
+        fmt::format("--friction: {} is not one coefficient, or a static and then a dynamic one, not larger",
+                    shown(text)),
+        "write one number, or two as in 0.7,0.5",
+        {},
+        0};
+  return surface::Friction{values.front(), values.back()};
+}
+
+Result<Given> parse(const SurfaceArguments& arguments) {
+  Given given;
+  if (!arguments.stiffness.empty()) {
+    const Result<double> k = number("stiffness", arguments.stiffness, kStiffnessesNPerMm);
+    if (!k) return k.error();
+    given.stiffness_n_per_mm = *k;
+  }
+  if (!arguments.friction.empty()) {
+    const Result<surface::Friction> mu = friction(arguments.friction);
+    if (!mu) return mu.error();
+    given.friction = *mu;
+  }
+  if (!arguments.deformation.empty()) {
+    const Result<double> c = number("deformation", arguments.deformation, {0.0, 1.0});
+    if (!c) return c.error();
+    if (!(*c < 1.0))
+      return Error{
+          "--deformation: 1 would take all of the force away", "give a number from 0, below 1", {}, 0};
+    given.deformation = *c;
+  }
+  return given;
+}
+
+/// A value from the command line beside one that the scene takes point by point.
+Status check_source(const scene::SceneFile& scene, const scene::SceneModel& model, const char* option,
+                    bool given, const std::string& source) {
+  if (!given || source.empty()) return Done{};
+  return Error{
+      fmt::format("--{} cannot hold: '{}' takes it point by point from {}", option, model.name, source),
+      "leave the option out, or take the key out of the scene", scene.path, model.sources.line};
+}
+
+Status check_sources(const scene::SceneFile& scene, const scene::SceneModel& model, const Given& given) {
+  const scene::SurfaceSources& s = model.sources;
+  const auto column = [](const std::string& name) {
+    return name.empty() ? std::string() : fmt::format("the column '{}'", name);
+  };
+  const std::string friction = s.friction_map ? fmt::format("the image {}", s.friction_map->image)
+                                              : column(s.static_friction_column + s.dynamic_friction_column);
+  for (const auto& [option, is_given, source] :
+       {std::tuple{"stiffness", given.stiffness_n_per_mm.has_value(), column(s.stiffness_column)},
+        {"friction", given.friction.has_value(), friction},
+        {"deformation", given.deformation.has_value(), column(s.deformation_column)}})
+    PALPATE_TRY(check_source(scene, model, option, is_given, source));
+  return Done{};
+}
+
+void set(const Given& given, scene::SceneModel& model, SurfaceReport& report) {
+  if (given.stiffness_n_per_mm) model.surface.stiffness_n_per_mm = *given.stiffness_n_per_mm;
+  if (given.friction) model.surface.friction = *given.friction;
+  if (given.deformation) model.surface.deformation = *given.deformation;
+  for (const scene::SceneRegion& region : model.regions)
+    for (const auto& [option, keeps] :
+         {std::pair{"stiffness", given.stiffness_n_per_mm && region.stiffness_n_per_mm},
+          {"friction", given.friction && region.friction},
+          {"deformation", given.deformation && region.deformation}})
+      if (keeps)
+        report.warnings.push_back(
+            fmt::format("--{} does not hold in a region of '{}' (line {}), which has its own.", option,
+                        model.name, region.line));
+}
+
+std::string text_of(const Given& given) {
+  std::string text;
+  const auto add = [&](const std::string& value) { text += (text.empty() ? "" : ", ") + value; };
+  if (given.stiffness_n_per_mm) add(fmt::format("stiffness {} N/mm", *given.stiffness_n_per_mm));
+  if (given.friction)
+    add(fmt::format("friction {} static, {} dynamic", given.friction->static_coefficient,
+                    given.friction->dynamic_coefficient));
+  if (given.deformation) add(fmt::format("deformation {}", *given.deformation));
+  return text;
+}
+
+}  // namespace
+
+Result<SurfaceReport> set_surfaces(const SurfaceArguments& arguments, scene::SceneFile& scene) {
+  SurfaceReport report;
+  if (!arguments.any()) return report;
+  const Result<Given> given = parse(arguments);
+  if (!given) return given.error();
+  for (scene::SceneModel& model : scene.models) {
+    PALPATE_TRY(check_sources(scene, model, *given));
+    set(*given, model, report);
+  }
+  report.notes.push_back(fmt::format("From the command line, for every model: {}.", text_of(*given)));
+  return report;
+}
+
+namespace fs = std::filesystem;
+
+Status check_output(const OutputFile& file, std::span<const std::string> read) {
+  const auto wrong = [&](std::string what, std::string remedy) {
+    return Error{std::move(what), std::move(remedy), file.path, 0};
+  };
+  const fs::path path = file.path;
+  std::string ending = io::lower_case(path.extension().string());
+  if (!ending.empty()) ending.erase(0, 1);
+  if (std::find(file.endings.begin(), file.endings.end(), ending) == file.endings.end()) {
+    std::string known;
+    for (const std::string& e : file.endings) known += (known.empty() ? "." : ", .") + e;
+    return wrong(ending.empty() ? std::string("the name has no ending that says the format")
+                                : fmt::format("no file ending in .{} can be written here", ending),
+                 fmt::format("give it one of {}", known));
+  }
+  std::error_code code;
+  const fs::path folder = path.parent_path();
+  if (!folder.empty() && !fs::is_directory(folder, code))
+    return wrong("the folder for it is not there", "create the folder first");
+  if (!fs::exists(path, code)) return Done{};
+  if (!fs::is_regular_file(path, code)) return wrong("is not a plain file", "give another name");
+  if (file.force) return Done{};
+  for (const std::string& input : read)
+    if (fs::equivalent(path, input, code))
+      return wrong("is read by this command, and would be overwritten", "give another name, or --force");
+  if (!io::is_written_by_palpate(file.path))
+    return wrong("is there already, and Palpate did not write it",
+                 "give another name, or --force to replace it");
+  return Done{};
 }
 
 }  // namespace palpate::experiments

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,6 +11,7 @@
 #include <palpate/paths.h>
 #include <palpate/registry.h>
 #include <palpate/result.h>
+#include <palpate/scene.h>
 #include <palpate/trace.h>
 #include "toolkit/core/input_file.h"
 
@@ -44,5 +46,53 @@ struct RendererRequest {
 [[nodiscard]] std::string file_of_path(const std::string& argument);
 /// Whether open_path() would make it: no file of this name, but a generator.
 [[nodiscard]] bool is_generated_path(const std::string& argument);
+
+// A recording as a probe path: where the renderers' HIP went, call by call.
+
+struct RecordedPath {
+  trace::ProbePath path;
+  std::vector<std::string> warnings;  ///< what is missing in the recording, whole sentences
+};
+
+/// The steps of the first renderer that was stepped in each tick, the small ones of a bring-up among them.
+/// Where a renderer let go at a place known to be free, the path goes by that place, half way in time between
+/// its neighbours: so it starts free, and does not cut through a surface between two segments. Steps whose
+/// HIP is not finite, or whose time does not go on, are left out. At most `max_bytes` of memory.
+[[nodiscard]] Result<RecordedPath> path_of_recording(const std::string& file, std::uint64_t max_bytes);
+
+// --stiffness, --friction and --deformation: what the command line says of surfaces.
+
+/// As typed; empty: as the scene says.
+struct SurfaceArguments {
+  std::string stiffness;    ///< N/mm
+  std::string friction;     ///< one coefficient, or static,dynamic
+  std::string deformation;  ///< 0 up to 1
+
+  [[nodiscard]] bool any() const { return !(stiffness.empty() && friction.empty() && deformation.empty()); }
+};
+
+/// What is said of the values that were put in.
+struct SurfaceReport {
+  std::vector<std::string> notes;     ///< what holds now
+  std::vector<std::string> warnings;  ///< where it does not hold
+};
+
+/// Puts the values in place of the uniform ones of every model. Values that cannot be, and models whose value
+/// comes from a column or an image, are Errors; a region that has its own value keeps it, which is a warning.
+[[nodiscard]] Result<SurfaceReport> set_surfaces(const SurfaceArguments& arguments, scene::SceneFile& scene);
+
+// Files that the user names to be written: whether they may be.
+
+/// A file that a command is asked to write.
+struct OutputFile {
+  std::string path;
+  std::vector<std::string> endings;  ///< of the formats that can be written, without the dot
+  bool force = false;                ///< replaces also what is somebody else's, or read
+};
+
+/// Errors: the ending stands for no format that is written; the folder is missing; `path` is no plain file
+/// (whatever `force` says); it is one of the files `read` by the command, under whatever name; it is there
+/// and Palpate did not write it. What Palpate wrote is replaced.
+[[nodiscard]] Status check_output(const OutputFile& file, std::span<const std::string> read);
 
 }  // namespace palpate::experiments

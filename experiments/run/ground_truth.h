@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include <palpate/paths.h>
 #include <palpate/progress.h>
 #include <palpate/reference.h>
 #include <palpate/renderer.h>
@@ -33,5 +34,15 @@ enum class TruthKind {
 [[nodiscard]] Result<GroundTruth> ground_truth_on_formula(const render::ModelInput& model,
                                                           const trace::ProbePath& path, double force_limit_n,
                                                           TruthKind kind, Progress& progress);
+
+// What a simulated hand feels of a scene while its path is made.
+
+enum class FeltKind { kFormula, kFaces, kPoints };
+
+/// The scene at rest, rigid and without friction: the formula or the faces of `truth`, its first model with
+/// what is true of it, or else what the plan takes for the points. Prepares it; errors are that one's.
+[[nodiscard]] Result<paths::ForceFunction> felt_of(FeltKind kind, const render::ModelInput& truth,
+                                                   const render::SceneInput& scene, int threads,
+                                                   Progress& progress);
 
 }  // namespace palpate::experiments

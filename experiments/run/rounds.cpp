@@ -6,7 +6,7 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
-#include "experiments/run/seat.h"
+#include "experiments/run/work.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments {

@@ -4,7 +4,6 @@
 
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "experiments/run/disagreement.h"
 #include "experiments/run/doubts.h"
 #include "experiments/run/work.h"
 #include "experiments/study/scoring.h"

@@ -4,17 +4,19 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include <palpate/cleaning.h>
 #include <palpate/progress.h>
 #include <palpate/read_model.h>
 #include <palpate/reference.h>
 #include <palpate/result.h>
 #include <palpate/scene.h>
 #include <palpate/trace.h>
+#include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/surface_keys.h"
 #include "toolkit/search/spacing.h"
 
 namespace palpate::experiments {
@@ -60,5 +62,25 @@ struct Stage {
 /// Loads, makes the path, computes the reference (slow, never timed). Every Error is bad input.
 [[nodiscard]] Result<Stage> set_up(const StageRequest& request, const io::Readers& readers,
                                    Progress& progress);
+
+// The cleaning steps of this program, and what they do to a scene for one renderer.
+
+/// Every step that the program was built with; none without the baselines. Lives as long as the program.
+[[nodiscard]] const scene::Cleaning& all_cleaning();
+
+/// "outliers/distance=4/..+smooth/..": what parse() reads, every option in it.
+[[nodiscard]] std::string cleaning_text(std::span<const NamedOptions> steps);
+
+struct CleanedScene {
+  render::SceneInput input;
+  std::vector<render::PreparePhase> phases;
+  std::vector<std::string> notes;
+};
+
+/// `input` with every model's points cleaned by `steps`, and without the faces that belonged to the points
+/// before. Checked steps; an Error names the model.
+[[nodiscard]] Result<CleanedScene> clean_scene(const render::SceneInput& input,
+                                               std::span<const NamedOptions> steps, int threads,
+                                               Progress& progress);
 
 }  // namespace palpate::experiments

@@ -1,15 +1,24 @@
 #include "experiments/session/session.h"
 
+#include <dlfcn.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <cstddef>
+#include <span>
+#include <vector>
 
 #include <palpate/baselines.h>
+#include <palpate/read_model.h>
 #include <palpate/registry.h>
 #include "baselines/versions.h"
-#include "experiments/run/cleaning.h"
+#include "experiments/run/stage.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/io/decoded_file.h"
+#include "toolkit/metrics/machine_info.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::experiments {
@@ -93,6 +102,95 @@ int fail(const Error& error, int status, ProgressBar* progress) {
 int exit_status(const Result<int>& status, Context& context) {
   if (status) return *status;
   return fail(status.error(), context.working ? kExitFellShort : kExitBadInput, &context.progress);
+}
+
+RunKey::RunKey() {
+  add(version_text()).add(kCommit).add(build_text());
+  // Two builds of one commit may differ.
+  struct stat program {};
+  if (::stat("/proc/self/exe", &program) == 0)
+    add(static_cast<std::uint64_t>(program.st_size))
+        .add(static_cast<std::uint64_t>(program.st_mtim.tv_sec))
+        .add(static_cast<std::uint64_t>(program.st_mtim.tv_nsec));
+  const metrics::MachineInfo machine = metrics::machine_info();
+  add(machine.cpu).add(static_cast<std::uint64_t>(machine.cores));
+}
+
+RunKey& RunKey::add(std::string_view text) {
+  hash_.u64(text.size());
+  hash_.bytes(std::as_bytes(std::span(text)));
+  return *this;
+}
+
+RunKey& RunKey::add(double value) {
+  hash_.real(value);
+  return *this;
+}
+
+RunKey& RunKey::add(std::uint64_t value) {
+  hash_.u64(value);
+  return *this;
+}
+
+RunKey& RunKey::add_file(const std::string& path) {
+  add(path);
+  Result<InputFile> file = InputFile::open(path);
+  if (!file) return *this;
+  std::vector<std::byte> piece(std::size_t{1} << 20);
+  for (;;) {
+    const Result<std::size_t> got = file->read(piece);
+    if (!got || *got == 0) return *this;
+    hash_.bytes(std::span(piece).first(*got));
+  }
+}
+
+std::string key_of(const RendererRequest& request) {
+  RunKey key;
+  key.add(request.name).add(cleaning_text(request.clean));
+  for (const auto& [name, value] : request.options.all()) key.add(name).add(value);
+  return key.word();
+}
+
+namespace {
+
+// Only headers of the formats are included here: the libraries are the module's.
+constexpr const char* kModule = "palpate-formats.so";
+constexpr const char* kEntry = "palpate_add_formats";
+
+Result<io::Readers> load() {
+  // Never closed: readers of its own live as long as the program.
+  void* const module = dlopen(kModule, RTLD_NOW | RTLD_LOCAL);
+  void* const entry = module == nullptr ? nullptr : dlsym(module, kEntry);
+  if (entry == nullptr) {
+    const char* const why = dlerror();
+    return Error{
+        fmt::format("this format's libraries cannot be loaded: {}", why == nullptr ? "no entry" : why),
+        "install Palpate's lib folder beside its bin folder, and the packages of cmake/packages.txt",
+        {},
+        0};
+  }
+  io::Readers readers;
+  reinterpret_cast<void (*)(io::Readers&)>(entry)(readers);
+  return readers;
+}
+
+[[maybe_unused]] void add_lazily(io::Readers& readers, const char* extension) {
+  readers.add({extension}, [extension](const io::ReaderInput& input) -> Result<io::DecodedFile> {
+    static const Result<io::Readers> loaded = load();
+    if (!loaded) return loaded.error();
+    return (*loaded->find(extension))(input);
+  });
+}
+
+}  // namespace
+
+void add_library_formats([[maybe_unused]] io::Readers& readers) {
+#ifdef PALPATE_WITH_PCD
+  add_lazily(readers, pcd::kPcdExtension);
+#endif
+#ifdef PALPATE_WITH_DEM
+  for (const char* extension : dem::kDemExtensions) add_lazily(readers, extension);
+#endif
 }
 
 }  // namespace palpate::experiments

@@ -1,17 +1,41 @@
 // What the rooms that do a whole command share: exit statuses, registries filled with everything there is,
-// arguments turned into options, the head of every document.
+// arguments turned into options, the head of every document, and what the results of a run depend on, as one
+// word.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <string_view>
 
 #include <palpate/read_model.h>
 #include <palpate/registry.h>
 #include <palpate/scene.h>
-#include "experiments/session/progress_bar.h"
+#include "experiments/run/arguments.h"
+#include "experiments/session/terminal.h"
 #include "experiments/study/output_folder.h"
+#include "toolkit/core/hash.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::experiments {
+
+/// A run goes on from an interrupted one only where the two have the same key: the same program on the same
+/// machine, and everything that was added. Not for security.
+class RunKey {
+ public:
+  RunKey();
+  RunKey& add(std::string_view text);
+  RunKey& add(double value);
+  RunKey& add(std::uint64_t value);
+  /// Name and content; a file that cannot be read counts as empty.
+  RunKey& add_file(const std::string& path);
+  [[nodiscard]] std::string word() const { return hash_.hex(); }
+
+ private:
+  Hash64 hash_;
+};
+
+/// What the results of one renderer depend on besides.
+[[nodiscard]] std::string key_of(const RendererRequest& request);
 
 inline constexpr int kExitOk = 0;
 inline constexpr int kExitFellShort = 1;  ///< ran, and failed or fell short

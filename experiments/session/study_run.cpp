@@ -7,13 +7,11 @@
 #include <palpate/result.h>
 #include <palpate/stop_callback.h>
 #include <palpate/write_mesh.h>
-#include "experiments/data/locate.h"
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/report/findings.h"
+#include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/output_file.h"
 #include "experiments/run/work.h"
-#include "experiments/session/run_key.h"
 #include "experiments/session/session.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/messages.h"

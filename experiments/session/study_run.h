@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "experiments/run/run.h"
-#include "experiments/session/run_key.h"
 #include "experiments/session/session.h"
 
 namespace palpate::experiments {

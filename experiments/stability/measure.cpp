@@ -1,4 +1,4 @@
-#include "experiments/stability/measure.h"
+#include "experiments/stability/stability.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,7 +8,6 @@
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
-#include "experiments/stability/measure.h"
 #include "toolkit/control/virtual_coupling.h"
 #include "toolkit/core/message_text.h"
 

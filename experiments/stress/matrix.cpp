@@ -1,12 +1,15 @@
-#include "experiments/stress/matrix.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
+#include <string_view>
 
+#include <palpate/result.h>
 #include "experiments/driver/json_document.h"
+#include "experiments/stress/stress.h"
+#include "toolkit/core/input_file.h"
 
 namespace palpate::experiments {
 namespace {
@@ -243,6 +246,170 @@ Page stress_page(const StressMatrix& matrix) {
   page.sections.push_back(std::move(section));
   page.headlines.push_back(std::move(group));
   return page;
+}
+
+namespace {
+
+// The matrix of all cells has some 2 MB.
+constexpr std::uint64_t kMostAgainstBytes = std::uint64_t{256} << 20;
+
+Error no_matrix(const std::string& file, const std::string& why) {
+  return {fmt::format("{} is no {}: {}", file, kStressFile, why),
+          "give the stress.json of another run of palpate test stress",
+          {},
+          0};
+}
+
+}  // namespace
+
+Result<OtherHashes> read_hashes(const std::string& file) {
+  PALPATE_ASSIGN(const std::string text, read_file(file, kMostAgainstBytes));
+  OtherHashes other;
+  other.file = file;
+  try {
+    const DocumentJson json = DocumentJson::parse(text);
+    if (json.at("schema") != kStressSchema)
+      return no_matrix(file, fmt::format("its schema is not {}", kStressSchema));
+    const DocumentJson& machine = json.at("machine");
+    other.built_by = fmt::format("{}, {}", machine.value("compiler", "an unknown compiler"),
+                                 machine.value("cpu", "an unknown processor"));
+    for (const DocumentJson& cell : json.at("cells")) {
+      if (cell.at("status") == "skipped") continue;
+      const DocumentJson& hash = cell.at("trace_hash");
+      other.of_cell[{cell.at("renderer"), cell.at("case")}] = hash.is_null() ? "" : hash.get<std::string>();
+    }
+  } catch (const nlohmann::json::exception& error) {
+    return no_matrix(file, error.what());
+  }
+  if (other.of_cell.empty()) return no_matrix(file, "no cell of it was run");
+  return other;
+}
+
+std::vector<HashRow> compare_hashes(const StressMatrix& matrix, const OtherHashes& other) {
+  std::vector<HashRow> rows;
+  for (std::size_t r = 0; r < matrix.cells.size(); ++r) {
+    HashRow row;
+    row.renderer = matrix.renderers[r].label;
+    row.role = matrix.roles[r];
+    for (const StressCell& cell : matrix.cells[r]) {
+      const auto theirs = other.of_cell.find({row.renderer, cell.name});
+      if (cell.status == CellStatus::kSkipped || theirs == other.of_cell.end()) continue;
+      if (theirs->second == cell.trace_hash)
+        ++row.same;
+      else
+        row.different.push_back(cell.name);
+    }
+    if (row.same + row.different.size() > 0) rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+Table hash_table(const std::vector<HashRow>& rows, const OtherHashes& other) {
+  Table table;
+  table.title = "Trace hashes against " + other.file;
+  table.bad_means = "other bits than the other run's";
+  table.columns = {"renderer", "the same", "different", "in"};
+  for (const HashRow& row : rows)
+    table.rows.push_back({{row.renderer},
+                          {format_count(row.same)},
+                          {format_count(row.different.size()), false, !row.different.empty()},
+                          {row.different.empty() ? "" : fmt::format("{}", fmt::join(row.different, ", "))}});
+  table.notes.push_back(fmt::format("The other run: {}. Cells that both ran.", other.built_by));
+  return table;
+}
+
+std::string with_hashes(const std::string& stress_json, const std::vector<HashRow>& rows,
+                        const OtherHashes& other) {
+  DocumentJson json = DocumentJson::parse(stress_json);
+  json["against"] = {
+      {"file", other.file}, {"built_by", other.built_by}, {"renderers", DocumentJson::array()}};
+  for (const HashRow& row : rows)
+    json["against"]["renderers"].push_back(
+        {{"renderer", row.renderer}, {"same", row.same}, {"different", row.different}});
+  return document_text(json);
+}
+
+namespace {
+
+// Known reasons for failed cells, inherent in a method.
+
+struct Reason {
+  std::string_view renderer, check, name;  ///< case or group; empty: any
+  std::string_view text;
+};
+
+constexpr std::string_view kSinglePrecision =
+    "Embree reads coordinates in single precision, here as the file has them: far from its origin they lose "
+    "the "
+    "mesh. frame=local, which is usual, keeps it";
+
+constexpr std::string_view kBetweenCoarse =
+    "Its size follows the gap that one in a hundred exceed: where a few points stand a hundred times as far "
+    "apart as "
+    "the rest it falls between them";
+constexpr std::string_view kGraphWalk =
+    "It walks from vertex to nearer vertex, and facets around the last one alone count: on thin and pointed "
+    "bodies, "
+    "and from afar, these are of another sheet";
+
+constexpr std::array kReasons = {
+    Reason{"penalty-grid", "free", "",
+           "Its force begins at a threshold of distance in front of the points, by design"},
+    Reason{"penalty-grid", "felt", "",
+           "Its force ends at its threshold behind the points: it remembers no way in"},
+    Reason{"mls-penalty", "free", "",
+           "It knows no way in: where the fitted surface goes on beyond an open border, or turns its side, "
+           "there is force"},
+    Reason{"mls-penalty", "felt", "", "It knows no way in: out of reach of the points there is no force"},
+    Reason{"vector-field", "felt", "",
+           "Deeper than its band of voxels, and near sharp edges, there is no force: it knows no way in"},
+    Reason{"vector-field", "free", "", "Its sides are those of a closed surface seen from outside"},
+    Reason{"mls-proxy", "felt", "",
+           "Its proxy moves by a bounded number of ticks a frame and tunnels where a HIP is fast or deep"},
+    Reason{"mls-proxy", "free", "",
+           "Past an open border, or inside a hollow body, its field still has a side"},
+    Reason{
+        "cloud-literal", "free", "",
+        "Figure 42 as printed: the contact state has no side and sticks; boxes are of the worst resolution"},
+    Reason{"cloud-literal", "twin", "",
+           "Its 0.2 mm rule of shading (section 3.4) is a length that does not scale"},
+    Reason{"cloud-literal", "felt", "", "Figure 42 as printed: contact is told by crossings of boxes alone"},
+    Reason{"heightfield-literal", "twin", "", "Its 0.2 mm rule of shading is a length that does not scale"},
+    Reason{"sphere-proxy", "felt", "", kBetweenCoarse},
+    Reason{"stream-proxy", "felt", "", kBetweenCoarse},
+    Reason{"variable-proxy", "felt", "", kBetweenCoarse},
+    Reason{"sdf-godobject", "felt", "", kBetweenCoarse},
+    Reason{"sdf-godobject", "free", "",
+           "The sign of its field is that of the nearest points' planes: past an open border, at a tip and "
+           "inside a "
+           "hollow body it is not the side that the HIP came from"},
+    Reason{"vgraph", "free", "", kGraphWalk},
+    Reason{"vgraph", "felt", "", kGraphWalk},
+    Reason{"mesh-proxy", "twin", "",
+           "Which of several facets stops its sphere hangs on rounding in that frame"},
+    Reason{"analytic", "bounded", "probe",
+           "The truth looks for its way in by steps that are safe, up to the number that its bound states: "
+           "from so "
+           "far off it takes them all"},
+    Reason{"mesh-godobject:frame=world", "twin", "offset", kSinglePrecision},
+    Reason{"mesh-godobject:frame=world", "felt", "offset", kSinglePrecision},
+    Reason{"mesh-godobject:frame=world", "free", "offset", kSinglePrecision},
+};
+
+bool matches(std::string_view pattern, std::string_view value) noexcept {
+  return pattern.empty() || pattern == value;
+}
+
+}  // namespace
+
+std::string known_reason(const RendererRequest& request, const StressCase& one, const StressCell& cell) {
+  if (cell.status != CellStatus::kFailed) return {};
+  const std::string text = spelled(request);
+  for (const Reason& reason : kReasons)
+    if ((reason.renderer == request.name || reason.renderer == text) && reason.check == cell.check &&
+        (matches(reason.name, one.name) || matches(reason.name, one.group)))
+      return std::string(reason.text) + ".";
+  return {};
 }
 
 }  // namespace palpate::experiments

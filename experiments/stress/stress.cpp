@@ -8,8 +8,6 @@
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
-#include "experiments/stress/against.h"
-#include "experiments/stress/matrix.h"
 
 namespace palpate::experiments {
 namespace {

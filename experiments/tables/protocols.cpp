@@ -5,8 +5,7 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/data/locate.h"
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/percentiles.h"
 

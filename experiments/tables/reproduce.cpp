@@ -7,9 +7,8 @@
 
 #include <palpate/result.h>
 #include "experiments/behaviours/matrix.h"
-#include "experiments/data/locate.h"
-#include "experiments/data/scene_scans.h"
-#include "experiments/session/run_key.h"
+#include "experiments/data/scans.h"
+#include "experiments/session/session.h"
 #include "experiments/session/terminal.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/messages.h"

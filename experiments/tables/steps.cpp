@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include <palpate/result.h>
-#include "experiments/session/run_key.h"
+#include "experiments/session/session.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/metrics/result_keys.h"

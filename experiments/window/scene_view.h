@@ -7,16 +7,78 @@
 #include <future>
 #include <memory>
 #include <optional>
+#include <span>
+#include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
-#include "experiments/window/dent_view.h"
+#include <palpate/cloud.h>
+#include <palpate/device/device_map.h>
+#include "experiments/window/camera.h"
+#include "experiments/window/feed.h"
 #include "experiments/window/link.h"
 #include "experiments/window/overlay.h"
 #include "experiments/window/splats.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
+#include "toolkit/search/neighbour_table.h"
 #include "toolkit/search/uniform_grid.h"
 
 namespace palpate::experiments {
+
+// Tracks the moved points of a deformable model. The window asks about some points per picture, around the
+// touched place and those seen to move; the servo answers between frames.
+
+/// A point that moved since the previous picture.
+struct ShiftedPoint {
+  std::uint32_t point = 0;  ///< index in the cloud
+  Vec3f place_mm = Vec3f::Zero();
+};
+
+/// Tracks one model. For the window's thread.
+class DentView {
+ public:
+  /// The next question. It holds points around `touched`, outwards link by link, then in turn those seen to
+  /// move and their neighbours, to find a dent's border and its recovery. Empty if nothing is to be asked.
+  /// Work bounded by PointQuestion::kMost.
+  [[nodiscard]] std::optional<PointQuestion> question(std::uint32_t model,
+                                                      const std::optional<std::uint32_t>& touched,
+                                                      const search::NeighbourTable& neighbours);
+  /// An answer's changes to the picture. An unknown answer puts every point back.
+  [[nodiscard]] std::vector<ShiftedPoint> take(const PointAnswer& answer, const cloud::Cloud& cloud);
+  /// Number of points away from their read position.
+  [[nodiscard]] std::size_t shifted() const noexcept { return moved_.size(); }
+
+ private:
+  std::unordered_map<std::uint32_t, Vec3f> moved_;
+  std::vector<std::uint32_t> turn_;  // every point that ever moved, asked in turn
+  std::unordered_set<std::uint32_t> in_turn_;
+  std::size_t next_ = 0;
+};
+
+// The mouse as a hand: its goal hovers over the surface under the cursor and presses into it while the button
+// is held. Device, servo and governor produce the force as for any hand.
+
+class MouseHand {
+ public:
+  /// In device mm, like scripted tasks' (TaskSizes), independent of the scene's size.
+  static constexpr double kHoverMm = 2.0, kFirstPressMm = 4.0, kLeastPressMm = 0.5, kMostPressMm = 20.0;
+  static constexpr double kWheelFactor = 1.15;
+
+  /// The goal, world frame; empty until the cursor has once been over the surface. Off the surface it hovers
+  /// in the picture plane through the last place. `hit`: under the cursor.
+  [[nodiscard]] std::optional<Vec3> goal_mm(const std::optional<Hit>& hit, const Vec3& ray_place_mm,
+                                            const Camera& camera, const device::DeviceMap& map, bool pressed);
+  /// Wheel steps while the button is held: change the depth.
+  void wheel(double steps) noexcept;
+  [[nodiscard]] double press_mm() const noexcept { return press_mm_; }
+  /// The last place under the cursor, world frame.
+  [[nodiscard]] const std::optional<Hit>& last() const noexcept { return last_; }
+  void forget() noexcept { last_.reset(); }
+
+ private:
+  double press_mm_ = kFirstPressMm;
+  std::optional<Hit> last_;
+};
 
 /// Optional drawings around the touched place.
 struct NearChoice {

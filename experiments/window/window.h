@@ -10,7 +10,7 @@
 #include <string>
 
 #include <palpate/result.h>
-#include "experiments/report/png.h"
+#include "experiments/report/figures.h"
 #include "experiments/window/camera.h"
 #include "experiments/window/link.h"
 #include "experiments/window/panel.h"
@@ -74,5 +74,12 @@ class Window {
   explicit Window(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
+
+// Saves pictures of the window as files.
+
+/// Reads the default framebuffer's back buffer. Needs a current OpenGL context.
+[[nodiscard]] ColourImage read_window(int width_px, int height_px);
+/// Writes a complete PNG file or none. An Error names it.
+[[nodiscard]] Status write_png(const ColourImage& image, const std::string& path);
 
 }  // namespace palpate::experiments

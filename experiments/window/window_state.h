@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "experiments/window/mouse_hand.h"
+#include "experiments/window/scene_view.h"
 #include "experiments/window/sound.h"
 #include "experiments/window/window.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/benchmarks/felt_surface/sets.h"
+#include "experiments/benchmarks/felt_surface/ground.h"
 
 #include <fmt/format.h>
 

@@ -9,6 +9,7 @@
 #include <palpate/accuracy.h>
 #include <palpate/options.h>
 #include <palpate/registry.h>
+#include <palpate/result.h>
 #include "experiments/benchmarks/felt_surface/ground.h"
 
 namespace palpate::felt {
@@ -69,5 +70,12 @@ struct TrialOptions {
 [[nodiscard]] Row run_trial(const DataSet& set, const Ground& ground, const Tried& tried,
                             const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
                             const TrialOptions& options);
+
+// Draws a slice of the rendered surface: points, truth, and each renderer's god objects along a row of
+// touches.
+
+/// `name`: edge, hole, thin or noise. Writes an SVG file.
+[[nodiscard]] Status draw_slice(const std::string& name, const std::vector<Tried>& renderers,
+                                const render::Registry& registry, const std::string& file);
 
 }  // namespace palpate::felt
