@@ -1,7 +1,6 @@
 // Scale space by CGAL: smoothed points are easy to connect; the triangles then use the original points.
 #define CGAL_EIGEN3_ENABLED 1  // for the eigenvectors
 #include "baselines/reconstruct/cgal_points.h"
-#include "baselines/reconstruct/mesh_tidy.h"
 #include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
