@@ -326,8 +326,7 @@ void PlanarDevice::take(const std::array<float, 2>& degrees) noexcept {
   awaiting_ = false;
   state_.homed = true;
   state_.packet_ns = clock_.now_ns();
-  std::copy(reader_.bytes().begin(), reader_.bytes().end(), state_.raw.bytes.begin());
-  state_.raw.size = static_cast<std::uint8_t>(kPlanarReplyBytes);
+  state_.raw.keep(reader_.bytes());
   pose_ = pantograph_pose(model_.geometry, {kPlaneDegree * static_cast<double>(degrees[0]),
                                             kPlaneDegree * static_cast<double>(degrees[1])});
   // An impossible pose gives no force; the last position stays.
