@@ -99,13 +99,7 @@ constexpr std::size_t kRing = 6;
 Result<scene::CleaningStepOutput> upsample(const scene::CleaningStepInput& input) {
   PALPATE_TRY(enough_points(input, kRing + 1));
   const std::vector<Vec3> normals = plane_normals(input);
-  std::vector<CgalPoint> points;
-  for (CgalPoint& p : cgal_points(input.cloud, input.spacing_mm)) {
-    const Vec3& n = normals[p.index];
-    if (n == Vec3::Zero()) continue;
-    p.normal = {n.x(), n.y(), n.z()};
-    points.push_back(p);
-  }
+  std::vector<CgalPoint> points = with_normals(cgal_points(input.cloud, input.spacing_mm), normals);
   if (points.size() <= kRing)
     return failure("hardly a point lies on a surface, so nothing can be added between them",
                    "leave this step out");
