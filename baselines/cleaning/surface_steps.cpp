@@ -57,13 +57,7 @@ void jets(const scene::CleaningStepInput& input, unsigned k, std::vector<CgalPoi
 /// Moves the points with a normal; returns the number of the others.
 std::size_t bilateral(const scene::CleaningStepInput& input, unsigned k, std::vector<CgalPoint>& points) {
   const std::vector<Vec3> normals = plane_normals(input);
-  std::vector<CgalPoint> with;
-  for (CgalPoint& p : points) {
-    const Vec3& n = normals[p.index];
-    if (n == Vec3::Zero()) continue;
-    p.normal = {n.x(), n.y(), n.z()};
-    with.push_back(p);
-  }
+  std::vector<CgalPoint> with = with_normals(points, normals);
   if (with.size() <= k) return points.size();
   const auto parameters = CGAL::parameters::point_map(CgalPlaceMap())
                               .normal_map(CgalNormalMap())

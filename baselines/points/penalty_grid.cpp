@@ -1,4 +1,4 @@
-#include "baselines/points/rivals.h"
+#include "baselines/rivals.h"
 
 #include <fmt/format.h>
 

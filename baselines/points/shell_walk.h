@@ -26,7 +26,7 @@ inline OptionSpec shell_steps_spec() {
 inline constexpr double kShellStep = 0.5;
 /// At rest below this share of pull along the surface: a twentieth of a degree.
 inline constexpr double kShellRest = 1e-3;
-/// Flights that enter a ball below this cosine graze it (derived in ball_walk.cpp).
+/// Flights that enter a ball below this cosine graze it (derived in sphere_proxy.cpp).
 inline constexpr double kShellGraze = 5e-6;
 
 /// Radii in mm if equal for all points, else factors of each point's scale.

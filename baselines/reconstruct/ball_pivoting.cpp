@@ -1,5 +1,5 @@
 // Ball pivoting by Open3D, only in builds with PALPATE_WITH_OPEN3D.
-#include "baselines/reconstruct/oriented_normals.h"
+#include "baselines/reconstruct/method_functions.h"
 
 #include <open3d/geometry/PointCloud.h>
 #include <open3d/geometry/TriangleMesh.h>

@@ -1,6 +1,6 @@
 // Normals by CGAL, in a separate file because its point set processing compiles slowly.
 #include "baselines/reconstruct/cgal_points.h"
-#include "baselines/reconstruct/oriented_normals.h"
+#include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Random.h>
 #include <CGAL/jet_estimate_normals.h>

@@ -49,6 +49,18 @@ inline std::vector<CgalPoint> cgal_points(const cloud::Cloud& cloud, double unit
   }
   return points;
 }
+/// Those whose normal (by index in the cloud) is not zero, with it.
+inline std::vector<CgalPoint> with_normals(const std::vector<CgalPoint>& points,
+                                           const std::vector<Vec3>& normals) {
+  std::vector<CgalPoint> with;
+  for (const CgalPoint& point : points) {
+    const Vec3& n = normals[point.index];
+    if (n == Vec3::Zero()) continue;
+    with.push_back(point);
+    with.back().normal = {n.x(), n.y(), n.z()};
+  }
+  return with;
+}
 inline Vec3 place_of(const CgalKernel::Point_3& p) {
   return {p.x(), p.y(), p.z()};
 }

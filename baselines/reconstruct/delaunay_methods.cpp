@@ -14,7 +14,6 @@
 #include <fmt/format.h>
 
 #include "baselines/failure.h"
-#include "baselines/reconstruct/mesh_tidy.h"
 #include "baselines/reconstruct/method_functions.h"
 
 namespace palpate::baselines {

@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "baselines/failure.h"
-#include "baselines/reconstruct/oriented_normals.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/surface/oriented_points.h"

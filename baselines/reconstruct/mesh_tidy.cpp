@@ -1,4 +1,4 @@
-#include "baselines/reconstruct/mesh_tidy.h"
+#include "baselines/reconstruct/method_functions.h"
 
 #include <algorithm>
 #include <array>

@@ -2,6 +2,7 @@
 // limits or cache. The usual entry is reconstruct.h.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -10,7 +11,7 @@
 #include <palpate/options.h>
 #include <palpate/result.h>
 #include <palpate/triangle_mesh.h>
-#include "baselines/reconstruct/methods.h"
+#include "baselines/reconstruct/reconstruct.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::baselines {
@@ -66,5 +67,53 @@ struct PoleLink {
 /// attenuated by each pole's own confidence; unreached poles are outside. O(links log links), deterministic.
 [[nodiscard]] std::vector<bool> label_poles(std::size_t poles, std::span<const PoleLink> links,
                                             std::span<const std::uint32_t> outside);
+
+// Oriented normals for Poisson, ball pivoting and PCL's methods.
+
+/// Timed phases of making normals.
+inline constexpr const char* kNeighboursPhase = "neighbours for normals";
+inline constexpr const char* kNormalsPhase = "normals";
+inline constexpr const char* kOrientationPhase = "orientation of normals";
+[[nodiscard]] inline bool is_of_normals(const render::PreparePhase& phase) {
+  return phase.name == kNeighboursPhase || phase.name == kNormalsPhase || phase.name == kOrientationPhase;
+}
+
+/// A unit vector per point, or zero if none was found; outward if the points enclose a volume. Options
+/// `normals` and `normal_neighbours`; two or three phases.
+[[nodiscard]] std::vector<Vec3> oriented_normals(const MethodInput& input, render::PreparePhases& phases);
+
+/// By CGAL: principal components or (jets) a fitted quadric over k neighbours, oriented along a minimum
+/// spanning tree.
+[[nodiscard]] std::vector<Vec3> cgal_normals(const MethodInput& input, bool jets, unsigned k,
+                                             render::PreparePhases& phases);
+
+/// The points with a normal, each place once, relative to the cloud's origin and divided by `unit_mm`: near
+/// 1, to suit the libraries' tolerances.
+struct OrientedPoints {
+  std::vector<Vec3> place, normal;
+  std::vector<std::uint32_t> index;  ///< in the cloud
+  double unit_mm = 1.0;
+};
+[[nodiscard]] OrientedPoints oriented_points(const MethodInput& input, double unit_mm,
+                                             render::PreparePhases& phases);
+
+// What a reconstruction library leaves to do on its triangles: one order and orientation whatever its own,
+// and vertices merged that only rounding separates.
+
+/// Rotates triangles to start at their lowest vertex, sorts them, and flips edge-connected pieces so that the
+/// first triangle's second vertex is below its third. Keeps orientedness. For libraries whose result depends
+/// on memory addresses. Indices must be in range. O(n) for bounded degree, at worst O(n log n); the same for
+/// any `threads` (0: all).
+void fix_order(geometry::TriangleMesh& mesh, int threads = 0);
+
+struct WeldCounts {
+  std::size_t vertices = 0;   ///< merged with an earlier one
+  std::size_t triangles = 0;  ///< removed: collapsed, or paired back to back
+};
+
+/// Merges vertices connected by edges up to `distance` into the first. Removes collapsed triangles and pairs
+/// with equal corners and opposite orientation. Keeps the order of vertices and triangles. O(n log n).
+/// Deterministic.
+WeldCounts weld_vertices(geometry::TriangleMesh& mesh, double distance);
 
 }  // namespace palpate::baselines

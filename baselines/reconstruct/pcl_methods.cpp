@@ -22,7 +22,6 @@
 #include <palpate/aabb.h>
 #include "baselines/failure.h"
 #include "baselines/reconstruct/method_functions.h"
-#include "baselines/reconstruct/oriented_normals.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {

@@ -5,7 +5,7 @@
 
 #include <palpate/result.h>
 #include "baselines/failure.h"
-#include "baselines/reconstruct/oriented_normals.h"
+#include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/IO/facets_in_complex_2_to_triangle_mesh.h>

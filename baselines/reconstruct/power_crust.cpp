@@ -15,7 +15,6 @@
 #include <cmath>
 #include <queue>
 
-#include "baselines/reconstruct/mesh_tidy.h"
 #include "baselines/reconstruct/method_functions.h"
 
 namespace palpate::baselines {

@@ -1,4 +1,4 @@
-#include "baselines/reconstruct/run_limited.h"
+#include "baselines/reconstruct/reconstruct.h"
 
 #include <fmt/format.h>
 #include <unistd.h>

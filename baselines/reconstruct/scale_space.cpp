@@ -1,7 +1,6 @@
 // Scale space by CGAL: smoothed points are easy to connect; the triangles then use the original points.
 #define CGAL_EIGEN3_ENABLED 1  // for the eigenvectors
 #include "baselines/reconstruct/cgal_points.h"
-#include "baselines/reconstruct/mesh_tidy.h"
 #include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -15,7 +14,7 @@ namespace palpate::baselines {
 namespace {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-using Reconstruction = CGAL::Scale_space_surface_reconstruction_3<Kernel>;
+using ScaleSpace = CGAL::Scale_space_surface_reconstruction_3<Kernel>;
 namespace steps = CGAL::Scale_space_reconstruction_3;
 template <class Tag>
 using PcaSmoother = steps::Weighted_PCA_smoother<Kernel, CGAL::Default_diagonalize_traits<double, 3>, Tag>;
@@ -33,7 +32,7 @@ Result<geometry::TriangleMesh> scale_space(const MethodInput& input, render::Pre
     const Vec3 p = input.cloud.local_mm(i) / input.spacing;
     points.emplace_back(p.x(), p.y(), p.z());
   }
-  Reconstruction reconstruction(points.begin(), points.end());
+  ScaleSpace reconstruction(points.begin(), points.end());
   const auto rounds = static_cast<std::size_t>(input.options.integer("scale_iterations"));
   const auto neighbours = static_cast<unsigned>(input.options.integer("scale_neighbours"));
   double alpha = kAlphaRadius * kAlphaRadius;

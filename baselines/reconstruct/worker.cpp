@@ -1,5 +1,5 @@
 // palpate-reconstruct: one reconstruction in a process that can be stopped and limited. Started by
-// run_limited.h; ends with its parent.
+// run_limited(); ends with its parent.
 #include <fmt/format.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -17,8 +17,8 @@
 #include <palpate/result.h>
 #include "baselines/failure.h"
 #include "baselines/reconstruct/method_functions.h"
+#include "baselines/reconstruct/reconstruct.h"
 #include "baselines/reconstruct/reconstruction.h"
-#include "baselines/reconstruct/run_limited.h"
 
 namespace palpate::baselines {
 namespace {

@@ -13,8 +13,6 @@
 #include <palpate/result.h>
 #include "baselines/failure.h"
 #include "baselines/reference/facet_tree.h"
-#include "baselines/reference/mesh_distance.h"
-#include "baselines/reference/rest.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/search/point_search.h"
 

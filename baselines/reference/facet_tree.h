@@ -1,9 +1,14 @@
-// A box tree over facets in double, independent of Embree.
+// A box tree over facets in double, independent of Embree, and what is asked of it: whether a frictionless
+// proxy may rest where it does, and how far a mesh is from the points it was made from.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
+#include <palpate/cloud.h>
+#include <palpate/result.h>
+#include <palpate/triangle_mesh.h>
 #include "baselines/mesh/surface_mesh.h"
 #include "toolkit/geometry/aabb_tree.h"
 
@@ -38,5 +43,30 @@ class FacetTree {
   const SurfaceMesh* mesh_;
   geometry::AabbTree tree_;
 };
+
+struct Rest {
+  std::size_t touched = 0;  ///< distinct directions from which facets hold the proxy
+  double off_rad =
+      0.0;  ///< angle between the pull and the nearest pull they can bear; pi / 2 if nothing is touched
+};
+
+/// A proxy at `proxy`, a sphere of `radius` (0: a point) pulled towards `hip`, is held by facets within
+/// `reach` of its skin. They push along their normals (a point), or from their nearest point to the centre (a
+/// sphere). At a local minimum of the distance to the HIP such pushes add up to the pull; any other rest is a
+/// jam. Relative to the mesh's origin, mm. O(log facets + touched^3); not for frames.
+[[nodiscard]] Rest rest_of(const SurfaceMesh& mesh, const FacetTree& tree, const Vec3& proxy, double radius,
+                           double reach, const Vec3& hip);
+
+struct MeshDistance {
+  double points_rms_mm = 0.0, points_max_mm = 0.0;  ///< from points to the mesh
+  double mesh_rms_mm = 0.0, mesh_max_mm = 0.0;      ///< from places of the mesh to the nearest point
+  std::size_t samples = 0;                          ///< in each direction
+};
+
+/// Uses at most `samples` points and as many places spread evenly over the mesh's area; deterministic for any
+/// number of threads. A dense cloud is itself about half a spacing from places between its points. Errors: no
+/// triangles, no points. O(n log n).
+[[nodiscard]] Result<MeshDistance> mesh_distance(const geometry::TriangleMesh& mesh,
+                                                 const cloud::Cloud& cloud, std::size_t samples, int threads);
 
 }  // namespace palpate::baselines

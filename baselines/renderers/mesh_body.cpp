@@ -10,7 +10,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
-#include "baselines/mesh/mesh_report.h"
+#include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/option_specs.h"
 #include "baselines/renderers/mesh_source.h"

@@ -11,8 +11,8 @@
 
 #include <palpate/result.h>
 #include "baselines/mesh/surface_mesh.h"
-#include "baselines/mesh_holder.h"
 #include "baselines/renderers/mesh_body.h"
+#include "baselines/renderers/mesh_source.h"
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/joint_contact.h"
 #include "toolkit/render/surface_response.h"

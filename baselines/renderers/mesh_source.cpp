@@ -8,7 +8,7 @@
 
 #include <palpate/result.h>
 #include "baselines/failure.h"
-#include "baselines/mesh/refine.h"
+#include "baselines/mesh/mesh_repair.h"
 #include "baselines/option_specs.h"
 #include "baselines/proximity/segment_index.h"
 #include "baselines/reconstruct/reconstruct.h"

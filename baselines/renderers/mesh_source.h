@@ -1,5 +1,5 @@
 // The mesh of a mesh renderer: the file's own or a reconstruction from the points, then repaired, smoothed
-// and decimated as its options ask, each a timed phase.
+// and decimated as its options ask, each a timed phase; and access to it, for --save-mesh.
 #pragma once
 
 #include <cstdint>
@@ -54,5 +54,18 @@ struct MeshSource {
 [[nodiscard]] Result<std::shared_ptr<const geometry::TriangleMesh>> refined(
     std::shared_ptr<const geometry::TriangleMesh> source, const render::ModelInput& input,
     const Options& options, int threads, render::PreparePhases& phases);
+
+/// Implemented by mesh renderers (dynamic_cast from HapticRenderer).
+class MeshHolder {
+ public:
+  MeshHolder() = default;
+  MeshHolder(const MeshHolder&) = delete;
+  MeshHolder& operator=(const MeshHolder&) = delete;
+  virtual ~MeshHolder() = default;
+  /// The mesh of model `model` as used after prepare(), model frame, or null. The file's own faces are
+  /// returned unchanged; others are assembled on first request, in walking order. Valid until the next
+  /// prepare() or the renderer's end. Single-threaded; not for frames.
+  [[nodiscard]] virtual const geometry::TriangleMesh* mesh(std::size_t model) const = 0;
+};
 
 }  // namespace palpate::baselines

@@ -111,12 +111,6 @@ void ArmDevice::close() noexcept {
   link_->close();
 }
 
-void ArmDevice::keep_raw(std::span<const std::uint8_t> bytes) noexcept {
-  const std::size_t size = std::min(bytes.size(), RawPacket::kMost);
-  std::copy_n(bytes.begin(), size, state_.raw.bytes.begin());
-  state_.raw.size = static_cast<std::uint8_t>(size);
-}
-
 bool ArmDevice::take_text(std::span<const std::uint8_t> bytes, ArmReport& newest) noexcept {
   bool found = false;
   for (const std::uint8_t byte : bytes) {
@@ -129,7 +123,7 @@ bool ArmDevice::take_text(std::span<const std::uint8_t> bytes, ArmReport& newest
       ++counters_.malformed;
     }
   }
-  if (found) keep_raw(lines_.line());
+  if (found) state_.raw.keep(lines_.line());
   malformed_in_a_row_ = lines_.malformed_in_a_row();
   return found;
 }
@@ -150,7 +144,7 @@ bool ArmDevice::poll_newest(ArmReport& newest) noexcept {
       found = true;
       malformed_in_a_row_ = 0;
       ++counters_.reports;
-      keep_raw(came);
+      state_.raw.keep(came);
     } else {
       ++malformed_in_a_row_;
       ++counters_.malformed;

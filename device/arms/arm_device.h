@@ -80,7 +80,6 @@ class ArmDevice final : public Device {
   void count_on(const ArmReport& report, std::int64_t now_ns) noexcept;
   void find_rest(const ArmReport& report, std::int64_t now_ns) noexcept;
   void rest_here(std::int64_t now_ns) noexcept;
-  void keep_raw(std::span<const std::uint8_t> bytes) noexcept;
   [[nodiscard]] CommandBytes command_for(const Vec3& force_n) noexcept;
   [[nodiscard]] Vec3 weight_ma(std::int64_t now_ns) const noexcept;
 

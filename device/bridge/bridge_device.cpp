@@ -216,8 +216,7 @@ void BridgeDevice::take(const Datagram& datagram, std::span<const std::uint8_t> 
   state_.position_mm = datagram.vector;
   state_.buttons = datagram.buttons;
   state_.packet_ns = now_ns;
-  std::copy(bytes.begin(), bytes.end(), state_.raw.bytes.begin());
-  state_.raw.size = static_cast<std::uint8_t>(bytes.size());
+  state_.raw.keep(bytes);
   state_.status = ReadStatus::kFresh;
 }
 

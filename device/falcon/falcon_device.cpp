@@ -294,8 +294,7 @@ void FalconDevice::take(const FalconReply& reply) noexcept {
   }
   unreachable_in_a_row_ = 0;
   state_.packet_ns = clock_.now_ns();
-  std::copy(reader_.bytes().begin(), reader_.bytes().end(), state_.raw.bytes.begin());
-  state_.raw.size = static_cast<std::uint8_t>(kFalconPacketBytes);
+  state_.raw.keep(reader_.bytes());
   state_.status = ReadStatus::kFresh;
 }
 

@@ -1,3 +1,5 @@
+// Finds and makes the Inverse3 over real links; apart from its session and texts, which are fuzzed without
+// any.
 #include <palpate/result.h>
 #include "device/haply/inverse3_device.h"
 #include "device/interface/driver_options.h"

@@ -19,7 +19,7 @@
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include <palpate/stop_callback.h>
-#include "device/record/chunk.h"
+#include "device/record/recording.h"
 #include "device/record/recording_codec.h"
 #include "toolkit/core/locked_file.h"
 

@@ -1,4 +1,4 @@
-#include "device/simulated/arm_models.h"
+#include "device/simulated/simulated_arm.h"
 
 #include <algorithm>
 

@@ -6,7 +6,7 @@
 
 #include <palpate/device/servo.h>
 #include <palpate/trace.h>
-#include "device/simulated/simulated_plant.h"
+#include "device/simulated/simulated_arm.h"
 
 namespace palpate::device {
 

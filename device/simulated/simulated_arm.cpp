@@ -7,7 +7,6 @@
 
 #include <palpate/result.h>
 #include "device/interface/driver_options.h"
-#include "device/simulated/simulated_plant.h"
 
 namespace palpate::device {
 namespace {

@@ -249,8 +249,7 @@ DeviceState SpaceMouseDevice::read() noexcept {
     malformed_in_a_row_ = report ? 0 : malformed_in_a_row_ + 1;
     if (!report) continue;
     take(*report, now_ns);
-    state_.raw.size = static_cast<std::uint8_t>(std::min(came.size(), RawPacket::kMost));
-    std::copy_n(came.begin(), state_.raw.size, state_.raw.bytes.begin());
+    state_.raw.keep(came);
   }
   if (velocity_mm_s_ != Vec3::Zero() && now_ns - heard_ns_ > kSilenceNs) {
     velocity_mm_s_.setZero();

@@ -9,9 +9,11 @@
 //   device.close();
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 
 #include <palpate/aabb.h>
@@ -63,6 +65,12 @@ struct RawPacket {
   static constexpr std::size_t kMost = 64;
   std::array<std::uint8_t, kMost> bytes{};
   std::uint8_t size = 0;  ///< 0: none
+
+  /// Keeps a packet, cut to kMost.
+  void keep(std::span<const std::uint8_t> packet) noexcept {
+    size = static_cast<std::uint8_t>(std::min(packet.size(), kMost));
+    std::copy_n(packet.begin(), size, bytes.begin());
+  }
 };
 
 enum class ReadStatus : std::uint8_t {

@@ -79,6 +79,19 @@ struct GovernorCounters {
 [[nodiscard]] Status surface_fits(const DeviceLimits& limits, double stiffness_n_per_mm,
                                   double damping_n_s_per_mm);
 
+/// Step 3 of the governor, so that an arm never meets its stop at full torque. Returns `force_n` (device
+/// frame, at `position_mm`) with its outward part faded: from full at `share` of the way from edge to middle,
+/// to none at the edge and beyond. Inward and tangential parts stay. A damper of `damping_n_s_per_mm`,
+/// growing over the same range, acts against outward velocity only.
+///
+/// Continuously differentiable in the position. The gain depends on the position alone, so a force that does
+/// too gives back on the way in exactly what it took on the way out along the normal; the damper only
+/// dissipates. Lengths are shares of the workspace's half extents. A box has a wall per axis, an ellipsoid
+/// one, a cylinder its mantle and ends. O(1), no allocation.
+[[nodiscard]] Vec3 faded_at_edge(const DeviceLimits& limits, double share, double damping_n_s_per_mm,
+                                 const Vec3& position_mm, const Vec3& velocity_mm_s,
+                                 const Vec3& force_n) noexcept;
+
 /// Owned by the servo thread. Takes the time with each call.
 class ForceGovernor {
  public:

@@ -1,10 +1,16 @@
-// The point-based rivals, one function each, which say what the registry must know.
+// The rivals, one function each, which say what the registry must know.
 #pragma once
 
 #include <palpate/registry.h>
 
 namespace palpate::baselines {
 
+/// `mesh-godobject`: Zilles and Salisbury (1995) on a triangle mesh: god object in facet_walk.h, entries in
+/// segment_index.h, contact in mesh_probe.h. make() gives a MeshHolder.
+[[nodiscard]] render::RendererInfo mesh_godobject_info();
+/// `mesh-proxy`: Ruspini's sphere proxy (1997) on a triangle mesh, with facets from Embree; see
+/// sphere_probe.h. One sphere for the whole scene. make() gives a MeshHolder.
+[[nodiscard]] render::RendererInfo mesh_proxy_info();
 /// `cloud-vertices`: chapter 3's surface (a plane at every point) made right: touching boxes for detection,
 /// points for rest, a sided contact state that cannot stick, bounded work. The predecessor of the triangles
 /// of `cloud`.
@@ -25,8 +31,8 @@ namespace palpate::baselines {
 [[nodiscard]] render::RendererInfo sdf_godobject_info();
 /// `sphere-proxy`: the bag of spheres of the open haptics library (CHAI3D 3.3) for point clouds: each point
 /// stops a spherical proxy's centre at its radius, and the proxy moves as in Ruspini et al. 1997. Ours
-/// reaches its rest within the frame, without that library's epsilons (ball_walk.h), so it neither lags nor
-/// jams.
+/// reaches its rest within the frame, without that library's epsilons (sphere_proxy.h), so it neither lags
+/// nor jams.
 [[nodiscard]] render::RendererInfo sphere_proxy_info();
 /// `stream-proxy`: Ryden and Chizeck's proxy for streaming points (IEEE Transactions on Haptics 2013), from
 /// public descriptions: needs only a grid, and is steered by the numbers and mean direction of points within
