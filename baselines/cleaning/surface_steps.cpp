@@ -18,7 +18,7 @@
 #include <limits>
 #include <numeric>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
 #include "baselines/cleaning/steps.h"
 #include "baselines/failure.h"

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {

@@ -7,7 +7,7 @@
 
 #include <Eigen/Geometry>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 #include "toolkit/core/tolerances.h"
 

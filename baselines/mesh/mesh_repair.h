@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 #include "baselines/mesh/surface_mesh.h"
 
 namespace palpate::baselines {

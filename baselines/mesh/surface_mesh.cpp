@@ -11,7 +11,7 @@
 
 #include <palpate/result.h>
 #include "baselines/failure.h"
-#include "toolkit/geometry/mesh_surface_sampler.h"
+#include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/search/morton_order.h"
 
 namespace palpate::baselines {

@@ -7,10 +7,9 @@
 #include <span>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 #include "baselines/mesh/buckets.h"
 #include "baselines/mesh/facet.h"
 

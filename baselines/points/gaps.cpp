@@ -9,9 +9,9 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "toolkit/core/percentiles.h"
-#include "toolkit/render/prepare_phases.h"
-#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/core/statistics.h"
+#include "toolkit/render/prepare.h"
+#include "toolkit/search/knn.h"
 #include "toolkit/surface/smallest_eigenvector.h"
 
 namespace palpate::baselines {

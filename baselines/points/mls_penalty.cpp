@@ -12,7 +12,7 @@
 #include "baselines/points/rival.h"
 #include "baselines/points/sphere_tree.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/surface/smallest_eigenvector.h"
 
 namespace palpate::baselines {

@@ -11,7 +11,7 @@
 #include <palpate/result.h>
 #include "baselines/points/rival.h"
 #include "baselines/rivals.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 namespace {

@@ -7,7 +7,7 @@
 #include <palpate/result.h>
 #include "baselines/points/point_grid.h"
 #include "baselines/points/rival.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 namespace {

@@ -9,11 +9,10 @@
 
 #include "baselines/points/sheet.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/geometry/swept_sphere.h"
 #include "toolkit/points/point_model.h"
 #include "toolkit/points/point_walk.h"
-#include "toolkit/search/grid_traversal.h"
 #include "toolkit/search/orthtree.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::baselines::vertices {
 

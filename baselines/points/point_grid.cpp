@@ -7,7 +7,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::baselines {

@@ -11,7 +11,7 @@
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/vec.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/points/point_model.h"
 #include "toolkit/search/point_search.h"

@@ -11,7 +11,7 @@
 #include "baselines/points/point_grid.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sdf_grid.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 namespace {

@@ -10,7 +10,7 @@
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
 #include "baselines/rivals.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 namespace {

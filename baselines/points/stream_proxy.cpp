@@ -12,8 +12,8 @@
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
-#include "toolkit/render/prepare_phases.h"
-#include "toolkit/search/dynamic_grid.h"
+#include "toolkit/render/prepare.h"
+#include "toolkit/search/dynamic_partition.h"
 
 namespace palpate::baselines {
 namespace {

@@ -11,7 +11,7 @@
 #include <palpate/result.h>
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 namespace {

@@ -14,7 +14,7 @@
 #include "baselines/points/sphere_tree.h"
 #include "baselines/rivals.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 namespace {

@@ -6,10 +6,10 @@
 #include <cstdint>
 #include <functional>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
 #include <palpate/vec.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 
 namespace palpate::baselines {
 

@@ -12,7 +12,7 @@
 #include "baselines/points/rival.h"
 #include "baselines/renderers/facet_walk.h"
 #include "baselines/renderers/mesh_source.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::baselines {

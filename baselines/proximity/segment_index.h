@@ -20,8 +20,8 @@
 #include <span>
 #include <vector>
 
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 #include <palpate/vec.h>
 #include "baselines/mesh/surface_mesh.h"
 

@@ -8,11 +8,11 @@
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 #include "baselines/reconstruct/reconstruct.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 

@@ -19,7 +19,7 @@
 #include <limits>
 #include <unordered_map>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include "baselines/failure.h"
 #include "baselines/reconstruct/method_functions.h"
 #include "toolkit/core/parallel.h"

@@ -10,10 +10,8 @@
 #include <palpate/result.h>
 #include "baselines/failure.h"
 #include "baselines/option_specs.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/cache_folder.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {

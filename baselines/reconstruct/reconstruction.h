@@ -13,9 +13,9 @@
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 #include "toolkit/core/bytes.h"
 
 namespace palpate::baselines {

@@ -15,10 +15,10 @@
 #include <tuple>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include "baselines/failure.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/geometry/loop_subdivision.h"
+#include "toolkit/geometry/triangle_meshes.h"
 
 namespace palpate::baselines {
 namespace {

@@ -4,10 +4,9 @@
 
 #include <memory>
 
+#include <palpate/geometry.h>
 #include <palpate/reference.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::baselines {
 

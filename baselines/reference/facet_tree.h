@@ -7,10 +7,10 @@
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 #include "baselines/mesh/surface_mesh.h"
-#include "toolkit/geometry/aabb_tree.h"
+#include "toolkit/geometry/broad_phase.h"
 
 namespace palpate::baselines {
 

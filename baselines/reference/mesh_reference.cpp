@@ -9,7 +9,7 @@
 #include <palpate/result.h>
 #include "baselines/failure.h"
 #include "baselines/reference/facet_tree.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/geometry/god_object_check.h"
 
 namespace palpate::baselines {

@@ -4,12 +4,11 @@
 
 #include <memory>
 
+#include <palpate/geometry.h>
 #include <palpate/progress.h>
 #include <palpate/reference.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/trace.h>
-#include <palpate/triangle_mesh.h>
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/reference/facet_tree.h"
 

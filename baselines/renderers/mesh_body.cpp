@@ -16,8 +16,8 @@
 #include "baselines/renderers/mesh_source.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/percentiles.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/core/statistics.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/search/point_search.h"
 
 namespace palpate::baselines {

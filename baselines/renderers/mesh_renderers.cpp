@@ -12,7 +12,7 @@
 #include "baselines/renderers/mesh_probe.h"
 #include "baselines/renderers/mesh_scene.h"
 #include "baselines/renderers/sphere_probe.h"
-#include "toolkit/render/work_bound.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::baselines {
 namespace {

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::baselines {
 

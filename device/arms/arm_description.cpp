@@ -8,8 +8,8 @@
 #include <limits>
 #include <numbers>
 
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/scene/toml_fields.h"
 
 namespace palpate::device {

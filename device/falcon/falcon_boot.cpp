@@ -10,8 +10,8 @@
 
 #include <palpate/result.h>
 #include "device/falcon/falcon_packets.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
 
 namespace palpate::device {
 namespace {

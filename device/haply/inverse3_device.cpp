@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::device {
 namespace {

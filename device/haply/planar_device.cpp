@@ -16,7 +16,7 @@
 #include "device/interface/driver_options.h"
 #include "device/links/tty_link.h"
 #include "toolkit/core/bytes.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::device {
 namespace {

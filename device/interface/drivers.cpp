@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "device/interface/driver_options.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::device {
 

@@ -22,7 +22,7 @@
 #include <vector>
 
 #include <palpate/device/link.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "device/links/newest_command.h"
 
 namespace palpate::device {

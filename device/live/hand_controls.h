@@ -4,10 +4,10 @@
 
 #include <cstdint>
 
-#include <palpate/aabb.h>
 #include <palpate/device/device.h>
 #include <palpate/device/device_map.h>
 #include <palpate/device/servo.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
 #include "device/live/mixer.h"
 

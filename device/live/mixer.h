@@ -28,7 +28,7 @@
 #include <palpate/renderer.h>
 #include "device/live/switch_rules.h"
 #include "device/live/tracked_renderer.h"
-#include "toolkit/render/frame_time.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {
 

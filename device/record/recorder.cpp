@@ -17,11 +17,11 @@
 #include <thread>
 
 #include <palpate/clock.h>
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
 #include "device/record/recording.h"
 #include "device/record/recording_codec.h"
-#include "toolkit/core/locked_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::device {
 namespace {

@@ -8,8 +8,8 @@
 
 #include <palpate/result.h>
 #include "device/record/recording_codec.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
 
 namespace palpate::device {
 namespace {

@@ -11,8 +11,8 @@
 
 #include <palpate/device/device.h>
 #include <palpate/device/force_governor.h>
+#include <palpate/geometry.h>
 #include <palpate/renderer.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/vec.h>
 
 namespace palpate::device {

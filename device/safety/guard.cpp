@@ -21,7 +21,7 @@
 #include <utility>
 
 #include <palpate/clock.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 
 namespace palpate::device {
 namespace {

@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::device {
 namespace {

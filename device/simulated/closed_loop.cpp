@@ -8,7 +8,7 @@
 #include <utility>
 
 #include <palpate/result.h>
-#include "toolkit/control/passivity.h"
+#include "toolkit/control/control_stages.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::device {

@@ -13,8 +13,8 @@
 
 #include <palpate/clock.h>
 #include <palpate/device/servo.h>
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
 #include "device/simulated/packet_device.h"
 #include "device/simulated/simulated_link.h"
 #include "toolkit/render/wrapped_renderer.h"

@@ -19,7 +19,7 @@
 #include <palpate/device/scheduling.h>
 #include "experiments/benchmarks/death_trial.h"
 #include "experiments/benchmarks/fault_trial.h"
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::device {
 namespace {

@@ -22,8 +22,8 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "experiments/benchmarks/felt_surface/trial.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::felt {

@@ -12,7 +12,7 @@
 #include <palpate/paths.h>
 #include <palpate/registry.h>
 #include "toolkit/core/random.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/deformer.h"
 #include "toolkit/geometry/segment_box.h"
 
 namespace palpate::benchmarks {

@@ -21,9 +21,8 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "experiments/benchmarks/weave_scene.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 
 namespace {
 

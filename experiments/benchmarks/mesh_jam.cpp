@@ -16,8 +16,8 @@
 #include <palpate/paths.h>
 #include <palpate/registry.h>
 #include <palpate/replay.h>
-#include "baselines/mesh_holder.h"
-#include "baselines/reference/rest.h"
+#include "baselines/reference/facet_tree.h"
+#include "baselines/renderers/mesh_source.h"
 
 namespace palpate {
 namespace {

@@ -14,9 +14,8 @@
 #include <palpate/generate.h>
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/geometry/swept_sphere.h"
-#include "toolkit/search/dynamic_grid.h"
-#include "toolkit/search/dynamic_orthtree.h"
+#include "toolkit/geometry/segment_box.h"
+#include "toolkit/search/dynamic_partition.h"
 
 namespace palpate::benchmarks {
 namespace {

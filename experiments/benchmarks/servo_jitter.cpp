@@ -30,7 +30,7 @@
 #include <palpate/result.h>
 #include "device/simulated/simulated_device.h"
 #include "experiments/benchmarks/weave_scene.h"
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/process.h"
 #include "toolkit/render/wrapped_renderer.h"
 

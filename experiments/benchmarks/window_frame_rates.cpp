@@ -28,7 +28,7 @@
 #include "device/simulated/simulated_device.h"
 #include "experiments/benchmarks/weave_scene.h"
 #include "experiments/window/window.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace {
 

@@ -13,8 +13,8 @@
 #include <palpate/device/scheduling.h>
 #include <palpate/device/servo_loop.h>
 #include <palpate/device/watchdog.h>
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
 #include "device/bridge/bridge_server.h"
 #include "device/links/udp_link.h"
 #include "experiments/live/session_device.h"

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include <palpate/write_mesh.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"

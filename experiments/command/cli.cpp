@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "experiments/report/tables.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -11,7 +11,6 @@
 #include "experiments/report/tables.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"
-#include "toolkit/core/message_text.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include <palpate/options.h>
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/physical_ranges.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/tolerances.h"
 
 namespace palpate::experiments {
 

@@ -13,7 +13,7 @@
 #include "experiments/trade/against.h"
 #include "experiments/trade/sweep.h"
 #include "experiments/trade/tune.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 namespace {

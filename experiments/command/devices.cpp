@@ -9,8 +9,8 @@
 #include "experiments/live/doctor.h"
 #include "experiments/run/arguments.h"
 #include "experiments/session/session.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/session/session.h"

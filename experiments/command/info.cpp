@@ -11,12 +11,12 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/doubts.h"
 #include "experiments/session/session.h"
-#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/cloud/height_field.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/search/knn.h"
-#include "toolkit/search/spacing.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::experiments {
 namespace {

@@ -15,7 +15,6 @@
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {
@@ -89,7 +88,7 @@ void declare_plan(const Declaration& declare, PlanArguments& a) {
 
 /// What was expected, and what it came to.
 struct Checked {
-  plan::PilotRun flight;
+  plan::SceneRun flight;
   std::uint64_t bytes_expected = 0;
   std::optional<double> frame_us_expected;
 };
@@ -137,8 +136,8 @@ std::string path_over(const render::ModelInput& model) {
 /// As compare would step it.
 Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, int threads,
                       const render::Registry& registry) {
-  PALPATE_ASSIGN(const plan::PilotRun flight,
-                 plan::run_pilot(scene, plan.renderer, registry, path_over(scene.models.front()), threads));
+  PALPATE_ASSIGN(const plan::SceneRun flight,
+                 plan::run_scene(scene, plan.renderer, registry, path_over(scene.models.front()), threads));
   if (!(flight.contact_frames > 0.0))
     return Error{
         "nothing is felt along the path", "check the file and its unit, or take another renderer", {}, 0};

@@ -15,11 +15,10 @@
 #include "experiments/session/version.h"
 #include "experiments/study/scoring.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/physical_ranges.h"
-#include "toolkit/metrics/score_io.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::experiments {
 namespace {

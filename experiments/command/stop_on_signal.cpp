@@ -11,7 +11,7 @@
 #include <thread>
 
 #include <palpate/clock.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {

@@ -9,13 +9,11 @@
 
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/locked_file.h"
 #include "toolkit/core/process.h"
 #include "toolkit/io/byte_source.h"
-#include "toolkit/io/text.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::experiments {
 namespace {

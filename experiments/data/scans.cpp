@@ -6,7 +6,7 @@
 
 #include <palpate/result.h>
 #include "experiments/run/arguments.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

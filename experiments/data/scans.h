@@ -16,7 +16,7 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include <palpate/scene.h>
-#include "toolkit/core/cache_folder.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "experiments/report/page.h"
-#include "experiments/session/run_key.h"
 #include "experiments/session/session.h"
 
 namespace palpate::experiments {

@@ -6,7 +6,7 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include "experiments/goals/measures.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -7,7 +7,7 @@
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
 #include "experiments/goals/measures.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 

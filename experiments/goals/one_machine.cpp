@@ -7,8 +7,8 @@
 #include "experiments/goals/measures.h"
 #include "experiments/goals/pinned_loop.h"
 #include "experiments/report/figures.h"
-#include "toolkit/core/number_format.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments {
 namespace {

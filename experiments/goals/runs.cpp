@@ -6,7 +6,7 @@
 #include "experiments/data/scans.h"
 #include "experiments/driver/json_document.h"
 #include "experiments/goals/measures.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
 #include "experiments/goals/measures.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -5,7 +5,7 @@
 #include <palpate/result.h>
 #include "experiments/goals/measures.h"
 #include "experiments/stability/stability.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

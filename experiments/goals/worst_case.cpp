@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "experiments/goals/measures.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

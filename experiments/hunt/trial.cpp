@@ -12,7 +12,7 @@
 #include <palpate/result.h>
 #include <palpate/scene.h>
 #include "experiments/run/stage.h"
-#include "toolkit/metrics/contact_artefacts.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::experiments {
 namespace {

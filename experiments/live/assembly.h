@@ -15,7 +15,7 @@
 #include <palpate/device/servo.h>
 #include <palpate/device/servo_loop.h>
 #include <palpate/device/servo_thread.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "device/record/recorder.h"
 #include "experiments/live/session_device.h"
 #include "experiments/session/terminal.h"

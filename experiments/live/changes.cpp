@@ -8,11 +8,11 @@
 
 #include <palpate/result.h>
 #include "experiments/run/stage.h"
-#include "toolkit/cloud/cloud_subset.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/physical_ranges.h"
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/random.h"
-#include "toolkit/render/model_subset.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/search/uniform_grid.h"
 
 namespace palpate::experiments {

@@ -15,8 +15,8 @@
 
 #include <palpate/device/servo_loop.h>
 #include <palpate/device/watchdog.h>
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
 #include "experiments/live/session_device.h"
 #include "toolkit/core/messages.h"
 

@@ -15,10 +15,9 @@
 
 #include <palpate/clock.h>
 #include <palpate/options.h>
-#include "device/drivers/usb_ids.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/number_format.h"
+#include "device/drivers/all_drivers.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -5,7 +5,7 @@
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
 #include "experiments/live/live.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

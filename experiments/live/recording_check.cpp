@@ -7,10 +7,9 @@
 #include <palpate/result.h>
 #include "experiments/data/scans.h"
 #include "experiments/live/recording_session.h"
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/number_format.h"
-#include "toolkit/trace/frame_hash.h"
+#include "toolkit/trace/path_run.h"
 
 namespace palpate::experiments {
 namespace {

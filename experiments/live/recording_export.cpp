@@ -12,9 +12,7 @@
 #include <palpate/trace.h>
 #include "experiments/live/recording_session.h"
 #include "experiments/session/version.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

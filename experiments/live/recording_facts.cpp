@@ -7,8 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -23,8 +23,8 @@ Result<std::uint64_t> export_hdf5(device::Recording& /*recording*/, const std::s
 #include <cstdio>
 #include <memory>
 
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
 
 namespace palpate::experiments {
 namespace {

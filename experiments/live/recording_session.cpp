@@ -9,16 +9,16 @@
 
 #include <palpate/control.h>
 #include <palpate/result.h>
-#include "device/live/workspace.h"
+#include "device/live/hand_controls.h"
 #include "device/record/recorder.h"
 #include "experiments/data/scans.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/changes.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/version.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments {

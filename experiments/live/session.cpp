@@ -8,15 +8,15 @@
 #include <utility>
 
 #include <palpate/result.h>
-#include "device/live/triggers.h"
+#include "device/live/hand_controls.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/changes.h"
 #include "experiments/live/hand.h"
 #include "experiments/live/live_tasks.h"
 #include "experiments/live/watch.h"
 #include "experiments/live/window_hooks.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/render/model_subset.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::experiments {
 namespace {

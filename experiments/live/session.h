@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "device/live/workspace.h"
+#include "device/live/hand_controls.h"
 #include "device/record/recording_header.h"
 #include "experiments/live/changes.h"
 #include "experiments/live/live.h"

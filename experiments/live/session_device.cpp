@@ -7,7 +7,6 @@
 
 #include <palpate/device/drivers.h>
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

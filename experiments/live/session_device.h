@@ -14,7 +14,7 @@
 #include <palpate/device/drivers.h>
 #include <palpate/device/guard.h>
 #include "device/servo/reconnecting_device.h"
-#include "device/simulated/arm_models.h"
+#include "device/simulated/simulated_arm.h"
 
 namespace palpate::experiments {
 

@@ -7,7 +7,7 @@
 
 #include <palpate/result.h>
 #include "experiments/live/hand.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments::psychophysics {
 

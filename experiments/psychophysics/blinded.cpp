@@ -13,9 +13,7 @@
 #include "experiments/psychophysics/machine.h"
 #include "experiments/psychophysics/person.h"
 #include "experiments/session/terminal.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments::psychophysics {

@@ -5,7 +5,7 @@
 #include <complex>
 #include <numbers>
 
-#include "toolkit/metrics/vibration_threshold.h"
+#include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "toolkit/core/bootstrap_interval.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments::psychophysics {
 

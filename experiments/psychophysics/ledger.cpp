@@ -6,7 +6,7 @@
 #include <utility>
 
 #include <palpate/result.h>
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

@@ -6,7 +6,7 @@
 #include <palpate/options.h>
 #include <palpate/result.h>
 #include "experiments/psychophysics/procedures.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments::psychophysics {

@@ -4,7 +4,7 @@
 
 #include <palpate/result.h>
 #include "experiments/psychophysics/blinded.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

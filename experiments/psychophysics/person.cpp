@@ -10,7 +10,7 @@
 #include <utility>
 
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments::psychophysics {

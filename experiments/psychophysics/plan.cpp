@@ -6,8 +6,8 @@
 
 #include <palpate/result.h>
 #include "experiments/run/arguments.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/scene/toml_fields.h"
 
 namespace palpate::experiments::psychophysics {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "experiments/psychophysics/detection.h"
-#include "toolkit/core/bootstrap_interval.h"
 #include "toolkit/core/random.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments::psychophysics {
 

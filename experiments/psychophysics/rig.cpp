@@ -5,10 +5,10 @@
 #include <iterator>
 
 #include <palpate/result.h>
-#include "device/live/workspace.h"
+#include "device/live/hand_controls.h"
 #include "experiments/live/changes.h"
 #include "experiments/psychophysics/bench.h"
-#include "toolkit/render/model_subset.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "toolkit/core/bootstrap_interval.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments::psychophysics {
 

@@ -7,9 +7,9 @@
 
 #include <palpate/options.h>
 #include <palpate/result.h>
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

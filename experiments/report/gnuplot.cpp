@@ -12,8 +12,8 @@
 
 #include "experiments/report/figures.h"
 #include "experiments/report/tables.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {

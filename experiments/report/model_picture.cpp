@@ -9,8 +9,8 @@
 #include <limits>
 
 #include "experiments/report/tables.h"
-#include "toolkit/core/number_format.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/surface/oriented_points.h"
 

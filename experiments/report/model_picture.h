@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 #include "experiments/report/figures.h"
 #include "experiments/study/study.h"

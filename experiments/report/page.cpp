@@ -8,7 +8,7 @@
 #include "experiments/report/findings.h"
 #include "experiments/report/fronts.h"
 #include "experiments/report/model_picture.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 

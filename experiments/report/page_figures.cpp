@@ -10,9 +10,8 @@
 #include <regex>
 
 #include <palpate/result.h>
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::experiments {

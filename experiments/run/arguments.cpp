@@ -15,10 +15,10 @@
 #include <palpate/write_mesh.h>
 #include "device/record/recording.h"
 #include "experiments/run/stage.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/physical_ranges.h"
-#include "toolkit/io/text.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::experiments {
 namespace {

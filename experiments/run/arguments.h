@@ -13,7 +13,7 @@
 #include <palpate/result.h>
 #include <palpate/scene.h>
 #include <palpate/trace.h>
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 

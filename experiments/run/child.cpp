@@ -20,7 +20,7 @@
 #include <utility>
 
 #include <palpate/clock.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "toolkit/core/parallel.h"
 
 namespace palpate::experiments {

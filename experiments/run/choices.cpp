@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "experiments/study/output_folder.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/metrics/result_json.h"
 #include "toolkit/plan/choose_renderer.h"
 

@@ -7,10 +7,9 @@
 
 #include <palpate/accuracy.h>
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/number_format.h"
-#include "toolkit/core/percentiles.h"
-#include "toolkit/metrics/closest_approach.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/statistics.h"
+#include "toolkit/metrics/closest_point.h"
 
 namespace palpate::experiments {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include <palpate/geometry.h>
 #include <palpate/scene.h>
-#include <palpate/triangle_mesh.h>
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 

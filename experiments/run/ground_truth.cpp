@@ -8,7 +8,7 @@
 #include <palpate/result.h>
 #include "baselines/reference/closest_mesh.h"
 #include "baselines/reference/mesh_reference.h"
-#include "toolkit/metrics/closest_point_reference.h"
+#include "toolkit/metrics/closest_point.h"
 #include "toolkit/plan/choose_renderer.h"
 
 namespace palpate::experiments {

@@ -8,7 +8,7 @@
 #include "experiments/run/work.h"
 #include "experiments/study/scoring.h"
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/metrics/score_io.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::experiments {
 namespace {

@@ -17,7 +17,7 @@
 #include <palpate/trace.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
-#include "toolkit/search/spacing.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::experiments {
 

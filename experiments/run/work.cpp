@@ -17,12 +17,11 @@
 #include <palpate/control.h>
 #include <palpate/result.h>
 #include <palpate/write_mesh.h>
-#include "baselines/mesh_holder.h"
 #include "baselines/renderers/mesh_source.h"
 #include "experiments/run/child.h"
 #include "experiments/run/stage.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/deformer.h"
 
 namespace palpate::experiments {
 namespace {

@@ -14,10 +14,10 @@
 #include "baselines/versions.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/version.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/io/decoded_file.h"
+#include "toolkit/io/decoding.h"
 #include "toolkit/metrics/machine_info.h"
 #include "toolkit/voronoi/voronoi.h"
 

@@ -4,8 +4,8 @@
 
 #include <map>
 
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
 #include <palpate/write_mesh.h>
 #include "experiments/data/scans.h"
 #include "experiments/report/findings.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include <palpate/result.h>
-#include "device/simulated/arm_models.h"
+#include "device/simulated/simulated_arm.h"
 
 namespace palpate::experiments {
 namespace {

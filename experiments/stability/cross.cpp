@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -6,11 +6,10 @@
 #include <palpate/accuracy.h>
 #include <palpate/replay.h>
 #include <palpate/result.h>
-#include "device/simulated/arm_models.h"
 #include "device/simulated/closed_loop.h"
-#include "toolkit/metrics/closest_point_reference.h"
+#include "device/simulated/simulated_arm.h"
+#include "toolkit/metrics/closest_point.h"
 #include "toolkit/metrics/force_steps.h"
-#include "toolkit/metrics/vibration_threshold.h"
 
 namespace palpate::experiments {
 namespace {

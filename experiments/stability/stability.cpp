@@ -8,8 +8,8 @@
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
-#include "toolkit/control/virtual_coupling.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/control/control_stages.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -10,9 +10,9 @@
 
 #include "experiments/driver/json_document.h"
 #include "experiments/run/child.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/render/work_bound.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments {
 

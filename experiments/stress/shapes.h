@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include <palpate/triangle_mesh.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 
 namespace palpate::experiments {

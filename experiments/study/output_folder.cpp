@@ -11,13 +11,11 @@
 #include <sstream>
 #include <vector>
 
+#include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/stop_callback.h>
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/locked_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 

@@ -9,9 +9,9 @@
 
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "toolkit/cloud/cloud_subset.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/metrics/score_io.h"
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/files.h"
+#include "toolkit/metrics/scores.h"
 #include "toolkit/trace/csv_rows.h"
 
 namespace palpate::experiments {

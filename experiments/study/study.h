@@ -9,8 +9,8 @@
 
 #include <palpate/accuracy.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/trace.h>
 #include "experiments/study/output_folder.h"
 #include "toolkit/metrics/result_json.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

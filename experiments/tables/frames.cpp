@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

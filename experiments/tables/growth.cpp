@@ -2,7 +2,7 @@
 #include <fmt/format.h>
 
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

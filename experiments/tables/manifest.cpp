@@ -7,7 +7,7 @@
 
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/scene/toml_fields.h"
 
 namespace palpate::experiments {

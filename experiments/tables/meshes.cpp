@@ -5,13 +5,12 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "baselines/reconstruct/oriented_normals.h"
+#include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
-#include "baselines/reference/mesh_distance.h"
+#include "baselines/reference/facet_tree.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/cloud/cloud_subset.h"
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::experiments {

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "baselines/reconstruct/methods.h"
+#include "baselines/reconstruct/reconstruct.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -7,9 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/tables/reproduction.h"
-#include "toolkit/search/compare_neighbours.h"
 #include "toolkit/search/knn.h"
-#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::experiments {
 namespace {

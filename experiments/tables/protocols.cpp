@@ -7,7 +7,7 @@
 #include <palpate/result.h>
 #include "experiments/data/scans.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments {
 namespace {

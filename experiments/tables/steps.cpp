@@ -7,7 +7,7 @@
 #include <palpate/result.h>
 #include "experiments/session/session.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/metrics/result_keys.h"
 
 namespace palpate::experiments {

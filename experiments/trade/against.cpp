@@ -10,7 +10,7 @@
 #include <palpate/result.h>
 #include "experiments/study/study.h"
 #include "experiments/trade/dominance.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 namespace {

@@ -9,7 +9,7 @@
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
 #include "experiments/report/fronts.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 namespace {

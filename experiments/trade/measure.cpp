@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include <palpate/result.h>
-#include "experiments/run/seat.h"
+#include "experiments/run/work.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/metrics/machine_info.h"
 

@@ -10,8 +10,8 @@
 
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
 #include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments {

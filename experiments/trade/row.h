@@ -10,7 +10,7 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "toolkit/core/bootstrap_interval.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <set>
 
-#include "experiments/run/cleaning.h"
-#include "toolkit/core/message_text.h"
+#include "experiments/run/stage.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

@@ -11,9 +11,7 @@
 #include "experiments/run/choices.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
-#include "toolkit/core/message_text.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/core/number_format.h"
 
 namespace palpate::experiments {
 namespace {

@@ -7,12 +7,12 @@
 #include <limits>
 
 #include <palpate/result.h>
-#include "experiments/data/scene_scans.h"
+#include "experiments/data/scans.h"
 #include "experiments/driver/json_document.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

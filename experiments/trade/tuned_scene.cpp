@@ -4,7 +4,7 @@
 
 #include <palpate/result.h>
 #include "experiments/trade/tune.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 namespace {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string_view>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 
 namespace palpate::experiments {

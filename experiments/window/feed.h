@@ -13,7 +13,7 @@
 #include <palpate/motion.h>
 #include <palpate/triple_buffer.h>
 #include "device/live/mixer.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/deformer.h"
 
 namespace palpate::experiments {
 

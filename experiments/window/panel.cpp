@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

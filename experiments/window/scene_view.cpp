@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/render/model_subset.h"
-#include "toolkit/search/grid_traversal.h"
+#include "toolkit/render/prepare.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::experiments {
 namespace {

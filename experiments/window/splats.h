@@ -13,8 +13,8 @@
 #include <span>
 #include <vector>
 
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include "experiments/window/camera.h"
 #include "experiments/window/splat_points.h"
 

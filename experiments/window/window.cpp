@@ -14,7 +14,7 @@
 
 #include <palpate/result.h>
 #include "experiments/window/window_state.h"
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "baselines/mesh/facet.h"
-#include "baselines/mesh_holder.h"
+#include "baselines/renderers/mesh_source.h"
 #include "tests/baselines/stand.h"
 #include "tests/house/allocation_count.h"
 

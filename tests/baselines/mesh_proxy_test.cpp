@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "baselines/reference/rest.h"
+#include "baselines/reference/facet_tree.h"
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/stand.h"
 

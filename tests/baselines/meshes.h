@@ -4,8 +4,7 @@
 #include <cmath>
 #include <functional>
 
-#include <palpate/rigid_transform.h>
-#include <palpate/triangle_mesh.h>
+#include <palpate/geometry.h>
 
 namespace palpate::test {
 

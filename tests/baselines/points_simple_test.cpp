@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <optional>
 
-#include "baselines/points/ball_walk.h"
 #include "baselines/points/point_grid.h"
-#include "baselines/points/voxel_field.h"
-#include "baselines/reconstruct/mesh_tidy.h"
+#include "baselines/points/sphere_proxy.h"
+#include "baselines/points/vector_field.h"
+#include "baselines/reconstruct/method_functions.h"
 #include "tests/baselines/stand.h"
 #include "toolkit/voronoi/voronoi.h"
 

@@ -1,7 +1,7 @@
 // `stream-proxy`, `mls-penalty` and `mls-proxy` against formulas, and their parts against brute force.
 #include <algorithm>
 
-#include "baselines/points/implicit_field.h"
+#include "baselines/points/mls_proxy.h"
 #include "baselines/points/sphere_tree.h"
 #include "tests/baselines/stand.h"
 

@@ -7,9 +7,9 @@
 #include <set>
 
 #include <palpate/generate.h>
-#include "baselines/mesh/mesh_report.h"
+#include "baselines/mesh/mesh_repair.h"
 #include "baselines/reconstruct/method_functions.h"
-#include "baselines/reconstruct/run_limited.h"
+#include "baselines/reconstruct/reconstruct.h"
 #include "tests/baselines/meshes.h"
 #include "toolkit/core/random.h"
 

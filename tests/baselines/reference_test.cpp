@@ -14,7 +14,7 @@
 #include "tests/baselines/meshes.h"
 #include "tests/baselines/stand.h"
 #include "toolkit/core/random.h"
-#include "toolkit/metrics/closest_point_reference.h"
+#include "toolkit/metrics/closest_point.h"
 
 namespace palpate::baselines {
 namespace {

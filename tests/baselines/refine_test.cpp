@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "baselines/mesh/refine.h"
+#include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/surface_mesh.h"
-#include "baselines/mesh_holder.h"
 #include "baselines/proximity/crossings.h"
+#include "baselines/renderers/mesh_source.h"
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/stand.h"
 

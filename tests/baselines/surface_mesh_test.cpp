@@ -4,7 +4,7 @@
 #include <map>
 #include <set>
 
-#include "baselines/mesh/mesh_report.h"
+#include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/pieces.h"
 #include "baselines/proximity/crossings.h"
 #include "tests/baselines/indexed.h"

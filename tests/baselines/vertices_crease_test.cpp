@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include <palpate/rigid_transform.h>
+#include <palpate/geometry.h>
 #include "tests/baselines/vertices_scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "baselines/points/rivals.h"
+#include "baselines/rivals.h"
 #include "tests/toolkit/renderers/scenes.h"
 
 namespace palpate::baselines::vertices {

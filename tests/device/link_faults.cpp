@@ -23,7 +23,7 @@
 #include <palpate/device/servo.h>
 #include <palpate/device/watchdog.h>
 #include "tests/device/rig.h"
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {

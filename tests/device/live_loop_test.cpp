@@ -7,9 +7,8 @@
 #include <thread>
 #include <vector>
 
+#include "device/live/hand_controls.h"
 #include "device/live/switch_rules.h"
-#include "device/live/triggers.h"
-#include "device/live/workspace.h"
 #include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_device.h"
 #include "tests/device/helpers.h"

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <thread>
 
-#include "device/live/triggers.h"
+#include "device/live/hand_controls.h"
 #include "tests/device/live_rig.h"
 #include "tests/house/allocation_count.h"
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <complex>
 
-#include "device/simulated/arm_models.h"
+#include "device/simulated/simulated_arm.h"
 #include "tests/device/rig.h"
 
 namespace palpate::device {

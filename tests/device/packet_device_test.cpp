@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "device/simulated/arm_models.h"
 #include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_link.h"
 #include "tests/device/helpers.h"

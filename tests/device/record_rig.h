@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "device/record/chunk.h"
 #include "device/record/recorder.h"
 #include "device/record/recording.h"
 #include "toolkit/core/random.h"

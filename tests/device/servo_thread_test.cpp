@@ -17,8 +17,8 @@
 #include <vector>
 
 #include <palpate/device/scheduling.h>
-#include <palpate/stop_callback.h>
-#include "device/simulated/arm_models.h"
+#include <palpate/progress.h>
+#include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_device.h"
 #include "tests/device/helpers.h"
 #include "tests/device/rig.h"
@@ -27,7 +27,6 @@
 #if defined(__SSE2__)
 #include <immintrin.h>
 
-#include "tests/device/helpers.h"
 #endif
 
 namespace palpate::device {

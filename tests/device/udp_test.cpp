@@ -13,10 +13,10 @@
 
 #include <palpate/device/drivers.h>
 #include <palpate/device/guard.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "device/bridge/bridge_device.h"
 #include "device/bridge/bridge_server.h"
-#include "device/drivers/usb_ids.h"
+#include "device/drivers/all_drivers.h"
 #include "device/links/udp_link.h"
 #include "tests/device/bridge_rig.h"
 #include "tests/device/helpers.h"

@@ -25,7 +25,7 @@
 #include <palpate/clock.h>
 #include <palpate/device/guard.h>
 #include <palpate/device/servo.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "device/falcon/falcon_device.h"
 #include "device/links/usb_link.h"
 #include "tests/device/helpers.h"

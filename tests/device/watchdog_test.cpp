@@ -21,7 +21,7 @@
 #include <palpate/device/guard.h>
 #include <palpate/device/scheduling.h>
 #include <palpate/device/servo.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include "device/simulated/packet_device.h"
 #include "device/simulated/simulated_link.h"
 #include "experiments/benchmarks/death_trial.h"

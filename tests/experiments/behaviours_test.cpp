@@ -10,9 +10,9 @@
 
 #include <palpate/accuracy.h>
 #include "experiments/behaviours/matrix.h"
-#include "experiments/report/card.h"
+#include "experiments/report/findings.h"
 #include "experiments/report/page.h"
-#include "experiments/run/disagreement.h"
+#include "experiments/run/doubts.h"
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"

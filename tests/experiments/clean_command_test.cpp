@@ -11,7 +11,7 @@
 
 #include <palpate/generate.h>
 #include <palpate/write_mesh.h>
-#include "experiments/run/cleaning.h"
+#include "experiments/run/stage.h"
 #include "tests/experiments/program.h"
 #include "toolkit/core/random.h"
 

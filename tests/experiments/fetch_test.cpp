@@ -1,5 +1,5 @@
 // Downloads: whole, checked, or not at all. A fake npm and files stand for the network.
-#include "experiments/data/fetch.h"
+#include "experiments/data/scans.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

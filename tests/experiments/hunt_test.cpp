@@ -8,7 +8,7 @@
 #include <map>
 
 #include <palpate/accuracy.h>
-#include "experiments/hunt/found.h"
+#include "experiments/hunt/hunt.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"

@@ -15,8 +15,8 @@
 #include <vector>
 
 #include <palpate/device/drivers.h>
-#include "device/simulated/arm_models.h"
 #include "device/simulated/packet_device.h"
+#include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_link.h"
 
 namespace palpate::experiments {

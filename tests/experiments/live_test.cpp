@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "device/drivers/usb_ids.h"
-#include "device/simulated/arm_models.h"
+#include "device/drivers/all_drivers.h"
+#include "device/simulated/simulated_arm.h"
 #include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
 #include "experiments/live/session_device.h"

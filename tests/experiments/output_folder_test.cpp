@@ -10,7 +10,7 @@
 
 #include <palpate/generate.h>
 #include <palpate/paths.h>
-#include "experiments/run/cleaning.h"
+#include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "experiments/tables/manifest.h"
 #include "experiments/tables/reproduction.h"

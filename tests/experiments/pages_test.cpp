@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include <palpate/scene.h>
-#include "experiments/command/command_line.h"
+#include "experiments/command/cli.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/psychophysics/plan.h"
 #include "experiments/report/page_figures.h"

@@ -2,7 +2,7 @@
 
 #include <csignal>
 
-#include "experiments/command/command_line.h"
+#include "experiments/command/cli.h"
 #include "tests/json_schema.h"
 
 namespace palpate::experiments {

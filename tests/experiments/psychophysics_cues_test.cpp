@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "experiments/psychophysics/cues.h"
-#include "toolkit/metrics/vibration_threshold.h"
+#include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

@@ -7,11 +7,10 @@
 #include <cstdio>
 #include <map>
 
-#include "experiments/psychophysics/distributions.h"
 #include "experiments/psychophysics/observers.h"
-#include "experiments/psychophysics/power.h"
 #include "experiments/psychophysics/procedures.h"
 #include "experiments/psychophysics/psychometric.h"
+#include "experiments/psychophysics/trial_statistics.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

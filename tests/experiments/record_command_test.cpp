@@ -15,9 +15,8 @@
 #include "device/simulated/simulated_device.h"
 #include "experiments/live/recording_export.h"
 #include "experiments/live/recording_facts.h"
-#include "experiments/live/recording_segments.h"
 #include "experiments/live/recording_session.h"
-#include "experiments/run/recorded_path.h"
+#include "experiments/run/arguments.h"
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {

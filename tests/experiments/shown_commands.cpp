@@ -8,16 +8,16 @@
 #include <set>
 
 #include <palpate/paths.h>
-#include "experiments/command/command_line.h"
+#include "experiments/command/cli.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/data/locate.h"
+#include "experiments/data/scans.h"
 #include "experiments/run/arguments.h"
-#include "experiments/run/cleaning.h"
+#include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "experiments/tables/manifest.h"
 #include "experiments/trade/setting.h"
 #include "tests/house/source_tree.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

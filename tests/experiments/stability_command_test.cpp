@@ -6,8 +6,8 @@
 #include <fstream>
 #include <limits>
 
-#include "experiments/goals/goal.h"
-#include "experiments/goals/point_image.h"
+#include "experiments/goals/goals.h"
+#include "experiments/goals/pinned_loop.h"
 #include "tests/experiments/program.h"
 #include "tests/in_folder.h"
 #include "toolkit/metrics/force_steps.h"

@@ -9,9 +9,9 @@
 
 #include "experiments/session/session.h"
 #include "experiments/stress/cell.h"
-#include "experiments/stress/matrix.h"
+#include "experiments/stress/stress.h"
 #include "tests/experiments/program.h"
-#include "toolkit/render/work_bound.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments {
 namespace {

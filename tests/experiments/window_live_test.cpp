@@ -17,13 +17,13 @@
 #include <vector>
 
 #include <palpate/clock.h>
-#include "experiments/live/stand_in.h"
+#include "experiments/live/changes.h"
 #include "experiments/live/window_hooks.h"
 #include "experiments/window/sound.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/pulled_falcon.h"
 #include "tests/experiments/window_rig.h"
-#include "toolkit/cloud/cloud_subset.h"
+#include "toolkit/cloud/statistics.h"
 
 namespace palpate::experiments {
 namespace {

@@ -17,8 +17,8 @@
 #include <palpate/device/servo_loop.h>
 #include <palpate/options.h>
 #include <palpate/scene.h>
-#include "device/live/workspace.h"
-#include "device/simulated/arm_models.h"
+#include "device/live/hand_controls.h"
+#include "device/simulated/simulated_arm.h"
 #include "experiments/session/session.h"
 #include "experiments/window/window.h"
 

@@ -14,7 +14,7 @@
 #include "experiments/window/window.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/window_rig.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/deformer.h"
 
 namespace palpate::experiments {
 namespace {

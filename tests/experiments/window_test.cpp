@@ -11,9 +11,8 @@
 #include <vector>
 
 #include <palpate/device/servo_thread.h>
-#include "experiments/window/mouse_hand.h"
 #include "experiments/window/overlay.h"
-#include "experiments/window/screenshot.h"
+#include "experiments/window/scene_view.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/window_rig.h"
 

@@ -14,17 +14,16 @@
 #include <palpate/generate.h>
 #include <palpate/options.h>
 #include <palpate/triple_buffer.h>
-#include "device/simulated/arm_models.h"
+#include "device/simulated/simulated_arm.h"
 #include "tests/device/rig.h"
 #include "tests/house/all_renderers.h"
 #include "tests/house/allocation_count.h"
 #include "tests/house/example_renderer.h"
 #include "tests/stepped.h"
 #include "toolkit/core/random.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/deformer.h"
 #include "toolkit/geometry/broad_phase.h"
-#include "toolkit/search/dynamic_grid.h"
-#include "toolkit/search/dynamic_orthtree.h"
+#include "toolkit/search/dynamic_partition.h"
 
 namespace palpate::house {
 namespace {

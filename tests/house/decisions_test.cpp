@@ -20,7 +20,7 @@
 #include "tests/house/corpus_scene.h"
 
 #ifdef PALPATE_WITH_BASELINES
-#include "baselines/mesh_holder.h"
+#include "baselines/renderers/mesh_source.h"
 #endif
 
 namespace palpate::house {

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/accuracy.h>
 #include <palpate/analytic_surface.h>
 #include <palpate/baselines.h>
@@ -31,8 +30,8 @@
 #include <palpate/device/servo_thread.h>
 #include <palpate/device/watchdog.h>
 #include <palpate/generate.h>
+#include <palpate/geometry.h>
 #include <palpate/interval.h>
-#include <palpate/memory_limit.h>
 #include <palpate/model_store.h>
 #include <palpate/motion.h>
 #include <palpate/options.h>
@@ -44,12 +43,9 @@
 #include <palpate/renderer.h>
 #include <palpate/replay.h>
 #include <palpate/result.h>
-#include <palpate/rigid_transform.h>
 #include <palpate/scene.h>
-#include <palpate/stop_callback.h>
 #include <palpate/surface.h>
 #include <palpate/trace.h>
-#include <palpate/triangle_mesh.h>
 #include <palpate/triple_buffer.h>
 #include <palpate/vec.h>
 #include <palpate/write_mesh.h>

@@ -8,7 +8,7 @@
 #include <palpate/result.h>
 #include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/scanner.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
 

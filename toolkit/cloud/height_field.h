@@ -11,7 +11,7 @@
 
 #include <palpate/cloud.h>
 #include <palpate/result.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 
 namespace palpate::cloud {
 

@@ -8,8 +8,8 @@
 #include <palpate/result.h>
 #include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/scanner.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/geometry/triangle_meshes.h"
 
 namespace palpate::cloud {

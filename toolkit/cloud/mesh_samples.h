@@ -8,9 +8,9 @@
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::cloud {
 

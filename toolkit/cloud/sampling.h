@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/vec.h>
 #include "toolkit/core/hash.h"

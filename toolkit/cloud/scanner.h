@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/analytic_surface.h>
+#include <palpate/geometry.h>
 #include <palpate/options.h>
 #include <palpate/result.h>
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 
 namespace palpate::cloud {
 

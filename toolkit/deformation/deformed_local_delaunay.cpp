@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "toolkit/deformation/movable_points.h"
-#include "toolkit/geometry/loop_subdivision.h"
+#include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/local_delaunay/planar_voronoi_cell.h"
 
 namespace palpate::render {

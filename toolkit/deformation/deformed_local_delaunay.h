@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/deformation/movable_points.h"
 #include "toolkit/local_delaunay/deformable_mesh.h"
 #include "toolkit/local_delaunay/mesh_descent.h"

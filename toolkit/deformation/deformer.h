@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/motion.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 
 namespace palpate::geometry {
 

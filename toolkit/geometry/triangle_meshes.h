@@ -10,7 +10,7 @@
 #include <vector>
 
 #include <palpate/analytic_surface.h>
-#include <palpate/triangle_mesh.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/broad_phase.h"

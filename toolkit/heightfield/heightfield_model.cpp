@@ -12,7 +12,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
-#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/cloud/height_field.h"
 #include "toolkit/render/prepare.h"
 
 namespace palpate::render {

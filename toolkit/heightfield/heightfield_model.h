@@ -1,7 +1,7 @@
 // The preparation shared by both height-field renderers: a regular grid with a pose.
 #pragma once
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <cstdint>
@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "toolkit/cloud/height_field.h"
-#include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 

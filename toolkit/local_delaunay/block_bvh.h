@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/local_delaunay/bvh_node.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 

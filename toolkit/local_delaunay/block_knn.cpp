@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>

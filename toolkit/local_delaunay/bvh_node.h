@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <limits>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 
 #if defined(__SSE2__)

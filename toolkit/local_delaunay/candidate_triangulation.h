@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/local_delaunay/planar_voronoi_cell.h"
 #include "toolkit/local_delaunay/spatial_sort.h"
 

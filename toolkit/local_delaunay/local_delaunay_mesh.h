@@ -18,10 +18,10 @@
 #endif
 
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 #include <palpate/vec.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/local_delaunay/bvh_node.h"
 
 namespace palpate::local_delaunay {

@@ -1,6 +1,6 @@
 #include "toolkit/local_delaunay/neighbour_planes_avx2.h"
 
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "toolkit/cloud/limits.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/core/disjoint_sets.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/geometry/winding_number.h"

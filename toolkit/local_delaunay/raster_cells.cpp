@@ -6,10 +6,10 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/percentiles.h"
-#include "toolkit/search/scan_table.h"
+#include "toolkit/core/statistics.h"
+#include "toolkit/search/knn.h"
 
 namespace palpate::local_delaunay {
 

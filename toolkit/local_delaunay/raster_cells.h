@@ -11,7 +11,7 @@
 #include <palpate/cloud.h>
 #include <palpate/vec.h>
 #include <Eigen/Geometry>  // cross products
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 
 namespace palpate::local_delaunay {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/geometry/loop_subdivision.h"
+#include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/local_delaunay/mesh_storage.h"
 #include "toolkit/local_delaunay/spatial_sort.h"
 

@@ -5,7 +5,6 @@
 #include <bit>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/radix_sort.h"
 #include "toolkit/search/morton_order.h"
 
 namespace palpate::local_delaunay {

@@ -8,8 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "toolkit/core/large_pages.h"
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/local_delaunay/raster_cells.h"
 
 namespace palpate::local_delaunay {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>

@@ -7,8 +7,7 @@
 
 #include <palpate/reference.h>
 #include <palpate/result.h>
-#include "toolkit/core/bootstrap_interval.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/scores.h"
 

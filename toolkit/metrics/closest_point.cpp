@@ -7,7 +7,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/core/tolerances.h"
-#include "toolkit/geometry/aabb_tree.h"
+#include "toolkit/geometry/broad_phase.h"
 #include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {

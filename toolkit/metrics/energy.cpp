@@ -5,7 +5,7 @@
 #include <palpate/reference.h>
 #include <palpate/result.h>
 #include "toolkit/control/control_stages.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/scores.h"
 

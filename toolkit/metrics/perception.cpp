@@ -5,8 +5,7 @@
 #include <deque>
 #include <numbers>
 
-#include "toolkit/core/bootstrap_interval.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/force_steps.h"
 #include "toolkit/metrics/scores.h"

@@ -5,7 +5,7 @@
 #include <iterator>
 
 #include <palpate/result.h>
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/trace/csv_rows.h"
 
 namespace palpate::metrics {

@@ -13,7 +13,7 @@
 #include <palpate/reference.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/tolerances.h"
 
 namespace palpate::metrics {

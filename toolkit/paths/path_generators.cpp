@@ -5,7 +5,7 @@
 #include <memory>
 
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/paths/hand.h"
 #include "toolkit/paths/path_shapes.h"

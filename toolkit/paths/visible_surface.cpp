@@ -12,7 +12,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::paths {
 namespace {

@@ -11,9 +11,9 @@
 #include <optional>
 #include <string_view>
 
-#include <palpate/aabb.h>
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/paths.h>
 #include <palpate/result.h>
 #include "toolkit/search/point_search.h"

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/cloud/height_field_holes.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/cloud/height_field.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/prepare.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"

@@ -16,13 +16,11 @@
 #include <palpate/paths.h>
 #include <palpate/replay.h>
 #include <palpate/result.h>
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/cache_folder.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/input_file.h"
 #include "toolkit/core/instruction_counter.h"
-#include "toolkit/core/large_pages.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/machine_info.h"
 #include "toolkit/trace/path_run.h"

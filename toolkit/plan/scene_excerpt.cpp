@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include "toolkit/render/prepare.h"
 
 namespace palpate::plan {

@@ -10,10 +10,9 @@
 
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/render/coordinate_precision.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/uniform_grid.h"
 #include "toolkit/surface/oriented_points.h"

@@ -10,9 +10,9 @@
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::render {

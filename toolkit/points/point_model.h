@@ -15,7 +15,7 @@
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/vec.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"

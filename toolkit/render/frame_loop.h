@@ -3,7 +3,7 @@
 // coordinates.
 #pragma once
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/renderer.h>
 #include <palpate/vec.h>
 #include <algorithm>

@@ -4,9 +4,9 @@
 
 #include <memory>
 
+#include <palpate/geometry.h>
 #include <palpate/motion.h>
 #include <palpate/renderer.h>
-#include <palpate/rigid_transform.h>
 
 namespace palpate::render {
 

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/motion.h>
 #include "toolkit/geometry/broad_phase.h"
 

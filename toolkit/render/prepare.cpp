@@ -8,7 +8,7 @@
 #include <utility>
 
 #include <palpate/model_store.h>
-#include "toolkit/cloud/cloud_subset.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/winding_number.h"
 

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/clock.h>
 #include <palpate/cloud.h>
 #include <palpate/decision.h>
+#include <palpate/geometry.h>
 #include <palpate/progress.h>
 #include <palpate/renderer.h>
 

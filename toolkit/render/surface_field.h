@@ -8,7 +8,7 @@
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/surface.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/search/neighbour_table.h"
 #include "toolkit/surface/oriented_points.h"
 

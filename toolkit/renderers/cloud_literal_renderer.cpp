@@ -8,13 +8,12 @@
 #include <palpate/vec.h>
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/geometry/swept_sphere.h"
 #include "toolkit/points/point_model.h"
 #include "toolkit/points/point_walk.h"
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/shading.h"
 #include "toolkit/render/surface_response.h"
-#include "toolkit/search/grid_traversal.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::render {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/cloud/height_field.h"
 #include "toolkit/geometry/god_object_check.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
 #include "toolkit/heightfield/heightfield_model.h"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <memory>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include "toolkit/deformation/deformer.h"
 #include "toolkit/local_delaunay/mesh_contact.h"
 #include "toolkit/render/joint_contact.h"

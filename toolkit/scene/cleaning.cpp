@@ -9,8 +9,8 @@
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include <palpate/scene.h>
-#include "toolkit/cloud/cloud_subset.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/point_search.h"
 

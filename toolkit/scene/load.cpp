@@ -10,7 +10,7 @@
 #include "toolkit/cloud/mesh_samples.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::scene {
 namespace {

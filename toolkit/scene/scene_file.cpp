@@ -9,7 +9,7 @@
 #include <palpate/result.h>
 #include "toolkit/cloud/mesh_samples.h"
 #include "toolkit/control/control_stages.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/scene/model_keys.h"
 
 namespace palpate::scene {

@@ -18,8 +18,8 @@
 #include <palpate/options.h>
 #include <palpate/result.h>
 #include <palpate/vec.h>
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/physical_ranges.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/core/tolerances.h"
 
 namespace palpate::scene {
 

@@ -9,8 +9,8 @@
 #include <span>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include "toolkit/core/disjoint_sets.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/search/knn_kernels.h"

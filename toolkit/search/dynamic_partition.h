@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/search/orthtree.h"
 #include "toolkit/search/partition.h"
 #include "toolkit/search/uniform_grid.h"

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cmath>
 
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/tolerances.h"
 
 #if defined(__x86_64__)

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 
 namespace palpate::search {
 

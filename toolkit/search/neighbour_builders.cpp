@@ -7,7 +7,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::search {
 namespace {

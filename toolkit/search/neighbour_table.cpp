@@ -10,7 +10,7 @@
 #include <palpate/result.h>
 #include "toolkit/cloud/box_lattice.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/knn_kernels.h"

@@ -11,9 +11,9 @@
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/progress.h>
 #include <palpate/result.h>
-#include <palpate/triangle_mesh.h>
 
 namespace palpate::search {
 

@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/segment_box.h"
 #include "toolkit/search/morton_order.h"

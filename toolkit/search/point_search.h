@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include "toolkit/search/partition.h"
 #include "toolkit/search/uniform_grid.h"
 

@@ -9,9 +9,9 @@
 #include <cstdint>
 #include <vector>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/winding_number.h"
 #include "toolkit/spline_sdf/morton_points.h"

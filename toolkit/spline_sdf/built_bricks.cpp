@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/radix_sort.h"
 #include "toolkit/geometry/winding_number.h"
 
 namespace palpate::render {

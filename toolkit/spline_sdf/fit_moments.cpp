@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 
 namespace palpate::render {
 namespace {

@@ -9,8 +9,8 @@
 #include <type_traits>
 #include <vector>
 
-#include <palpate/aabb.h>
 #include <palpate/cloud.h>
+#include <palpate/geometry.h>
 #include <palpate/vec.h>
 #include "toolkit/search/morton_order.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 
 namespace palpate::render {
 namespace {

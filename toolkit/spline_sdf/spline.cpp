@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "toolkit/core/simd.h"
+#include "toolkit/core/hardware.h"
 
 namespace palpate::render {
 namespace {

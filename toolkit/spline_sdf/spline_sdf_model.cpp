@@ -12,9 +12,7 @@
 #include <palpate/model_store.h>
 #include <palpate/result.h>
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/radix_sort.h"
-#include "toolkit/render/opening_warning.h"
-#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/spline_sdf/build_bricks.h"
 #include "toolkit/spline_sdf/fit_patches.h"

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include <palpate/result.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 #include "toolkit/spline_sdf/brick_grid.h"

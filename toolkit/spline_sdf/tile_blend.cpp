@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/simd.h"
 
 namespace palpate::render {
 namespace {

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "toolkit/cloud/limits.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/core/disjoint_sets.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/surface/smallest_eigenvector.h"

@@ -10,7 +10,7 @@
 
 #include <palpate/cloud.h>
 #include <palpate/vec.h>
-#include "toolkit/core/large_pages.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/search/neighbour_table.h"
 
 namespace palpate::surface {

@@ -10,7 +10,7 @@
 
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::trace {
 

@@ -13,7 +13,7 @@
 #include <palpate/result.h>
 #include <palpate/trace.h>
 #include "toolkit/core/csv_dialect.h"
-#include "toolkit/core/input_file.h"
+#include "toolkit/core/files.h"
 
 namespace palpate::trace {
 

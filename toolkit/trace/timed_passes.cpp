@@ -8,8 +8,7 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
-#include "toolkit/core/bootstrap_interval.h"
-#include "toolkit/core/percentiles.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/trace/path_run.h"
 
 namespace palpate::trace {

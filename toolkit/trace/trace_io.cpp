@@ -12,9 +12,9 @@
 
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/trace/csv_rows.h"
 #include "toolkit/trace/path_run.h"
 

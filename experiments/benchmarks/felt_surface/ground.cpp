@@ -17,9 +17,9 @@
 #include <palpate/result.h>
 #include "baselines/reference/mesh_reference.h"
 #include "toolkit/core/random.h"
-#include "toolkit/geometry/mesh_surface_sampler.h"
+#include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/search/knn.h"
-#include "toolkit/search/spacing.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::felt {
 namespace {

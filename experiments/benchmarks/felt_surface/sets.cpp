@@ -5,7 +5,7 @@
 #include <palpate/generate.h>
 #include <palpate/options.h>
 #include <palpate/result.h>
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::felt {
 namespace {

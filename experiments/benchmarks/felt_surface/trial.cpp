@@ -14,8 +14,8 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/message_text.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::felt {
 namespace {

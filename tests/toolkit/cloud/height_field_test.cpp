@@ -8,7 +8,6 @@
 #include "tests/toolkit/cloud/posts.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/cloud/height_field.h"
-#include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::cloud {

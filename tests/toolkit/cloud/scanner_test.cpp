@@ -9,14 +9,12 @@
 
 #include "tests/toolkit/cloud/posts.h"
 #include "tests/toolkit/messages.h"
-#include "toolkit/cloud/cloud_subset.h"
 #include "toolkit/cloud/mesh_samples.h"
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
-#include "toolkit/geometry/loop_subdivision.h"
-#include "toolkit/geometry/mesh_ray_caster.h"
+#include "toolkit/geometry/triangle_meshes.h"
 
 namespace palpate::cloud {
 namespace {

@@ -11,9 +11,7 @@
 #include <palpate/renderer.h>
 #include "tests/stepped.h"
 #include "tests/toolkit/messages.h"
-#include "toolkit/control/force_filter.h"
-#include "toolkit/control/passivity.h"
-#include "toolkit/control/virtual_coupling.h"
+#include "toolkit/control/control_stages.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::control {

@@ -14,11 +14,10 @@
 #include <palpate/result.h>
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/message_text.h"
-#include "toolkit/core/number_format.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/percentiles.h"
 #include "toolkit/core/random.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate {
 namespace {

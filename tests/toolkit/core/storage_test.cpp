@@ -17,14 +17,12 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 #include <palpate/triple_buffer.h>
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
-#include "toolkit/core/atomic_file.h"
-#include "toolkit/core/input_file.h"
-#include "toolkit/core/large_pages.h"
-#include "toolkit/core/locked_file.h"
+#include "toolkit/core/files.h"
+#include "toolkit/core/hardware.h"
 
 namespace palpate {
 namespace {

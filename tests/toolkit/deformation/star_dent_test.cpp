@@ -12,7 +12,6 @@
 #include "toolkit/core/random.h"
 #include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/deformation/deformer.h"
-#include "toolkit/deformation/editable.h"
 
 namespace palpate::render {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/broad_phase.h"
-#include "toolkit/geometry/swept_sphere.h"
+#include "toolkit/geometry/segment_box.h"
 
 namespace palpate::geometry {
 namespace {

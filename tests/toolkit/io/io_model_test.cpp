@@ -16,7 +16,7 @@
 #include "compress.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/io/byte_source.h"
-#include "toolkit/io/text.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::io {
 namespace {

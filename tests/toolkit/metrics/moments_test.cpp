@@ -8,7 +8,7 @@
 
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/metrics/tiny.h"
-#include "toolkit/metrics/contact_artefacts.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {
 namespace {

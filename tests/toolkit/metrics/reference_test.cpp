@@ -9,8 +9,8 @@
 #include "tests/toolkit/metrics/tiny.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/metrics/closest_point_reference.h"
-#include "toolkit/metrics/score_io.h"
+#include "toolkit/metrics/closest_point.h"
+#include "toolkit/metrics/scores.h"
 #include "toolkit/search/neighbour_table.h"
 
 namespace palpate::metrics {

@@ -16,7 +16,7 @@
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/metrics/tiny.h"
 #include "toolkit/metrics/result_json.h"
-#include "toolkit/metrics/score_io.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {
 namespace {

@@ -14,7 +14,7 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/plan/choose_renderer.h"
 #include "toolkit/plan/frame_cost.h"
-#include "toolkit/render/coordinate_precision.h"
+#include "toolkit/render/prepare.h"
 
 namespace palpate::plan {
 namespace {
@@ -253,7 +253,7 @@ TEST(Pilot, StepsCutOutsOfTheScene) {
       "exploration:frames=50000:depth_mm=0.7:clearance_mm=0.14:slowest_mm_s=5.8:fastest_mm_s=29";
   estimate_on_machine(plan, scene, registry, path, machine);
   ASSERT_TRUE(plan.cost.has_value());
-  EXPECT_EQ(plan.cost->pilots, kMaxPilots);
+  EXPECT_EQ(plan.cost->excerpts, kMaxExcerpts);
   EXPECT_GT(plan.cost->warm_us, 0.0);
   EXPECT_GE(plan.cost->miss_us, 0.0);
   EXPECT_NE(plan.decided.frame_us, before);

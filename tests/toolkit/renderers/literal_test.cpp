@@ -12,9 +12,9 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/render/shading.h"
+#include "toolkit/search/knn.h"
 #include "toolkit/search/morton_order.h"
-#include "toolkit/search/neighbour_builders.h"
-#include "toolkit/surface/octahedral_normal.h"
+#include "toolkit/surface/oriented_points.h"
 
 namespace palpate::render {
 namespace {

@@ -6,8 +6,8 @@
 
 #include <palpate/replay.h>
 #include "tests/toolkit/messages.h"
-#include "toolkit/core/bootstrap_interval.h"
 #include "toolkit/core/random.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/render/wrapped_renderer.h"
 #include "toolkit/trace/timed_passes.h"
 

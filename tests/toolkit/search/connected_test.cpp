@@ -11,10 +11,7 @@
 #include <palpate/generate.h>
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/search/cases.h"
-#include "toolkit/search/connected_knn.h"
 #include "toolkit/search/knn.h"
-#include "toolkit/search/neighbour_builders.h"
-#include "toolkit/search/scan_table.h"
 
 namespace palpate::search {
 namespace {

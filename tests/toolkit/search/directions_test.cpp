@@ -12,10 +12,8 @@
 #include <palpate/generate.h>
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/search/cases.h"
-#include "toolkit/search/compare_neighbours.h"
-#include "toolkit/search/directional_knn.h"
 #include "toolkit/search/knn.h"
-#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::search {
 namespace {

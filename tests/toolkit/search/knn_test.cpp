@@ -9,7 +9,6 @@
 
 #include "tests/toolkit/search/cases.h"
 #include "toolkit/core/random.h"
-#include "toolkit/search/connected_knn.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/knn_kernels.h"
 

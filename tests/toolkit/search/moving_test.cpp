@@ -8,8 +8,7 @@
 
 #include "tests/toolkit/search/cases.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/search/dynamic_grid.h"
-#include "toolkit/search/dynamic_orthtree.h"
+#include "toolkit/search/dynamic_partition.h"
 #include "toolkit/search/point_search.h"
 
 namespace palpate::search {

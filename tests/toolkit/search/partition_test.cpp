@@ -9,8 +9,8 @@
 #include <palpate/generate.h>
 #include "tests/toolkit/search/cases.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/search/grid_traversal.h"
 #include "toolkit/search/orthtree.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::search {
 namespace {

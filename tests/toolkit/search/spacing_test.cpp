@@ -15,7 +15,7 @@
 #include "tests/toolkit/search/cases.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/search/knn.h"
-#include "toolkit/search/spacing.h"
+#include "toolkit/search/neighbour_table.h"
 
 namespace palpate::search {
 namespace {

@@ -10,7 +10,6 @@
 #include <palpate/generate.h>
 #include <palpate/options.h>
 #include "toolkit/core/random.h"
-#include "toolkit/search/connected_knn.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::surface {

@@ -12,7 +12,7 @@
 
 #include <palpate/registry.h>
 #include "toolkit/core/random.h"
-#include "toolkit/search/neighbour_builders.h"
+#include "toolkit/search/knn.h"
 
 namespace palpate::voronoi {
 namespace {

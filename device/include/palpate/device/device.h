@@ -16,7 +16,7 @@
 #include <span>
 #include <string>
 
-#include <palpate/aabb.h>
+#include <palpate/geometry.h>
 #include <palpate/result.h>
 #include <palpate/vec.h>
 

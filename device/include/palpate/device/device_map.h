@@ -11,7 +11,7 @@
 //   const Vec3 hip = map.world_mm(state.position_mm);
 #pragma once
 
-#include <palpate/rigid_transform.h>
+#include <palpate/geometry.h>
 
 namespace palpate::device {
 

@@ -19,8 +19,8 @@
 #include <palpate/device/device_map.h>
 #include <palpate/device/force_governor.h>
 #include <palpate/device/heartbeat.h>
+#include <palpate/progress.h>
 #include <palpate/renderer.h>
-#include <palpate/stop_callback.h>
 
 namespace palpate::device {
 

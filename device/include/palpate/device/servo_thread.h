@@ -18,7 +18,7 @@
 
 #include <palpate/device/scheduling.h>
 #include <palpate/device/servo_loop.h>
-#include <palpate/stop_callback.h>
+#include <palpate/progress.h>
 
 namespace palpate::device {
 
