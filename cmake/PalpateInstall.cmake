@@ -59,7 +59,7 @@ if(TARGET palpate-reconstruct)
   install(TARGETS palpate-reconstruct RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
 
-# Who sits at the machine may open the devices. device/drivers/usb_ids.cpp says which.
+# Who sits at the machine may open the devices. device/drivers/all_drivers.cpp says which.
 # A component of its own, so that a test can pack it by itself.
 install(FILES "${PROJECT_SOURCE_DIR}/device/drivers/70-palpate.rules" DESTINATION lib/udev/rules.d COMPONENT udev)
 

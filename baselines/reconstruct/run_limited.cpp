@@ -39,8 +39,7 @@ Result<std::string> find_program() {
   for (const fs::path& place : places)
     if (::access(place.c_str(), X_OK) == 0) return place.string();
   return Error{fmt::format("the program {} is not there, which reconstructs within limits", kProgram),
-               "install all of Palpate, or set PALPATE_RECONSTRUCT to where it is", places.front().string(),
-               0};
+               "install all of Palpate, or set PALPATE_RECONSTRUCT to where it is", places.front().string()};
 }
 
 /// Parses a worker's messages and reports its progress.

@@ -401,7 +401,7 @@ Result<ArmDescription> find_arm(const std::string& name) {
       return one.file.empty() ? parse_arm_description(one.text, name + ".toml")
                               : read_arm_description(one.file);
   return Error{"there is no arm " + shown(name),
-               did_you_mean(name, names_of(known), "choose from " + joined(names_of(known))), "", 0};
+               did_you_mean(name, names_of(known), "choose from " + joined(names_of(known)))};
 }
 
 }  // namespace palpate::device

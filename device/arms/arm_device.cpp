@@ -83,7 +83,7 @@ Status ArmDevice::open() {
   cut_ = false;
   if (!link_->submit(zero_.span())) {
     link_->close();
-    return Error{"the arm takes no command", "check its cable and power", name(), 0};
+    return Error{"the arm takes no command", "check its cable and power", name()};
   }
   open_ = awaiting_ = sent_zero_ = true;
   sent_ns_ = clock_.now_ns();
@@ -101,7 +101,7 @@ Status ArmDevice::open() {
   close();
   return Error{
       gone_ ? "the arm was unplugged" : "the arm is silent, or speaks otherwise than its description says",
-      "check its power, and 'form', 'report_bytes' and 'model' of its description", name(), 0};
+      "check its power, and 'form', 'report_bytes' and 'model' of its description", name()};
 }
 
 void ArmDevice::close() noexcept {

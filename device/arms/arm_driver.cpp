@@ -71,7 +71,7 @@ Status take_arm_options(ArmDescription& arm, const DeviceRequest& request) {
   options.push_back(switch_option("weight", arm.weight));
   PALPATE_TRY(take_options(request, "an arm", options));
   if (arm.weight && arm.geometry.linkage != ArmLinkage::kChain)
-    return Error{"only a chain's weight can be held", "leave 'weight' out", "", 0};
+    return Error{"only a chain's weight can be held", "leave 'weight' out"};
   return Done{};
 }
 
@@ -156,7 +156,7 @@ Result<ArmDescription> requested_arm(const DeviceRequest& request) {
   if (name.empty() == request.description.empty())
     return Error{
         name.empty() ? "'arm' alone says not which arm" : "an arm is named, and a description given too",
-        "give a name, as arm:polhem-v3 (`palpate list devices` lists them), or a description file", "", 0};
+        "give a name, as arm:polhem-v3 (`palpate list devices` lists them), or a description file"};
   Result<ArmDescription> arm =
       name.empty() ? read_arm_description(request.description.string()) : find_arm(name);
   if (!arm) return arm;

@@ -27,7 +27,7 @@ constexpr double kSPerMs = 1e-3;
 Result<UdpAddress> bridge_address(const std::string& name) {
   static const std::string kPrefix = "bridge:";
   if (!name.starts_with(kPrefix) || name.size() == kPrefix.size())
-    return Error{"'" + name + "' names no far end", "write bridge:HOST:PORT", "", 0};
+    return Error{"'" + name + "' names no far end", "write bridge:HOST:PORT"};
   std::string where = name.substr(kPrefix.size());
   const bool bare = where.find(':') == std::string::npos || where.back() == ']';
   if (bare) where += ":" + std::to_string(kBridgePort);
@@ -37,8 +37,8 @@ Result<UdpAddress> bridge_address(const std::string& name) {
 Result<MadeDevice> make_bridge(const DeviceRequest& request, const Clock& clock) {
   PALPATE_ASSIGN(const UdpAddress address, bridge_address(request.name));
   if (!request.description.empty())
-    return Error{"the bridge has no description file", "give it to the far end", request.description.string(),
-                 0};
+    return Error{"the bridge has no description file", "give it to the far end",
+                 request.description.string()};
   BridgeOptions options;
   options.name = request.name;
   options.session = new_session();
@@ -112,13 +112,13 @@ Status BridgeDevice::wait_for_welcome() {
     static_cast<void>(read());
   }
   if (busy_)
-    return Error{"the far end serves another program", "end that one, or wait a second after its end", name(),
-                 0};
+    return Error{"the far end serves another program", "end that one, or wait a second after its end",
+                 name()};
   if (!welcomed_)
     return Error{
         gone_ ? "nobody listens there" : "nobody answers there",
         "start `palpate live serve --device NAME` on that machine and let its port through the firewall",
-        name(), 0};
+        name()};
   return Done{};
 }
 
@@ -131,11 +131,11 @@ Status BridgeDevice::wait_for_obedience() {
   }
   if ((far_flags_ & Datagram::kStatusMask) != 0)
     return Error{"the far end is there, its device is not", "look at the far end: cable, power, homing",
-                 name(), 0};
+                 name()};
   return Error{"the far end does not take commands: the network is slower than " +
                    std::to_string(std::lround(1e3 * std::min(options_.max_age_s, welcome_.max_age_s))) +
                    " ms there and back, or its device has a fault",
-               "use a cable, and look at the far end", name(), 0};
+               "use a cable, and look at the far end", name()};
 }
 
 void BridgeDevice::close() noexcept {

@@ -31,7 +31,7 @@ Status BridgeServer::open() {
                                     {"watchdog_s", options_.watchdog_s},
                                     {"max_age_s", options_.max_age_s}})
     if (!(std::isfinite(value) && value > 0.0))
-      return Error{std::string(name) + " is " + std::to_string(value), "give a finite number above 0", "", 0};
+      return Error{std::string(name) + " is " + std::to_string(value), "give a finite number above 0"};
   PALPATE_TRY(device_.open());
   open_ = true;
   welcome_.limits = device_.limits();

@@ -166,7 +166,7 @@ class FtdiLine {
     for (int ms = 0; !link_.submit(bytes); ++ms) {
       if (gone_ || ms == kSubmitMs)
         return Error{"the Falcon takes no bytes", "unplug it, plug it in again, and look at its power",
-                     kFalconName, 0};
+                     kFalconName};
       boot_.pause(1);
     }
     return Done{};
@@ -350,8 +350,7 @@ Result<FalconFirmware> find_falcon_firmware(const FalconFirmwarePlaces& places) 
   return Error{"the Falcon has no firmware running, and no image of it was found",
                "Palpate may not ship one. Name a file of yours with --device-option firmware=FILE or "
                "PALPATE_FALCON_FIRMWARE, or put it into one of " +
-                   where + ", or run once since power-up a program that loads it",
-               "", 0};
+                   where + ", or run once since power-up a program that loads it"};
 }
 
 Result<FalconBooted> boot_falcon(ControlLink& link, const FalconBoot& boot) {
@@ -373,7 +372,7 @@ Result<FalconBooted> boot_falcon(ControlLink& link, const FalconBoot& boot) {
       PALPATE_ASSIGN(const bool runs, firmware_runs(line, boot));
       if (runs) return booted;
       loaded = Error{"the image was loaded, but does not answer packets",
-                     "try another image of the Falcon's firmware", image.path, 0};
+                     "try another image of the Falcon's firmware", image.path};
     }
     if (line.is_gone() || booted.attempts == kUploads) return std::move(loaded).error();
     link.close();

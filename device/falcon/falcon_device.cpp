@@ -53,12 +53,12 @@ struct FalconRequest {
 Result<bool> yes_or_no(const std::string& key, const std::string& value) {
   if (value == "yes" || value == "on") return true;
   if (value == "no" || value == "off") return false;
-  return Error{key + " is \"" + value + "\"", "give " + key + "=yes or " + key + "=no", kDriverName, 0};
+  return Error{key + " is \"" + value + "\"", "give " + key + "=yes or " + key + "=no", kDriverName};
 }
 
 Status read_option(const std::string& key, const std::string& value, FalconRequest& request) {
   if (key == "firmware") {
-    if (value.empty()) return Error{"firmware names no file", "give firmware=FILE", kDriverName, 0};
+    if (value.empty()) return Error{"firmware names no file", "give firmware=FILE", kDriverName};
     request.options.firmware = [value] { return find_falcon_firmware(falcon_firmware_places(value)); };
   } else if (key == "k") {
     Result<double> number = read_number(value, {kMinCounts, kMaxCounts});
@@ -74,7 +74,7 @@ Status read_option(const std::string& key, const std::string& value, FalconReque
     PALPATE_ASSIGN(request.options.event_character, yes_or_no(key, value));
   } else {
     return Error{"the Falcon has no option " + key, "it has firmware, k, calibrated and event-character",
-                 kDriverName, 0};
+                 kDriverName};
   }
   return Done{};
 }
@@ -84,12 +84,12 @@ Result<FalconRequest> read_request(const DeviceRequest& asked) {
   if (const auto colon = asked.name.find(':'); colon != std::string::npos) {
     request.address.serial = asked.name.substr(colon + 1);
     if (request.address.serial.empty())
-      return Error{"no serial number follows the colon", "give falcon, or falcon:SERIAL", kDriverName, 0};
+      return Error{"no serial number follows the colon", "give falcon, or falcon:SERIAL", kDriverName};
   }
   if (!asked.description.empty())
     return Error{"the Falcon takes no description file",
                  "leave it out; its options are firmware, k, calibrated and event-character",
-                 asked.description.string(), 0};
+                 asked.description.string()};
   bool has_k = false;
   for (const auto& [key, value] : asked.options) {
     PALPATE_TRY(read_option(key, value, request));
@@ -98,7 +98,7 @@ Result<FalconRequest> read_request(const DeviceRequest& asked) {
   if (request.options.calibrated && !has_k)
     return Error{"calibrated=yes without the number that was found",
                  "give k=COUNTS too: docs/how-to/connect-a-device.md tells how it is found by weights",
-                 kDriverName, 0};
+                 kDriverName};
   return request;
 }
 
@@ -205,7 +205,7 @@ Status FalconDevice::open() {
   close();
   if (!std::isfinite(options_.counts_per_n_mm) || !(options_.counts_per_n_mm > 0.0))
     return Error{"the Falcon's scale from torque to motor counts is not right", "give a number above 0",
-                 name(), 0};
+                 name()};
   PALPATE_TRY(link_->open());
   Result<FalconBooted> booted =
       boot_falcon(*link_, {options_.firmware, options_.pause, options_.event_character});

@@ -208,17 +208,17 @@ Status Inverse3Device::wait_for_device() {
   const Inverse3Session& talk = *talk_.load();
   for (int i = 0; i < options_.open_tries; ++i) {
     if (talk.present() && talk.zero_sent()) return Done{};
-    if (talk.gone()) return Error{"the service hung up", "look at its log, start it again", name(), 0};
+    if (talk.gone()) return Error{"the service hung up", "look at its log, start it again", name()};
     options_.wait();
   }
   if (talk.texts() == 0)
     return Error{"the service says nothing", "start it again: systemctl restart haply-inverse-service",
-                 name(), 0};
+                 name()};
   if (talk.malformed_in_a_row() > 0)
-    return Error{"what the service says is not understood", "install version 3.1 or later of it", name(), 0};
+    return Error{"what the service says is not understood", "install version 3.1 or later of it", name()};
   return Error{options_.device_id.empty() ? "the service is there, and no Inverse3"
                                           : "the service lists no Inverse3 '" + options_.device_id + "'",
-               "connect it and switch it on; its light says when it is ready", name(), 0};
+               "connect it and switch it on; its light says when it is ready", name()};
 }
 
 /// The service takes this setting only over HTTP. Its answer is reported; nobody has observed its effect.

@@ -13,9 +13,9 @@ Status read_centre(const std::string& value, Vec3& centre_mm) {
   std::size_t at = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const std::size_t end = axis < 2 ? value.find('/', at) : value.size();
-    if (end == std::string::npos) return Error{"centre-mm is '" + value + "'", "write X/Y/Z, mm", "", 0};
+    if (end == std::string::npos) return Error{"centre-mm is '" + value + "'", "write X/Y/Z, mm"};
     const Result<double> number = read_number(value.substr(at, end - at), kRange);
-    if (!number) return Error{"centre-mm: " + number.error().what, "write X/Y/Z, mm", "", 0};
+    if (!number) return Error{"centre-mm: " + number.error().what, "write X/Y/Z, mm"};
     centre_mm[axis] = *number;
     at = end + 1;
   }
@@ -57,7 +57,7 @@ Result<MadeDevice> make_inverse3(const DeviceRequest& request, const Clock& cloc
   if (const std::size_t colon = request.name.find(':'); colon != std::string::npos)
     options.device_id = request.name.substr(colon + 1);
   if (!request.description.empty())
-    return Error{"the Inverse3 has no description file", "leave it out", request.description.string(), 0};
+    return Error{"the Inverse3 has no description file", "leave it out", request.description.string()};
   PALPATE_TRY(take_inverse3_options(options, request));
   MadeDevice made;
   auto device =

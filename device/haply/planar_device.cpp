@@ -199,7 +199,7 @@ struct RequestedPlanar {
 Status take_planar_options(RequestedPlanar& planar, const DeviceRequest& request) {
   const auto take_generation = [&planar](const std::string& value) -> Status {
     planar.model = value == "2" ? planar_model(2) : value == "3" ? planar_model(3) : nullptr;
-    if (planar.model == nullptr) return Error{"generation is " + shown(value), "give 2 or 3", "", 0};
+    if (planar.model == nullptr) return Error{"generation is " + shown(value), "give 2 or 3"};
     return Done{};
   };
   PlanarOptions& options = planar.options;
@@ -211,12 +211,12 @@ Status take_planar_options(RequestedPlanar& planar, const DeviceRequest& request
 
 Result<MadeDevice> make_planar(const DeviceRequest& request, const Clock& clock) {
   if (request.name != "planar" || !request.description.empty())
-    return Error{"'planar' takes no name and no description file", "give `--device planar`", "", 0};
+    return Error{"'planar' takes no name and no description file", "give `--device planar`"};
   RequestedPlanar planar;
   PALPATE_TRY(take_planar_options(planar, request));
   if (planar.line.path.empty())
     return Error{"the 2DIY's serial line must be named: " + serial_lines_text(),
-                 "give --device-option path=/dev/serial/by-id/NAME", "", 0};
+                 "give --device-option path=/dev/serial/by-id/NAME"};
   MadeDevice made;
   auto line = std::make_unique<TtyLink>(planar.line);
   made.facts = [model = planar.model, raw = line.get()] {
@@ -287,7 +287,7 @@ Status PlanarDevice::open() {
   takes = takes && link_->submit(zero_.span());
   if (!takes) {
     link_->close();
-    return Error{"the board takes no command", "check its cable and power", name(), 0};
+    return Error{"the board takes no command", "check its cable and power", name()};
   }
   open_ = awaiting_ = sent_zero_ = true;
   sent_ns_ = clock_.now_ns();
@@ -300,7 +300,7 @@ Status PlanarDevice::open() {
   if (options_.open_tries == 0) return Done{};
   close();
   return Error{gone_ ? "the board was unplugged" : "the board does not answer",
-               "check its power, and that this serial line is the 2DIY's", name(), 0};
+               "check its power, and that this serial line is the 2DIY's", name()};
 }
 
 void PlanarDevice::close() noexcept {

@@ -45,7 +45,7 @@ DriverOption text_option(std::string name, std::string& into) {
 DriverOption number_option(std::string name, double& into, const NumberRange& range) {
   return {name, [name, &into, range](const std::string& value) -> Status {
             const Result<double> read = read_number(value, range);
-            if (!read) return Error{name + ": " + read.error().what, read.error().remedy, "", 0};
+            if (!read) return Error{name + ": " + read.error().what, read.error().remedy};
             into = *read;
             return Done{};
           }};
@@ -53,8 +53,7 @@ DriverOption number_option(std::string name, double& into, const NumberRange& ra
 
 DriverOption switch_option(std::string name, bool& into) {
   return {name, [name, &into](const std::string& value) -> Status {
-            if (value != "on" && value != "off")
-              return Error{name + " is " + shown(value), "give on or off", "", 0};
+            if (value != "on" && value != "off") return Error{name + " is " + shown(value), "give on or off"};
             into = value == "on";
             return Done{};
           }};
@@ -67,7 +66,7 @@ Status take_options(const DeviceRequest& request, const std::string& who,
                                     [&key = key](const DriverOption& one) { return one.name == key; });
     if (found == options.end())
       return Error{who + " has no option " + shown(key),
-                   did_you_mean(key, names_of(options), "choose from " + joined(names_of(options))), "", 0};
+                   did_you_mean(key, names_of(options), "choose from " + joined(names_of(options)))};
     PALPATE_TRY(found->take(value));
   }
   return Done{};
@@ -78,7 +77,7 @@ Status check_numbers(std::span<const CheckedNumber> numbers, const std::string& 
     if (std::isfinite(one.value) && (one.value > 0.0 || (one.zero_is_right && one.value == 0.0))) continue;
     return Error{std::string(one.name) + " is " + std::to_string(one.value),
                  one.zero_is_right ? "give a finite number, 0 or above" : "give a finite number above 0",
-                 device, 0};
+                 device};
   }
   return Done{};
 }

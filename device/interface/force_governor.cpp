@@ -75,11 +75,10 @@ constexpr double kVelocityTauS = 2e-3;
 
 Status check_fade(const GovernorOptions& options) {
   if (options.edge_share > 1.0 || options.edge_damping_share > 1.0)
-    return Error{"edge_share or edge_damping_share is above 1", "give shares from 0 to 1", "", 0};
+    return Error{"edge_share or edge_damping_share is above 1", "give shares from 0 to 1"};
   const double from = options.fade_from_mm_per_s, to = options.fade_to_mm_per_s;
   if (from > 0.0 && !(to > from && std::isfinite(to)))
-    return Error{"fade_to_mm_per_s is " + std::to_string(to), "give a finite speed above fade_from_mm_per_s",
-                 "", 0};
+    return Error{"fade_to_mm_per_s is " + std::to_string(to), "give a finite speed above fade_from_mm_per_s"};
   return Done{};
 }
 
@@ -89,7 +88,7 @@ Status check_workspace(const DeviceLimits& limits, const GovernorOptions& option
   if (is_finite(box.low_mm) && is_finite(box.high_mm) && (box.low_mm.array() < box.high_mm.array()).all())
     return Done{};
   return Error{"the device's workspace is empty or not finite",
-               "let the device say it, or set edge_share to 0", "", 0};
+               "let the device say it, or set edge_share to 0"};
 }
 
 }  // namespace
@@ -116,7 +115,7 @@ Status surface_fits(const DeviceLimits& limits, double stiffness_n_per_mm, doubl
   const auto beyond = [](const char* what, double asked, double most, const char* unit) {
     return Error{std::string("the surface's ") + what + " is " + std::to_string(asked) + " " + unit +
                      " in the device's frame, which holds " + std::to_string(most),
-                 std::string("lower the ") + what + " or the workspace's factor", "", 0};
+                 std::string("lower the ") + what + " or the workspace's factor"};
   };
   // 0 means unknown.
   const double stiffest = limits.stiffness_max_n_per_mm, most_damping = limits.damping_max_n_s_per_mm;

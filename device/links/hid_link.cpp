@@ -76,18 +76,18 @@ Result<HidFound> the_one(const HidAddress& address) {
   const std::vector<HidFound> found = hid_devices(address);
   if (found.empty())
     return Error{"there is no " + wanted_text(address),
-                 "connect it; `palpate list devices` shows what is there", address.path, 0};
+                 "connect it; `palpate list devices` shows what is there", address.path};
   if (found.size() > 1) {
     std::string all;
     for (const HidFound& one : found) all += (all.empty() ? "" : "; ") + one.text();
-    return Error{"several devices fit " + wanted_text(address) + ": " + all, "name one by its path or serial",
-                 "", 0};
+    return Error{"several devices fit " + wanted_text(address) + ": " + all,
+                 "name one by its path or serial"};
   }
   if (!found.front().allowed)
     return Error{
         "you may not open " + found.front().text(),
         "install Palpate's udev rules (`palpate list devices --doctor` prints them) and plug it in again",
-        found.front().path, 0};
+        found.front().path};
   return found.front();
 }
 
@@ -181,7 +181,7 @@ Status HidLink::open() {
   if (!state_->writing || hid_set_nonblocking(state_->reading.get(), 1) != 0) {
     state_->reading.reset();
     state_->writing.reset();
-    return Error{found->text() + " cannot be opened", "unplug it and plug it in again", found->path, 0};
+    return Error{found->text() + " cannot be opened", "unplug it and plug it in again", found->path};
   }
   path_ = found->path;
   CommandBytes stale;
@@ -195,8 +195,7 @@ Status HidLink::open() {
   } catch (const std::system_error&) {
     state_->reading.reset();
     state_->writing.reset();
-    return Error{"no thread for writing to the device can be started", "close other programs", found->path,
-                 0};
+    return Error{"no thread for writing to the device can be started", "close other programs", found->path};
   }
   state_->open.store(true, std::memory_order_release);
   return Done{};

@@ -113,7 +113,7 @@ Result<HttpAnswer> parsed_http_answer(const std::string& text) {
   HttpAnswer answer;
   if (!text.starts_with(kBegins) || head == std::string::npos || head < kStatusAt + kStatusDigits ||
       !read_number_of(std::string_view(text).substr(kStatusAt, kStatusDigits), answer.status, 10))
-    return Error{"what answers there speaks no HTTP", "name the service's host and port", "", 0};
+    return Error{"what answers there speaks no HTTP", "name the service's host and port"};
   const std::string_view fields = std::string_view(text).substr(0, head);
   const std::string_view body = std::string_view(text).substr(head + 4);
   std::size_t length = 0;

@@ -38,11 +38,11 @@ Result<std::string> the_line(const std::string& pattern) {
   const std::vector<TtyFound> found = tty_lines(pattern);
   if (found.empty())
     return Error{"there is no serial line " + pattern,
-                 "connect the board; `palpate list devices` shows what is there", pattern, 0};
+                 "connect the board; `palpate list devices` shows what is there", pattern};
   if (found.size() > 1) {
     std::string all;
     for (const TtyFound& one : found) all += (all.empty() ? "" : ", ") + one.path;
-    return Error{"several serial lines fit " + pattern + ": " + all, "name one by its path", pattern, 0};
+    return Error{"several serial lines fit " + pattern + ": " + all, "name one by its path", pattern};
   }
   return found.front().path;
 }
@@ -86,7 +86,7 @@ Status TtyLink::open() {
   const speed_t baud = baud_code(options_.baud);
   if (baud == 0)
     return Error{std::to_string(options_.baud) + " baud is no rate of a serial line",
-                 "give 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600 or 1000000", "", 0};
+                 "give 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600 or 1000000"};
   Result<std::string> path = the_line(options_.path);
   if (!path) return std::move(path).error();
   const int fd = ::open(path->c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
@@ -97,12 +97,12 @@ Status TtyLink::open() {
                                "or join the group dialout"
                          : why == EBUSY ? "another program has it: end that one"
                                         : "unplug it and plug it in again";
-    return Error{std::string("the serial line cannot be opened: ") + std::strerror(why), remedy, *path, 0};
+    return Error{std::string("the serial line cannot be opened: ") + std::strerror(why), remedy, *path};
   }
   ::ioctl(fd, TIOCEXCL);  // exclusive; the next call detects files that are no serial line
   if (!make_raw(fd, baud)) {
     ::close(fd);
-    return Error{"this is no serial line", "name the board's, as `palpate list devices` shows it", *path, 0};
+    return Error{"this is no serial line", "name the board's, as `palpate list devices` shows it", *path};
   }
   set_low_latency(fd);
   ::tcflush(fd, TCIOFLUSH);

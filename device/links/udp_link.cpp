@@ -31,7 +31,7 @@ Result<Addresses> addresses_of(const UdpAddress& address, bool passive) {
       ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &wanted, &found);
   if (wrong != 0)
     return Error{"no host " + address.host + ": " + ::gai_strerror(wrong),
-                 "check its name, or give its address in numbers", "", 0};
+                 "check its name, or give its address in numbers"};
   return Addresses(found);
 }
 
@@ -50,15 +50,15 @@ Result<UdpAddress> UdpAddress::of(const std::string& text) {
   constexpr NumberRange kPorts{0, 65535};
   const char* const form = "write HOST:PORT, with an IPv6 address in brackets: [::1]:47800";
   const std::size_t colon = text.rfind(':');
-  if (colon == std::string::npos || colon == 0) return Error{"'" + text + "' has no port", form, "", 0};
+  if (colon == std::string::npos || colon == 0) return Error{"'" + text + "' has no port", form};
   UdpAddress address;
   address.host = text.substr(0, colon);
   if (address.host.size() > 2 && address.host.front() == '[' && address.host.back() == ']')
     address.host = address.host.substr(1, address.host.size() - 2);
   else if (address.host.find_first_of("[]:") != std::string::npos)
-    return Error{"'" + text + "' is no host and port", form, "", 0};
+    return Error{"'" + text + "' is no host and port", form};
   const Result<long long> port = read_integer(text.substr(colon + 1), kPorts);
-  if (!port) return Error{"'" + text + "': the port " + port.error().what, form, "", 0};
+  if (!port) return Error{"'" + text + "': the port " + port.error().what, form};
   address.port = static_cast<std::uint16_t>(*port);
   return address;
 }

@@ -85,7 +85,7 @@ Status UsbLink::Io::prepare() {
   for (In& in : ins) {
     in.io = this;
     in.transfer.reset(libusb_alloc_transfer(0));
-    if (!in.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
+    if (!in.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_};
     // The kernel serves bulk and interrupt endpoints alike. No timeout.
     libusb_fill_bulk_transfer(
         in.transfer.get(), session.handle(), link.interface_.in, in.bytes.data(),
@@ -103,7 +103,7 @@ Status UsbLink::Io::prepare() {
 Status UsbLink::Io::prepare(Out& out) {
   out.io = this;
   out.transfer.reset(libusb_alloc_transfer(0));
-  if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
+  if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_};
   libusb_fill_bulk_transfer(
       out.transfer.get(), session.handle(), link.interface_.out, out.command.bytes.bytes.data(), 0,
       [](libusb_transfer* done) {
@@ -264,7 +264,7 @@ UsbLink::~UsbLink() {
 
 Status UsbLink::open() {
   close();
-  if (wake_ < 0) return Error{"the system gives no file for wake-ups", "close other programs", name_, 0};
+  if (wake_ < 0) return Error{"the system gives no file for wake-ups", "close other programs", name_};
   auto io = std::make_unique<Io>(*this);
   PALPATE_TRY(io->session.open(address_, interface_, name_));
   PALPATE_TRY(io->prepare());
@@ -280,7 +280,7 @@ Status UsbLink::open() {
   } catch (const std::system_error& failed) {
     io_.reset();
     return Error{std::string("no thread for the USB device: ") + failed.what(),
-                 "raise the limit of processes (ulimit -u)", name_, 0};
+                 "raise the limit of processes (ulimit -u)", name_};
   }
   open_.store(true, std::memory_order_release);
   return Done{};
@@ -338,7 +338,7 @@ Polled UsbLink::poll(std::span<std::uint8_t> into) noexcept {
 Status UsbLink::control(const ControlRequest& request) {
   const auto failed = [&](const char* what) {
     return Error{std::string("a control request failed: ") + what,
-                 "unplug the device, plug it in again, and look at its cable and power", name_, 0};
+                 "unplug the device, plug it in again, and look at its cable and power", name_};
   };
   if (!open_.load() || gone_.load()) return failed("the device is gone");
   // Shared with the callback, which may run after this call timed out.

@@ -9,7 +9,7 @@
 // it, however slow the device. A controller that reports completion only at the frame's end (UHCI, OHCI)
 // takes every second command at 1 kHz, always the newest. To have every command taken, wait for its answer
 // before the next. Nothing is sent twice. A stopping program waits at most 0.1 s for submitted commands
-// (stop_callback.h).
+// (progress.h).
 #pragma once
 
 #include <boost/lockfree/spsc_queue.hpp>

@@ -135,7 +135,7 @@ Status UsbSession::open_device(const UsbAddress& address, const std::string& nam
   UsbContext context = make_usb_context();
   if (!context)
     return Error{"USB cannot be used on this machine",
-                 "look whether /dev/bus/usb is there; containers must be given it", name, 0};
+                 "look whether /dev/bus/usb is there; containers must be given it", name};
   const UsbList list(context.get(), address.vendor, address.product);
   int problem = LIBUSB_SUCCESS;
   handle_ = opened_usb(list, address.serial, problem);
@@ -152,7 +152,7 @@ Status UsbSession::open(const UsbAddress& address, const UsbInterface& interface
     return Error{failed == LIBUSB_ERROR_BUSY
                      ? std::string("another program has the USB device")
                      : std::string("the USB device cannot be claimed: ") + libusb_error_name(failed),
-                 "end the other program, or unplug the device and plug it in again", name, 0};
+                 "end the other program, or unplug the device and plug it in again", name};
   claimed_ = interface.number;
   const libusb_pollfd** files = libusb_get_pollfds(context_);
   for (std::size_t i = 0; files != nullptr && files[i] != nullptr && file_count_ < kMaxFiles; ++i)

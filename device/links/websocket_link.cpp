@@ -184,7 +184,7 @@ Status WebSocketLink::open(TextPeer& peer) {
   close();
   return Error{"no service at ws://" + address_.host + ":" + std::to_string(address_.port) + address_.path +
                    " (" + why + ")",
-               "start the maker's service, or name its host and port", "", 0};
+               "start the maker's service, or name its host and port"};
 }
 
 void WebSocketLink::close() noexcept {

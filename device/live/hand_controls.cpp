@@ -32,11 +32,10 @@ Result<DeviceMap> map_for(const geometry::Aabb& scene_mm, const DeviceLimits& li
     const Vec3 reach = 2.0 * kFilledShare * reachable_half_mm(limits), extent = scene_mm.extent_mm();
     factor = (extent.array() / reach.array()).maxCoeff();
     if (!std::isfinite(factor) || !(factor > 0.0))
-      return Error{"the scene or the workspace has no extent", "name the factor instead of fitting", "", 0};
+      return Error{"the scene or the workspace has no extent", "name the factor instead of fitting"};
   }
   if (!std::isfinite(factor) || !(factor > 0.0))
-    return Error{"the factor of the workspace is " + std::to_string(factor), "give a finite number above 0",
-                 "", 0};
+    return Error{"the factor of the workspace is " + std::to_string(factor), "give a finite number above 0"};
   geometry::RigidTransform world_from_device;
   world_from_device.translation_mm = scene_mm.centre_mm() - factor * limits.workspace_mm.centre_mm();
   return DeviceMap(world_from_device, factor);

@@ -64,8 +64,7 @@ Status check(const SwitchOptions& options) {
     if (one.value > 0.0 && one.value >= one.least && one.value <= one.most) continue;
     return Error{std::string(one.name) + " is " + std::to_string(one.value),
                  one.least > 0.0 ? "give " + std::to_string(one.least) + " to " + std::to_string(one.most)
-                                 : "give a number above 0, at most " + std::to_string(one.most),
-                 "", 0};
+                                 : "give a number above 0, at most " + std::to_string(one.most)};
   }
   return Done{};
 }

@@ -79,7 +79,7 @@ Result<std::uint32_t> index_of(const std::string& device_name) {
   if (colon == std::string::npos) return 0U;
   constexpr NumberRange kIndices{0, 15};
   const Result<long long> index = read_integer(device_name.substr(colon + 1), kIndices);
-  if (!index) return Error{"'" + device_name + "': the device's index " + index.error().what, "", "", 0};
+  if (!index) return Error{"'" + device_name + "': the device's index " + index.error().what};
   return static_cast<std::uint32_t>(*index);
 }
 
@@ -99,10 +99,10 @@ bool release_plugin(const fs::path& file, std::uint32_t index) {
 Result<MadeDevice> make_plugin_device(const DeviceRequest& request, const Clock& clock,
                                       const std::string& name, const std::string& remedy) {
   if (!request.description.empty() || !request.options.empty())
-    return Error{"'" + request.name + "' has neither description file nor options", "leave them out", "", 0};
+    return Error{"'" + request.name + "' has neither description file nor options", "leave them out"};
   PALPATE_ASSIGN(const std::uint32_t index, index_of(request.name));
   const fs::path file = plugin_file(name);
-  if (file.empty()) return Error{"there is no plug-in for '" + name + "'", "it needs " + remedy, "", 0};
+  if (file.empty()) return Error{"there is no plug-in for '" + name + "'", "it needs " + remedy};
   PALPATE_ASSIGN(std::shared_ptr<PluginLibrary> library, PluginLibrary::load(file));
   MadeDevice made;
   auto device = std::make_unique<PluginDevice>(std::move(library), index, request.name, clock);
@@ -129,7 +129,7 @@ Result<std::shared_ptr<PluginLibrary>> PluginLibrary::load(const fs::path& file)
     const char* const why = ::dlerror();
     return Error{std::string("the plug-in cannot be loaded: ") + (why != nullptr ? why : "no reason told"),
                  "install the library that it names, or tell the loader where it is (LD_LIBRARY_PATH)",
-                 file.string(), 0};
+                 file.string()};
   }
   auto* const entry = reinterpret_cast<palpate_plugin_entry_fn>(::dlsym(handle, PALPATE_PLUGIN_ENTRY));
   const palpate_plugin* const plugin = entry != nullptr ? entry() : nullptr;
@@ -138,7 +138,7 @@ Result<std::shared_ptr<PluginLibrary>> PluginLibrary::load(const fs::path& file)
       !is_whole(plugin)) {
     ::dlclose(handle);
     return Error{"is no plug-in of this version", "build it again with this version of Palpate",
-                 file.string(), 0};
+                 file.string()};
   }
   return std::shared_ptr<PluginLibrary>(new PluginLibrary(handle, plugin));
 }
@@ -189,8 +189,7 @@ Status PluginDevice::open() {
   give_back();
   PluginText text{};
   void* const device = library_->plugin().open(index_, text.data(), kPluginText);
-  if (device == nullptr)
-    return Error{text_of(text), "look at cable, power and the maker's software", name_, 0};
+  if (device == nullptr) return Error{text_of(text), "look at cable, power and the maker's software", name_};
   device_.store(device);
   state_ = {};
   state_.homed = false;  // until reported
@@ -203,7 +202,7 @@ Status PluginDevice::open() {
 Status PluginDevice::take_limits() {
   palpate_plugin_limits told{};
   if (library_->plugin().limits(device_.load(), &told) != 0)
-    return Error{"the plug-in tells no limits", "look at the maker's software", name_, 0};
+    return Error{"the plug-in tells no limits", "look at the maker's software", name_};
   limits_ = {told.force_max_n,
              {Vec3{told.low_mm[0], told.low_mm[1], told.low_mm[2]},
               Vec3{told.high_mm[0], told.high_mm[1], told.high_mm[2]}},
@@ -214,7 +213,7 @@ Status PluginDevice::take_limits() {
              WorkspaceShape::kBox};
   if (!(std::isfinite(told.force_max_n) && told.force_max_n > 0.0) ||
       told.shape > static_cast<std::uint32_t>(WorkspaceShape::kCylinder))
-    return Error{"the plug-in's limits are none", "look at the maker's software", name_, 0};
+    return Error{"the plug-in's limits are none", "look at the maker's software", name_};
   limits_.workspace_shape = static_cast<WorkspaceShape>(told.shape);
   return Done{};
 }

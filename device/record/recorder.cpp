@@ -65,7 +65,7 @@ class DiskFile final : public RecordingFile {
                  why == ENOSPC  ? "free some space on the disk"
                  : why == EFBIG ? "raise the limit of file sizes (ulimit -f), or record for a shorter time"
                                 : "check the disk",
-                 path_, 0};
+                 path_};
   }
 
   std::string path_;
@@ -88,18 +88,17 @@ Result<std::unique_ptr<RecordingFile>> make_recording_file(const std::string& pa
   struct stat found {};
   if (::stat(path.c_str(), &found) == 0) {
     if (!S_ISREG(found.st_mode))
-      return Error{"cannot record into this: it is no plain file", "give another name", path, 0};
+      return Error{"cannot record into this: it is no plain file", "give another name", path};
     if (!replace)
       return Error{"a file of this name is there already, and recordings are not replaced unasked",
-                   "give another name, or --force to replace it", path, 0};
+                   "give another name, or --force to replace it", path};
   }
   Result<LockedFile> locked = LockedFile::open(path);
-  if (!locked) return Error{"cannot make the file: " + locked.error().what, locked.error().remedy, path, 0};
+  if (!locked) return Error{"cannot make the file: " + locked.error().what, locked.error().remedy, path};
   if (!locked->held())
-    return Error{"another program is writing this file", "wait for it to end, or give another name", path, 0};
+    return Error{"another program is writing this file", "wait for it to end, or give another name", path};
   if (::ftruncate(locked->fd(), 0) != 0)
-    return Error{fmt::format("cannot empty the file: {}", std::strerror(errno)), "give another name", path,
-                 0};
+    return Error{fmt::format("cannot empty the file: {}", std::strerror(errno)), "give another name", path};
   return std::unique_ptr<RecordingFile>(std::make_unique<DiskFile>(path, *std::move(locked)));
 }
 
@@ -293,7 +292,7 @@ Result<std::unique_ptr<Recorder>> Recorder::create(std::unique_ptr<RecordingFile
   if (head.size() > kMaxPayloadBytes)
     return Error{fmt::format("what the recording says of its session takes {} bytes, and at most {} fit",
                              head.size(), kMaxPayloadBytes),
-                 "record a scene whose text is shorter", file->path(), 0};
+                 "record a scene whose text is shorter", file->path()};
   std::unique_ptr<Recorder> recorder(new Recorder(std::make_unique<State>(std::move(file), source, options)));
   State& s = *recorder->state_;
   PALPATE_TRY(s.append(ChunkKind::kHeader, 0, 0, head, options.flush));
@@ -313,7 +312,7 @@ Result<std::uint16_t> Recorder::add_renderer(const RecordedRenderer& renderer) {
   const std::vector<std::byte> bytes = encode(index, renderer);
   if (bytes.size() > kMaxPayloadBytes)
     return Error{"the options of this renderer are too long for a recording", "give it shorter ones",
-                 renderer.label, 0};
+                 renderer.label};
   PALPATE_TRY(s.append(ChunkKind::kRenderer, 0, 0, bytes, s.options.flush));
   ++s.renderers;
   return index;

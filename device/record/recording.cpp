@@ -88,19 +88,19 @@ Status ChunkReader::read_head() {
   const auto mark = std::as_bytes(std::span(kFileMark));
   if (head.size() < mark.size() || !std::equal(mark.begin(), mark.end(), head.begin()))
     return Error{"is no recording: it does not begin with the mark of one",
-                 "give a file that `palpate live record` or `palpate live --record` wrote", name_, 0};
+                 "give a file that `palpate live record` or `palpate live --record` wrote", name_};
   if (head.size() < kFileHeadBytes)
-    return Error{"ends within its first 16 bytes: nothing was recorded", "record again", name_, 0};
+    return Error{"ends within its first 16 bytes: nothing was recorded", "record again", name_};
   ByteReader from(head.subspan(mark.size()));
   const std::uint32_t version = from.u32();
   if (version != kRecordingVersion)
     return Error{
         fmt::format("is of version {} of the format, and this program reads version {}", version,
                     kRecordingVersion),
-        version > kRecordingVersion ? "read it with a newer Palpate" : "read it with an older Palpate", name_,
-        0};
+        version > kRecordingVersion ? "read it with a newer Palpate" : "read it with an older Palpate",
+        name_};
   if (from.u32() != 0)
-    return Error{"byte 12: four zeros belong here", "copy the file again, as binary", name_, 0};
+    return Error{"byte 12: four zeros belong here", "copy the file again, as binary", name_};
   at_ += kFileHeadBytes;
   return Done{};
 }
@@ -116,7 +116,7 @@ Result<bool> ChunkReader::is_chunk(ChunkHead& head) {
     if (++false_heads_ > kMaxFalseHeads)
       return Error{fmt::format("is damaged in more than {} places, the last at byte {}", kMaxFalseHeads,
                                offset_ + at_),
-                   "copy the file again from where it was recorded", name_, 0};
+                   "copy the file again from where it was recorded", name_};
     return false;
   }
   head = *found;
@@ -266,7 +266,7 @@ Result<Recording> Recording::open(RecordingBytes bytes, const std::string& name,
   auto state = std::make_unique<State>(std::move(bytes), name, options);
   PALPATE_TRY(state->chunks.read_head());
   PALPATE_ASSIGN(const std::optional<ChunkReader::Chunk> first, state->chunks.next());
-  if (!first) return Error{"ends before its header is whole: nothing was recorded", "record again", name, 0};
+  if (!first) return Error{"ends before its header is whole: nothing was recorded", "record again", name};
   if (first->skipped > 0 || first->head.number != 0 || first->head.kind != ChunkKind::kHeader ||
       !decode(first->payload, state->header))
     return state->damaged(kFileHeadBytes, "the header is damaged, without which nothing is understood");

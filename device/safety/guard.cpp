@@ -153,14 +153,14 @@ Guard::~Guard() {
 
 Result<Guard> Guard::start(const Zero& zero, const GuardOptions& options) {
 #if defined(__SANITIZE_THREAD__) || defined(PALPATE_STD_THREADS)
-  return Error{"this build cannot be forked", "use one without ThreadSanitizer", "", 0};
+  return Error{"this build cannot be forked", "use one without ThreadSanitizer"};
 #endif
   if (!zero || !std::isfinite(options.kill_after_s) || options.kill_after_s < 0.0 ||
       !std::isfinite(options.retry_s) || options.retry_s < 0.0)
-    return Error{"the guard's options are not right", "give finite times, 0 or above", "", 0};
+    return Error{"the guard's options are not right", "give finite times, 0 or above"};
   const auto cannot = [](const char* what) {
     return Error{std::string("the guard process: ") + what + ": " + std::strerror(errno),
-                 "close other programs", "", 0};
+                 "close other programs"};
   };
   auto state = std::make_unique<State>();
   state->shared =
@@ -194,7 +194,7 @@ Result<Guard> Guard::start(const Zero& zero, const GuardOptions& options) {
   do {
     came = ::recv(ends[1], &ready, 1, 0);
   } while (came < 0 && errno == EINTR);
-  if (came != 1) return Error{"the guard process ended before it began", "look into the system's log", "", 0};
+  if (came != 1) return Error{"the guard process ended before it began", "look into the system's log"};
   return made;
 }
 

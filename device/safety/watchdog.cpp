@@ -32,7 +32,7 @@ Status Watchdog::start() {
   if (!(options_.every_s > 0.0) || !(options_.limit_s > 2.0 * options_.every_s) || options_.limit_s > kMaxS)
     return Error{"the watchdog looks every " + std::to_string(options_.every_s) + " s for a limit of " +
                      std::to_string(options_.limit_s) + " s",
-                 "give a limit of 1 s or less, and looks more than twice as often", "", 0};
+                 "give a limit of 1 s or less, and looks more than twice as often"};
   stop();
   ending_.store(false);
   thread_ = std::thread([this] { run(); });

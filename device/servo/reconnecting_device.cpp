@@ -81,7 +81,7 @@ Status ReconnectingDevice::reopen() {
   if (opened && !same_limits(inner_.limits(), limits_)) {
     inner_.close();
     opened = Error{"the device that was plugged in has other limits than the one before",
-                   "plug the first one in again, or begin another session", name(), 0};
+                   "plug the first one in again, or begin another session", name()};
   }
   if (opened) {
     times_back_.fetch_add(1, std::memory_order_relaxed);

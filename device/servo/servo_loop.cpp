@@ -108,10 +108,10 @@ Result<std::unique_ptr<ServoLoop>> ServoLoop::create(Servo& servo, const Clock& 
                                                      std::span<TickObserver* const> observers) {
   if (rate_hz < kMinServoHz || rate_hz > kMaxServoHz)
     return Error{"the servo's rate is " + std::to_string(rate_hz) + " Hz",
-                 "give " + std::to_string(kMinServoHz) + " to " + std::to_string(kMaxServoHz) + " Hz", "", 0};
+                 "give " + std::to_string(kMinServoHz) + " to " + std::to_string(kMaxServoHz) + " Hz"};
   if (observers.size() > kMaxObservers)
     return Error{"the servo has " + std::to_string(observers.size()) + " observers",
-                 "give at most " + std::to_string(kMaxObservers), "", 0};
+                 "give at most " + std::to_string(kMaxObservers)};
   return std::unique_ptr<ServoLoop>(new ServoLoop(servo, clock, rate_hz, observers));
 }
 

@@ -59,8 +59,7 @@ ServoThread::ServoThread(Servo& servo, const MonotonicClock& clock, const ServoT
     : servo_(servo), clock_(clock), options_(options), loop_(std::move(loop)) {}
 
 Status ServoThread::start() {
-  if (started_)
-    return Error{"the servo thread was started before", "make another for another session", "", 0};
+  if (started_) return Error{"the servo thread was started before", "make another for another session"};
   started_ = true;
   process_ = std::make_unique<ProcessRealTime>(options_.scheduling, mode_);
   // The program may end only after the device is released. Registered before the servo's own callback, which,
@@ -93,7 +92,7 @@ Status ServoThread::start() {
     stop_callback_.drop();
     process_.reset();
     return Error{std::string("no thread for the servo: ") + failed.what(),
-                 "raise the limit of processes (ulimit -u)", "", 0};
+                 "raise the limit of processes (ulimit -u)"};
   }
   ready.wait();
   return Done{};

@@ -143,10 +143,10 @@ Result<LoopRun> run_loop(render::HapticRenderer& renderer, SimulatedPlant& devic
                          const LoopOptions& options) {
   if (!(options.jitter_s >= 0.0 && options.jitter_s < options.period_s))
     return Error{"jitter_s is " + std::to_string(options.jitter_s), "give 0 or above, below the period",
-                 device.name(), 0};
+                 device.name()};
   if (!std::isfinite(options.duration_s) || !(options.duration_s >= options.period_s))
     return Error{"duration_s is " + std::to_string(options.duration_s), "give a period or more",
-                 device.name(), 0};
+                 device.name()};
   Servo servo(renderer, governor_of(options, device.limits()), device, clock, options.world_from_device);
   const auto ticks = static_cast<std::size_t>(std::floor(options.duration_s / options.period_s)) + 1;
   LoopRun run = room_for(ticks);

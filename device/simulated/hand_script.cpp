@@ -27,11 +27,11 @@ HandScript scripted(std::string name, std::vector<double> t_s, std::vector<Vec3>
 Result<HandScript> HandScript::create(std::string name, std::vector<double> t_s, std::vector<Vec3> goal_mm,
                                       Between between) {
   if (t_s.empty() || t_s.size() != goal_mm.size())
-    return Error{"the hand's script has no waypoints, or not a time for each", "give both lists", name, 0};
+    return Error{"the hand's script has no waypoints, or not a time for each", "give both lists", name};
   for (std::size_t i = 0; i < t_s.size(); ++i)
     if (!std::isfinite(t_s[i]) || !is_finite(goal_mm[i]) || (i > 0 && !(t_s[i] > t_s[i - 1])))
       return Error{"waypoint " + std::to_string(i) + " of the hand's script is not finite, or not later",
-                   "give finite places at increasing times", name, 0};
+                   "give finite places at increasing times", name};
   HandScript script;
   script.name_ = std::move(name);
   script.t_s_ = std::move(t_s);

@@ -46,7 +46,7 @@ Status PacketDevice::open() {
   PALPATE_TRY(link_.open());
   if (!link_.submit(zero_)) {
     link_.close();
-    return Error{"the device takes no command", "check its cable and power", name(), 0};
+    return Error{"the device takes no command", "check its cable and power", name()};
   }
   reader_.clear();
   state_ = {};

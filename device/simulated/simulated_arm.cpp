@@ -95,10 +95,10 @@ Status SimulatedArm::open() {
                                     {"the hand's stiffness_n_per_mm", hand_.stiffness_n_per_mm, true}});
   PALPATE_TRY(check_numbers(numbers, name()));
   if (options_.lag_s > 0.0 && options_.lag_s < kMinLagS)
-    return Error{"lag_s is below a microsecond", "give 0 for a motor without lag", name(), 0};
+    return Error{"lag_s is below a microsecond", "give 0 for a motor without lag", name()};
   if (options_.delay_s > options_.period_s * static_cast<double>(kMaxInFlight - 1))
     return Error{"delay_s is more than " + std::to_string(kMaxInFlight - 1) + " periods",
-                 "give a shorter delay", name(), 0};
+                 "give a shorter delay", name()};
   open_ = true;
   opened_s_ = clock_.now_s();
   now_s_ = 0.0;

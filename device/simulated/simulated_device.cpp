@@ -13,7 +13,7 @@ SimulatedDevice::SimulatedDevice(const trace::ProbePath& path, const Clock& cloc
 
 Status SimulatedDevice::open() {
   if (path_.size() == 0 || path_.hip_mm.size() != path_.size())
-    return Error{"the simulated device has no path to play", "give a path with samples", path_.name, 0};
+    return Error{"the simulated device has no path to play", "give a path with samples", path_.name};
   open_ = true;
   opened_s_ = clock_.now_s();
   last_read_s_ = -1.0;

@@ -66,7 +66,7 @@ Result<SharedBoard> SharedBoard::create() {
       ::mmap(nullptr, sizeof(SimulatedBoard), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED)
     return Error{std::string("no memory for the simulated board: ") + std::strerror(errno),
-                 "close other programs", "", 0};
+                 "close other programs"};
   return SharedBoard(new (memory) SimulatedBoard);
 }
 
@@ -85,8 +85,8 @@ SimulatedLink::SimulatedLink(SimulatedBoard& board, const HandScript& script, co
 
 Status SimulatedLink::open() {
   if (!(options_.rate_hz > 0.0) || !std::isfinite(options_.rate_hz) || !(options_.mm_per_count > 0.0))
-    return Error{"the simulated link's rate or counts are not right", "give finite numbers above 0", "", 0};
-  if (!board_.plugged()) return Error{"the simulated board is unplugged", "plug it in", "", 0};
+    return Error{"the simulated link's rate or counts are not right", "give finite numbers above 0"};
+  if (!board_.plugged()) return Error{"the simulated board is unplugged", "plug it in"};
   opened_s_ = clock_.now_s();
   newest_ = -1;
   open_.store(true);

@@ -95,7 +95,7 @@ std::vector<DeviceEntry> look_for_spacemice() {
 
 Result<MadeDevice> make_spacemouse(const DeviceRequest& request, const Clock& clock) {
   if (request.name != "spacemouse" || !request.description.empty())
-    return Error{"'spacemouse' takes no name and no description file", "give `--device spacemouse`", "", 0};
+    return Error{"'spacemouse' takes no name and no description file", "give `--device spacemouse`"};
   SpaceMouseOptions options;
   HidAddress address;
   PALPATE_TRY(take_options(
@@ -107,8 +107,7 @@ Result<MadeDevice> make_spacemouse(const DeviceRequest& request, const Clock& cl
   PALPATE_TRY(check_spacemouse(options));
   const std::vector<HidFound> found = connected_spacemice(address);
   if (found.empty())
-    return Error{"there is no 3Dconnexion device", "connect one; `palpate list devices` shows what is there",
-                 "", 0};
+    return Error{"there is no 3Dconnexion device", "connect one; `palpate list devices` shows what is there"};
   // Several: the first, since it shows no force, and moving the wrong one is seen at once.
   const HidFound& one = found.front();
   address = {one.vendor, one.product, kSpaceMousePage, kSpaceMouseUsage, "", one.path};
@@ -172,7 +171,7 @@ std::optional<SpaceMouseReport> decoded_spacemouse(std::span<const std::uint8_t>
 
 Status check_spacemouse(const SpaceMouseOptions& options) {
   const auto wrong = [](const char* name, const char* remedy) {
-    return Error{std::string(name) + " is out of range", remedy, "spacemouse", 0};
+    return Error{std::string(name) + " is out of range", remedy, "spacemouse"};
   };
   const auto above_zero = [](double value) { return std::isfinite(value) && value > 0.0; };
   if (!above_zero(options.v_max_mm_per_s)) return wrong("v_max_mm_per_s", "give a speed above 0");

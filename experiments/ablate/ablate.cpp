@@ -50,7 +50,7 @@ Result<std::optional<scene::LoadedScene>> without_cleaning(const StageRequest& r
 Result<RendererRequest> chosen_renderer(const CheckedRun& checked, const Stage& stage,
                                         const render::Registry& registry) {
   if (checked.renderers.size() > 1)
-    return Error{"--renderer takes one renderer", "measure one after the other", {}, 0};
+    return Error{"--renderer takes one renderer", "measure one after the other"};
   const RendererRequest request =
       !checked.renderers.empty() ? checked.renderers.front()
       : checked.own              ? *checked.own
@@ -135,7 +135,7 @@ Result<Run> measure_whole(const Stage& stage, const Variant& variant, const rend
   if (folder.take_over(name, name, use)) return run;
   PALPATE_ASSIGN(run, run_renderer(stage, variant.request, registry, options, suite.progress()));
   if (run.result.status != metrics::RunStatus::kOk)
-    return Error{run.result.reason, "mend the scene, or take another renderer", {}, 0};
+    return Error{run.result.reason, "mend the scene, or take another renderer"};
   folder.start_part();
   PALPATE_TRY(write_run(stage, run, true, folder));
   PALPATE_TRY(folder.keep(name, name, result_text(run)));

@@ -215,7 +215,7 @@ Result<std::vector<Behaviour>> chosen(std::vector<Behaviour> suite, const std::s
   std::vector<std::string> names = split_list(only);
   for (const std::string& name : names)
     if (std::none_of(suite.begin(), suite.end(), [&](const Behaviour& b) { return b.id == name; }))
-      return Error{fmt::format("there is no behaviour '{}'", name), "choose from " + known, {}, 0};
+      return Error{fmt::format("there is no behaviour '{}'", name), "choose from " + known};
   std::erase_if(
       suite, [&](const Behaviour& b) { return std::find(names.begin(), names.end(), b.id) == names.end(); });
   return suite;

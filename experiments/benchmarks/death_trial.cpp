@@ -103,7 +103,7 @@ Result<DeathOutcome> run_death(int signal, const PressOptions& options, double p
       press_for_ever(board, options);
     }
   }
-  if (child < 0) return Error{"no process could be forked", "close other programs", "", 0};
+  if (child < 0) return Error{"no process could be forked", "close other programs"};
   DeathOutcome outcome;
   const double n_per_count = PacketDeviceOptions{}.n_per_count;
   outcome.pressed = comes_to_be([&] { return n_per_count * board.held()[2] > kPressedN; }, patience_s);

@@ -171,7 +171,7 @@ nlohmann::ordered_json json_of(const Row& row) {
       continue;
     }
     if (i + 1 == argc)
-      return Error{key + " needs a value, or is not known", "see the head of felt_surface.cpp", {}, 0};
+      return Error{key + " needs a value, or is not known", "see the head of felt_surface.cpp"};
     const std::string value = argv[++i];
     const Result<double> count = read_number(value, {0.0, 1e9});
     if (key == "--sets") {
@@ -185,7 +185,7 @@ nlohmann::ordered_json json_of(const Row& row) {
     } else if (key == "--slice") {
       arguments.slice = value;
     } else if (!count) {
-      return Error{key + ": " + count.error().message(), {}, {}, 0};
+      return Error{key + ": " + count.error().message()};
     } else if (key == "--frames") {
       arguments.frames = static_cast<std::size_t>(*count);
     } else if (key == "--closed-paths") {
@@ -199,7 +199,7 @@ nlohmann::ordered_json json_of(const Row& row) {
     } else if (key == "--prepare-limit-s") {
       arguments.trial.prepare_limit_s = *count;
     } else {
-      return Error{key + " is not known", "see the head of felt_surface.cpp", {}, 0};
+      return Error{key + " is not known", "see the head of felt_surface.cpp"};
     }
   }
   if (renderers.empty()) renderers = "cloud,mesh-godobject:mesh=advancing-front,mls-proxy";

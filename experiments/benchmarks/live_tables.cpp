@@ -84,7 +84,7 @@ Result<TableArguments> read_arguments(int argc, char** argv) {
       PALPATE_ASSIGN(const long long switches, read_integer(value, {1, 100'000}));
       a.switches = static_cast<int>(switches);
     } else {
-      return Error{"unknown key " + key, "give scene, switches, step_mm, renderers or json", "", 0};
+      return Error{"unknown key " + key, "give scene, switches, step_mm, renderers or json"};
     }
   }
   return a;
@@ -189,7 +189,7 @@ Result<TableRow> row_of(const render::Registry& registry, const std::string& tex
   PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
   const render::RendererInfo* info = registry.find(named.name);
   if (info == nullptr)
-    return Error{"there is no renderer " + shown(named.name), "see palpate list renderers", "", 0};
+    return Error{"there is no renderer " + shown(named.name), "see palpate list renderers"};
   if (const Status able = registry.check_supports(*info, scene.input); !able) {
     row.not_run = able.error().what;
     return row;

@@ -173,11 +173,10 @@ Jams jams(const Ground& ground, const Own& own, render::HapticRenderer& renderer
   const Options& options = (*renderer)->describe().options;
   const bool centred = named->name == "mesh-proxy" && options.text("tip") == "centre";
   const double radius = centred ? options.number("radius_mm") : 0.0;
-  if (centred && !(radius > 0.0))
-    return Error{"a sphere's rest is judged by its radius", "give radius_mm", "", 0};
+  if (centred && !(radius > 0.0)) return Error{"a sphere's rest is judged by its radius", "give radius_mm"};
   const Track tracked = track(ground, measured->trace, radius);
   const auto* holder = dynamic_cast<const baselines::MeshHolder*>(renderer->get());
-  if (holder == nullptr) return Error{"this renderer works on no mesh", "take a mesh renderer", "", 0};
+  if (holder == nullptr) return Error{"this renderer works on no mesh", "take a mesh renderer"};
   auto mesh = baselines::SurfaceMesh::build(*holder->mesh(0), 0);
   if (!mesh) return mesh.error();
   Own own{std::move(*mesh), nullptr};
@@ -207,8 +206,7 @@ int main(int argc, char** argv) {
              "mesh-proxy:mesh=original:tip=centre:radius_mm=0.5",
              "mesh-proxy:mesh=original:tip=centre:radius_mm=1"};
   Ground ground;
-  Status done =
-      stops > 0 ? prepare(points, ground) : Status(Error{"no stops", "give a positive number", "", 0});
+  Status done = stops > 0 ? prepare(points, ground) : Status(Error{"no stops", "give a positive number"});
   if (done.ok()) {
     fmt::print("{} triangles, {} frames, {} stops; times in ms (prepare) and us\n",
                ground.mesh.facets().size(), ground.path.size(), stops);

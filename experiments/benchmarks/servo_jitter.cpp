@@ -162,13 +162,12 @@ Result<Arguments> read_arguments(int argc, char** argv) {
     } else if (key == "json") {
       a.json = value;
     } else {
-      return Error{"unknown key " + key, "give seconds, slice, rates, loads, renderers, points, spin or json",
-                   "", 0};
+      return Error{"unknown key " + key,
+                   "give seconds, slice, rates, loads, renderers, points, spin or json"};
     }
   }
   for (const std::string& load : a.loads)
-    if (load != "idle" && load != "loaded")
-      return Error{"unknown load " + load, "give idle or loaded", "", 0};
+    if (load != "idle" && load != "loaded") return Error{"unknown load " + load, "give idle or loaded"};
   return a;
 }
 
@@ -250,7 +249,7 @@ Status run_cyclictest(const Arguments& a, int cpu, Row& row) {
       "-l" + std::to_string(std::llround(a.slice * static_cast<double>(row.rate_hz)))};
   PALPATE_ASSIGN(const ProcessOutcome run, run_process(words, {.time_limit_s = 3.0 * a.slice + kGraceS}));
   if (run.exit_code != 0)
-    return Error{"cyclictest ended with " + std::to_string(run.exit_code) + ": " + run.err, "", "", 0};
+    return Error{"cyclictest ended with " + std::to_string(run.exit_code) + ": " + run.err};
   std::istringstream lines(run.out);
   std::uint64_t overflows = 0;
   std::int64_t most_us = 0;

@@ -72,9 +72,9 @@ Result<int> run_clean(const CleanArguments& arguments, Context& context) {
   PALPATE_ASSIGN(const scene::SceneFile file, open_scene(arguments.model, all_renderers(), context.progress));
   if (file.models.size() != 1)
     return Error{fmt::format("cleaning takes one model, the scene has {}", file.models.size()),
-                 "clean the models one by one", file.path, 0};
+                 "clean the models one by one", file.path};
   if (steps.empty() && file.models.front().clean.empty())
-    return Error{"there is nothing to do", "give --steps, or [[model.clean]] in the scene", {}, 0};
+    return Error{"there is nothing to do", "give --steps, or [[model.clean]] in the scene"};
   PALPATE_TRY(check_output({arguments.out, io::cloud_extensions(), arguments.force}, files_read(file)));
   StopCallback stop_callback([&] { return arguments.out + " was not written"; });
   PALPATE_ASSIGN(const scene::LoadedScene loaded,

@@ -43,8 +43,8 @@ Error not_known(const CLI::App& command, std::string_view name) {
     for (const std::string& word : option->get_lnames()) known.push_back(word);
   const std::string_view word = name.substr(std::min(name.size(), name.find_first_not_of('-')));
   const std::string near = nearest_name(word, known);
-  return Error{
-      "unknown option " + shown(name), near.empty() ? std::string() : "did you mean --" + near + "?", {}, 0};
+  return Error{"unknown option " + shown(name),
+               near.empty() ? std::string() : "did you mean --" + near + "?"};
 }
 
 /// An empty text is what a script's unset variable leaves: it is no choice of the default.

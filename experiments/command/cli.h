@@ -54,7 +54,7 @@ struct ReadLine {
 int run_command_line(int argc, const char* const* argv);
 
 /// From here on SIGINT, SIGTERM and SIGHUP end the program at once, whatever it is doing: the actions of
-/// palpate/stop_callback.h are run, what they say goes to standard error, and the exit status is 128 + signal
+/// palpate/progress.h are run, what they say goes to standard error, and the exit status is 128 + signal
 /// (130, 143, 129). A second signal, later, does not even wait for these. SIGPIPE is
 /// ignored: what nobody reads is told by the write, and messages are no reason to end. To be called once,
 /// first of all.

@@ -222,9 +222,7 @@ Result<Subcommand> take_subcommand(Words& words) {
   }
   const std::string near = nearest_name(verb, verb_names());
   return Error{fmt::format("there is no command '{}'", verb),
-               (near.empty() ? "" : "did you mean '" + near + "'? ") + "`palpate --help` lists them",
-               {},
-               0};
+               (near.empty() ? "" : "did you mean '" + near + "'? ") + "`palpate --help` lists them"};
 }
 
 bool asks_for_help(const Words& words, bool& all) {
@@ -246,15 +244,13 @@ std::vector<std::pair<std::string, std::string>> former_names() {
 
 Result<ReadLine> read_line(Words words) {
   ReadLine line;
-  if (words.empty()) return Error{"a command is missing", "`palpate --help` lists them", {}, 0};
+  if (words.empty()) return Error{"a command is missing", "`palpate --help` lists them"};
   line.answer = answer_of(words);
   if (!line.answer.empty()) return line;
   if (words.front().starts_with("-"))
     return Error{
         "unknown option " + shown(words.front()),
-        did_you_mean(words.front(), {"--help", "--version"}, "`palpate --help` shows what is understood"),
-        {},
-        0};
+        did_you_mean(words.front(), {"--help", "--version"}, "`palpate --help` shows what is understood")};
   const std::string option_note = renew_options(words);
   line.note = renew(words);
   line.note += (line.note.empty() || option_note.empty() ? "" : "; ") + option_note;
@@ -264,9 +260,7 @@ Result<ReadLine> read_line(Words words) {
   const bool help = asks_for_help(words, all);
   if (!named.declare && !help)
     return Error{fmt::format("palpate {} needs one of {}", named.name, joined(kind_names(named.name))),
-                 fmt::format("`palpate {} --help` shows them", named.name),
-                 {},
-                 0};
+                 fmt::format("`palpate {} --help` shows them", named.name)};
   if (help) {
     line.answer = named.declare ? help_text(named, all, kinds_of(named.name)) : verb_help(named.name, all);
     return line;
@@ -282,7 +276,7 @@ Result<ReadLine> read_line(Words words) {
     std::reverse(words.begin(), words.end());
     line.command.app->parse(std::move(words));
   } catch (const CLI::ParseError& error) {
-    return Error{error.what(), remedy, {}, 0};
+    return Error{error.what(), remedy};
   }
   return line;
 }

@@ -217,8 +217,8 @@ Status keep_named(std::vector<CatalogueEntry>& entries, const std::string& name)
   for (const CatalogueEntry& entry : entries) names.push_back(entry.name);
   std::erase_if(entries, [&](const CatalogueEntry& entry) { return entry.name != name; });
   if (!entries.empty()) return Done{};
-  return Error{
-      "none of them is called " + shown(name), did_you_mean(name, names, "they are " + joined(names)), {}, 0};
+  return Error{"none of them is called " + shown(name),
+               did_you_mean(name, names, "they are " + joined(names))};
 }
 
 void print_catalogue(std::span<const CatalogueEntry> entries, bool json) {

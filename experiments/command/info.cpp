@@ -214,7 +214,7 @@ std::string given_for_models(const ModelArguments& load) {
 Result<int> run_info_recording(const InfoArguments& arguments, Context& context) {
   if (const std::string given = given_for_models(arguments.load); !given.empty())
     return Error{fmt::format("{} does nothing: this is a recording, and no model", given), "leave it out",
-                 arguments.model, 0};
+                 arguments.model};
   context.progress.report("reading the recording", -1.0);
   PALPATE_ASSIGN(const RecordingFacts facts, facts_of_recording(arguments.model, arguments.skip_damaged));
   context.progress.clear();
@@ -226,7 +226,7 @@ Result<int> run_info(const InfoArguments& arguments, Context& context) {
   if (is_recorded_session(arguments.model)) return run_info_recording(arguments, context);
   if (arguments.skip_damaged)
     return Error{"--skip-damaged does nothing: this is a model, and no recording", "leave it out",
-                 arguments.model, 0};
+                 arguments.model};
   PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
   PALPATE_ASSIGN(const scene::SceneFile file, open_scene(arguments.model, all_renderers(), context.progress));
   PALPATE_ASSIGN(const scene::LoadedScene loaded,

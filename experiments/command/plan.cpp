@@ -139,8 +139,7 @@ Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, i
   PALPATE_ASSIGN(const plan::SceneRun flight,
                  plan::run_scene(scene, plan.renderer, registry, path_over(scene.models.front()), threads));
   if (!(flight.contact_frames > 0.0))
-    return Error{
-        "nothing is felt along the path", "check the file and its unit, or take another renderer", {}, 0};
+    return Error{"nothing is felt along the path", "check the file and its unit, or take another renderer"};
   return Checked{flight, plan.decided.bytes, plan.decided.frame_us};
 }
 

@@ -68,7 +68,7 @@ Result<int> write_docs(const ReportArguments& arguments) {
 Result<int> run_report(const ReportArguments& arguments, Context& context) {
   if (!arguments.docs.empty()) return write_docs(arguments);
   if (arguments.folder.empty())
-    return Error{"DIR is required", "name the folder of a study, or a checkout with --docs", {}, 0};
+    return Error{"DIR is required", "name the folder of a study, or a checkout with --docs"};
   const bool whole = std::filesystem::exists(std::filesystem::path(arguments.folder) / kReproductionFile);
   // What is wrong with the folder as a study is said before what is wrong with it as a place to write.
   if (!whole) PALPATE_TRY(read_study(arguments.folder));

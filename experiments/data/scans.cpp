@@ -182,18 +182,14 @@ Result<std::filesystem::path> file_of(const std::string& name, const FetchOption
   }
   if (std::optional<std::filesystem::path> here = locate_scan(*scan)) return *here;
   return Error{fmt::format("the scan '{}' is not here", name),
-               fmt::format("`palpate fetch {}` brings it", name),
-               {},
-               0};
+               fmt::format("`palpate fetch {}` brings it", name)};
 }
 
 }  // namespace
 
 Error no_such_scan(const std::string& name) {
   return Error{"no scan is called " + shown(name),
-               did_you_mean(name, scan_names(), "`palpate list scans` lists them"),
-               {},
-               0};
+               did_you_mean(name, scan_names(), "`palpate list scans` lists them")};
 }
 
 Status find_scans(scene::SceneFile& scene, const FetchOptions* fetch, Progress& progress,

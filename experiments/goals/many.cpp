@@ -85,7 +85,7 @@ Result<std::vector<ManyRow>> many_rows(const GoalBench& bench, std::size_t count
   for (std::size_t i = 0; i < runs.results.size(); ++i) {
     const metrics::RendererResult& result = runs.results[i];
     if (result.status != metrics::RunStatus::kOk || !result.frame_all || !result.prepare)
-      return Error{result.label + ": " + result.reason, {}, {}, 0};
+      return Error{result.label + ": " + result.reason};
     ManyRow row{result.label, count, visited, models_felt(runs.traces[i])};
     row.mean_us = result.frame_all->mean_us.value_or(0.0);
     row.bytes = static_cast<double>(result.prepare->bytes);

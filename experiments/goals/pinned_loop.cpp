@@ -199,7 +199,7 @@ Result<PinnedRun> run_pinned(render::HapticRenderer& renderer, const trace::Prob
                              const cloud::Cloud& cloud, const PinnedOptions& options) {
   PinnedRun run;
   const auto ticks = static_cast<std::size_t>(options.seconds * static_cast<double>(kPinnedHz));
-  if (path.size() == 0 || ticks == 0) return Error{"there is nothing to step", {}, {}, 0};
+  if (path.size() == 0 || ticks == 0) return Error{"there is nothing to step"};
   run.late_ns.reserve(ticks);
   run.step_ns.reserve(ticks);
   PinnedRun pictures;
@@ -220,8 +220,7 @@ Result<PinnedRun> run_pinned(render::HapticRenderer& renderer, const trace::Prob
     stepping.join();
     if (drawing.joinable()) drawing.join();
   } catch (const std::system_error& error) {
-    return Error{
-        std::string("a thread cannot be made: ") + error.what(), "let the system have more threads", {}, 0};
+    return Error{std::string("a thread cannot be made: ") + error.what(), "let the system have more threads"};
   }
   run.images = pictures.images;
   run.points_drawn = pictures.points_drawn;

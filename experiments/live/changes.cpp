@@ -38,7 +38,7 @@ Result<render::SceneInput> scene_for(const Workshop& workshop, const LiveSetting
 }
 
 Error wrong_change(const std::string& part, std::string what) {
-  return Error{fmt::format("--changes has {}: {}", shown(part), std::move(what)), kChangeForm, {}, 0};
+  return Error{fmt::format("--changes has {}: {}", shown(part), std::move(what)), kChangeForm};
 }
 
 Status set_key(const std::string& part, const std::string& word, LiveSetting& setting) {

@@ -39,7 +39,7 @@ struct SystemFacts {
   std::vector<UsbDevice> usb;
 };
 
-/// Haptic devices on USB, by their ids (device/drivers/usb_ids.h). Opens none.
+/// Haptic devices on USB, by their ids (device/drivers/all_drivers.h). Opens none.
 [[nodiscard]] std::vector<UsbDevice> connected_usb_devices();
 
 /// Reads and measures the facts; takes some 0.1 s. Changes nothing permanently.

@@ -55,7 +55,7 @@ Result<device::TaskPlace> touched_place(const trace::ProbePath& path, render::Ha
     place.normal = map.device_n(frame.force_n / size_n);
   }
   if (!(deepest_n > 0.0))
-    return Error{"the path nowhere touches the model", "name another path with --path", path.name, 0};
+    return Error{"the path nowhere touches the model", "name another path with --path", path.name};
   const Vec3 axis =
       std::abs(place.normal.x()) < std::abs(place.normal.y()) ? Vec3(Vec3::UnitX()) : Vec3(Vec3::UnitY());
   place.along = (axis - axis.dot(place.normal) * place.normal).normalized();

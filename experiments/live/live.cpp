@@ -64,7 +64,7 @@ Result<int> finish_live(const LiveDocument& document, const OutputFolder& folder
 
 Status check_window(const LiveArguments& arguments) {
   if (!arguments.accelerated) return Done{};
-  return Error{"--window and --accelerated exclude each other", "leave one of them out", {}, 0};
+  return Error{"--window and --accelerated exclude each other", "leave one of them out"};
 }
 
 /// Shows the stage in the window, if any, before anything is prepared.
@@ -77,7 +77,7 @@ void show_stage(const LiveArguments& arguments, const Stage& stage) {
 /// Checks for a rate in whole Hz and a writable recording.
 Status check_live(const LiveArguments& arguments) {
   if (arguments.rate_hz != std::round(arguments.rate_hz))
-    return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz", {}, 0};
+    return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz"};
   return arguments.record.empty() ? Status(Done{})
                                   : check_recording_file(arguments.record, arguments.replace);
 }

@@ -139,9 +139,7 @@ Result<std::vector<SegmentReplay>> replay_segments(device::Recording& recording,
   if (!any)
     return Error{label.empty() ? "the recording has no renderer"
                                : fmt::format("the recording has no renderer '{}'", label),
-                 "name one of those that it has: `palpate report export` lists them",
-                 {},
-                 0};
+                 "name one of those that it has: `palpate report export` lists them"};
   return std::move(segment.done);
 }
 
@@ -244,12 +242,12 @@ Result<std::vector<device::RecordedRenderer>> renderers_of_recording(const std::
 
 Result<std::string> renderer_of_recording(const std::string& file) {
   PALPATE_ASSIGN(const std::vector<device::RecordedRenderer> all, renderers_of_recording(file));
-  if (all.empty()) return Error{"the recording names no renderer", "name one with --renderers", file, 0};
+  if (all.empty()) return Error{"the recording names no renderer", "name one with --renderers", file};
   std::string text = all.front().name;
   for (const auto& [key, value] : all.front().options) {
     if (value.find_first_of(",:") != std::string::npos)
       return Error{fmt::format("the recorded value of '{}' cannot be written on a command line", key),
-                   "name the renderer with --renderers", file, 0};
+                   "name the renderer with --renderers", file};
     text += ":" + key + "=" + value;
   }
   return text + ":label=" + all.front().label;

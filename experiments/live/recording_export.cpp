@@ -25,7 +25,7 @@ constexpr std::uint64_t kBytesARow =
 
 Status check_export(const ExportArguments& a) {
   const auto wrong = [&](std::string what, std::string remedy) {
-    return Error{std::move(what), std::move(remedy), a.out, 0};
+    return Error{std::move(what), std::move(remedy), a.out};
   };
   std::error_code code;
   if (a.format == "motion-bids") {
@@ -101,14 +101,14 @@ Result<std::uint64_t> export_csv(device::Recording& recording, const std::string
       return over_memory_limit("the frames of this recording", kMemoryLimitBytes);
   }
   if (recording.end().ticks == 0)
-    return Error{"the recording ends before its first ticks are whole", "record again", file, 0};
+    return Error{"the recording ends before its first ticks are whole", "record again", file};
   if (path.size() == 0) {
     std::vector<std::string> labels;
     for (const device::RecordedRenderer& one : recording.renderers()) labels.push_back(one.label);
     return Error{fmt::format("the recording has no frame of '{}'", label.empty() ? "any renderer" : label),
                  labels.empty() ? std::string("record a session in which the device was held")
                                 : "choose from " + joined(labels),
-                 file, 0};
+                 file};
   }
   PALPATE_TRY(trace::write_trace_csv(path, trace, file));
   return std::uint64_t{path.size()};
@@ -274,7 +274,7 @@ Status make_folder(const fs::path& folder) {
   fs::create_directories(folder, code);
   if (code)
     return Error{"cannot create the folder: " + code.message(), "check the path and its permissions",
-                 folder.string(), 0};
+                 folder.string()};
   return Done{};
 }
 
@@ -298,7 +298,7 @@ Result<std::uint64_t> write_dataset(device::Recording& recording, const fs::path
     ++counts.rows;
   }
   counts.seconds = static_cast<double>(last_ns - first_ns) * kSPerNs;
-  if (counts.rows == 0) return Error{"the recording has no ticks", "record a session", folder.string(), 0};
+  if (counts.rows == 0) return Error{"the recording has no ticks", "record a session", folder.string()};
   PALPATE_TRY(rows.commit());
   const device::RecordingHeader& header = recording.header();
   const auto file = [&](const char* ending) { return (motion / (stem + ending)).string(); };
@@ -333,7 +333,7 @@ Result<std::uint64_t> export_motion_bids(device::Recording& recording, const std
   if (rows) {
     fs::remove(whole, code);  // removes an empty folder
     fs::rename(part, whole, code);
-    if (code) rows = Error{"cannot name the folder: " + code.message(), "name another one", folder, 0};
+    if (code) rows = Error{"cannot name the folder: " + code.message(), "name another one", folder};
   }
   if (!rows) fs::remove_all(part, code);
   return rows;

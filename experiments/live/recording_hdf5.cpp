@@ -10,7 +10,7 @@ bool has_hdf5() {
 Result<std::uint64_t> export_hdf5(device::Recording& /*recording*/, const std::string& file,
                                   Progress& /*progress*/) {
   return Error{"this program was built without HDF5", "install libhdf5-dev and build again, or export csv",
-               file, 0};
+               file};
 }
 
 }  // namespace palpate::experiments

@@ -170,7 +170,7 @@ void print_report(const RecordArguments& a, const Session& s, const SessionRepor
 Result<int> record(const RecordArguments& arguments, const device::Drivers& drivers, Context& context) {
   const render::Registry registry = all_renderers();
   if (arguments.renderer.find(',') != std::string::npos)
-    return Error{"record runs one renderer", "`palpate live --record` runs several", {}, 0};
+    return Error{"record runs one renderer", "`palpate live --record` runs several"};
   RunArguments run;
   run.scene = arguments.scene;
   run.renderers = arguments.renderer;
@@ -182,7 +182,7 @@ Result<int> record(const RecordArguments& arguments, const device::Drivers& driv
   PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry, context.progress));
   PALPATE_ASSIGN(const DeviceChoice choice, choose_device(arguments.device, drivers));
   if (choice.is_real() && arguments.accelerated)
-    return Error{"a device runs in real time, not --accelerated", "leave --accelerated out", {}, 0};
+    return Error{"a device runs in real time, not --accelerated", "leave --accelerated out"};
   SessionClock clock(arguments.accelerated);
   // The guard is forked, so it comes before threads and a large scene.
   PALPATE_ASSIGN(SessionDevice device, SessionDevice::make(choice, clock.clock(), 1.0 / arguments.rate_hz));
@@ -205,12 +205,12 @@ Status check_recording_file(const std::string& file, bool replace) {
   const std::filesystem::path path = file;
   std::error_code code;
   if (path.extension() != "." + std::string(device::kRecordingEnding))
-    return Error{"a recording's name ends in .palrec", "give the name FILE.palrec", file, 0};
+    return Error{"a recording's name ends in .palrec", "give the name FILE.palrec", file};
   if (!path.parent_path().empty() && !std::filesystem::is_directory(path.parent_path(), code))
-    return Error{"the folder for it is not there", "create the folder first", file, 0};
+    return Error{"the folder for it is not there", "create the folder first", file};
   if (std::filesystem::exists(path, code) && !replace)
     return Error{"a file of this name is there already, and recordings are not replaced unasked",
-                 "give another name, or --force to replace it", file, 0};
+                 "give another name, or --force to replace it", file};
   return Done{};
 }
 
@@ -252,7 +252,7 @@ Result<std::unique_ptr<render::HapticRenderer>> prepared_renderer(const Renderer
                                                                   int threads, Progress& progress) {
   if (!request.clean.empty())
     return Error{"a renderer that is recorded cannot clean its points first",
-                 "clean them with `palpate clean`, and record on the cleaned file", request.label, 0};
+                 "clean them with `palpate clean`, and record on the cleaned file", request.label};
   PALPATE_ASSIGN(std::unique_ptr<render::HapticRenderer> renderer,
                  registry.make(request.name, request.options));
   renderer = control::wrap(std::move(renderer), scene.control);

@@ -46,9 +46,7 @@ Result<ListenAddress> parse_listen(const std::string& text) {
   in_addr number{};
   if (!port || inet_pton(AF_INET, address.host.c_str(), &number) != 1)
     return Error{fmt::format("--listen {} is neither a port nor ADDRESS:PORT", shown(text)),
-                 "write 7700, or 0.0.0.0:7700 for every machine of the network",
-                 {},
-                 0};
+                 "write 7700, or 0.0.0.0:7700 for every machine of the network"};
   address.port = static_cast<std::uint16_t>(*port);
   return address;
 }
@@ -134,9 +132,7 @@ Result<std::unique_ptr<RemoteListener>> RemoteListener::start(const ListenAddres
   if (state->socket < 0 || ::bind(state->socket, reinterpret_cast<const sockaddr*>(&own), size) != 0 ||
       ::getsockname(state->socket, reinterpret_cast<sockaddr*>(&own), &size) != 0)
     return Error{fmt::format("--listen {}:{}: {}", address.host, address.port, std::strerror(errno)),
-                 "give another port, or an address of this machine",
-                 {},
-                 0};
+                 "give another port, or an address of this machine"};
   state->address.port = ntohs(own.sin_port);
   State& run = *state;
   state->thread = std::thread([&run] { run.run(); });

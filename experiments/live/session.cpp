@@ -25,9 +25,7 @@ namespace {
 
 Error unknown_word(const char* what, const std::string& word, const std::vector<std::string>& known) {
   return Error{fmt::format("there is no {} '{}'", what, word),
-               did_you_mean(word, known, "choose from " + joined(known)),
-               {},
-               0};
+               did_you_mean(word, known, "choose from " + joined(known))};
 }
 
 Result<device::WorkspaceOptions> workspace_of(const std::string& mapping) {
@@ -42,9 +40,7 @@ Result<device::WorkspaceOptions> workspace_of(const std::string& mapping) {
   if (!factor)
     return Error{fmt::format("--mapping {} is neither 1:1 nor fitted nor a factor: {}", shown(mapping),
                              factor.error().what),
-                 "give mm of the scene for a mm of the device, such as 2",
-                 {},
-                 0};
+                 "give mm of the scene for a mm of the device, such as 2"};
   options.fit = device::WorkspaceFit::kFactor;
   options.factor = *factor;
   return options;
@@ -53,25 +49,21 @@ Result<device::WorkspaceOptions> workspace_of(const std::string& mapping) {
 /// Checks that the arguments suit real time and a person's hand.
 Status keeps_time(const LiveArguments& arguments, const DeviceChoice& device) {
   if (arguments.accelerated && !arguments.listen.empty())
-    return Error{"--listen hears in real time, and --accelerated has none", "leave one of them out", {}, 0};
+    return Error{"--listen hears in real time, and --accelerated has none", "leave one of them out"};
   if (!device.is_real()) return Done{};
   if (arguments.accelerated)
     return Error{fmt::format("{} runs in real time, not --accelerated", shown(device.name())),
-                 "leave --accelerated out",
-                 {},
-                 0};
+                 "leave --accelerated out"};
   if (arguments.rearm)
     return Error{fmt::format("{} is armed again by a person alone, not by --rearm", shown(device.name())),
-                 "leave --rearm out; key r arms again",
-                 {},
-                 0};
+                 "leave --rearm out; key r arms again"};
   return Done{};
 }
 
 Status check_hand(const LiveArguments& arguments) {
   if (arguments.hand == kMouseHand) {
     if (arguments.link != nullptr) return Done{};
-    return Error{"--hand mouse needs a window to move it in", "add --window", {}, 0};
+    return Error{"--hand mouse needs a window to move it in", "add --window"};
   }
   if (std::find(live_hands().begin(), live_hands().end(), arguments.hand) == live_hands().end())
     return unknown_word("hand", arguments.hand, live_hands());
@@ -98,9 +90,7 @@ Result<LivePlan> plan_live(const LiveArguments& arguments, const std::vector<Ren
   PALPATE_TRY(check_hand(arguments));
   if (renderers.size() > device::kMaxLanes)
     return Error{fmt::format("--renderers names {} renderers", renderers.size()),
-                 fmt::format("one hand takes at most {}", device::kMaxLanes),
-                 {},
-                 0};
+                 fmt::format("one hand takes at most {}", device::kMaxLanes)};
   for (const RendererRequest& request : renderers) plan.settings.push_back({request});
   PALPATE_ASSIGN(plan.changes, parse_changes(arguments.changes, plan.settings, registry));
   return plan;
@@ -123,7 +113,7 @@ Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& wo
     all.push_back(*std::move(made));
   }
   // A cancelled session does not start, even if no preparation gave up in time.
-  if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again", {}, 0};
+  if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again"};
   return all;
 }
 
@@ -138,7 +128,7 @@ Result<std::vector<MadeRenderer>> prepare_coarse(const LivePlan& plan, Workshop&
     all.push_back(std::move(made));
   }
   // A cancelled session does not start, even if no preparation gave up in time.
-  if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again", {}, 0};
+  if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again"};
   return all;
 }
 

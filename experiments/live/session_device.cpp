@@ -40,9 +40,7 @@ Status only_plain(const DeviceArguments& arguments) {
   const auto none = [&](const char* what) {
     return Error{fmt::format("{} is for devices that a driver makes, and {} is not one", what,
                              shown(arguments.device)),
-                 "leave it out",
-                 {},
-                 0};
+                 "leave it out"};
   };
   if (!arguments.file.empty()) return none("--device-file");
   if (!arguments.options.empty()) return none("--device-option");
@@ -58,8 +56,7 @@ Result<std::vector<std::pair<std::string, std::string>>> option_pairs(const std:
     if (equals == std::string::npos || equals == 0)
       return Error{"--device-option " + shown(one) + " is no KEY=VALUE",
                    "write it as com=14; `palpate list devices` names the drivers, "
-                   "docs/how-to/connect-a-device.md their options",
-                   "", 0};
+                   "docs/how-to/connect-a-device.md their options"};
     pairs.emplace_back(one.substr(0, equals), one.substr(equals + 1));
   }
   return pairs;
@@ -86,11 +83,9 @@ Result<DeviceChoice> choose_device(const DeviceArguments& arguments, const devic
     for (const device::Driver& one : drivers.all())
       if (one.make || one.name == kRigDriver) known.push_back(one.name);
     const std::string asked = arguments.device.substr(0, arguments.device.find(':'));
-    return Error{
-        fmt::format("no driver has a device {}", shown(arguments.device)),
-        did_you_mean(asked, known, "choose from " + joined(known) + ", as `palpate list devices` lists them"),
-        {},
-        0};
+    return Error{fmt::format("no driver has a device {}", shown(arguments.device)),
+                 did_you_mean(asked, known,
+                              "choose from " + joined(known) + ", as `palpate list devices` lists them")};
   }
   if (driver->name == kRigDriver && !driver->make) {
     PALPATE_ASSIGN(choice.rig, device::simulated_rig_of_driver(arguments.device, arguments.grip));
@@ -101,13 +96,11 @@ Result<DeviceChoice> choose_device(const DeviceArguments& arguments, const devic
   }
   if (!driver->make)
     return Error{fmt::format("{} is no device that a hand can hold", shown(arguments.device)),
-                 "give --device sim, or another that `palpate list devices` lists",
-                 {},
-                 0};
+                 "give --device sim, or another that `palpate list devices` lists"};
   std::error_code code;
   if (!arguments.file.empty() && !std::filesystem::is_regular_file(arguments.file, code))
-    return Error{"there is no such device description", "give --device-file an existing file", arguments.file,
-                 0};
+    return Error{"there is no such device description", "give --device-file an existing file",
+                 arguments.file};
   choice.driver = driver;
   choice.request.name = arguments.device;
   choice.request.description = arguments.file;

@@ -187,7 +187,7 @@ int run_live_in_window(const LiveArguments& given, const device::Drivers& driver
   SessionLink link;
   const std::optional<Up> up = up_named(given.up);
   if (!up && !given.up.empty())
-    return fail(Error{fmt::format("--up {} is no axis", given.up), "give z, y, x, -z, -y or -x", {}, 0},
+    return fail(Error{fmt::format("--up {} is no axis", given.up), "give z, y, x, -z, -y or -x"},
                 kExitBadInput, &context.progress);
   WindowOptions options;
   options.up = up;

@@ -48,7 +48,7 @@ Result<Threshold> threshold_of(const Plan& plan, const std::vector<const Row*>& 
   Threshold t;
   t.levels = by_level(rows);
   const std::optional<PsychometricFit> fit = fit_psychometric(t.levels, plan.like(), plan.fitted_slope());
-  if (!fit) return Error{"no trial is left at a level above 0", "ask for more trials", plan.name, 0};
+  if (!fit) return Error{"no trial is left at a level above 0", "ask for more trials", plan.name};
   t.fit = *fit;
   const std::uint64_t seed = seed_for(plan.seed, kBootstrapPurpose);
   if (plan.procedure == ProcedureKind::kPsi) {
@@ -112,7 +112,7 @@ Result<Analysis> analyse(const Plan& plan, const std::vector<Row>& rows) {
   count_rows(plan, rows, found, counted);
   if (counted.empty())
     return Error{"every trial was excluded by the plan's rule", "look at the column 'excluded' of trials.csv",
-                 plan.name, 0};
+                 plan.name};
   if (plan.compares()) {
     found.difference = difference_of(plan, counted);
   } else {

@@ -43,7 +43,7 @@ Status set_in_scene(scene::SceneFile& file, const std::string& key, double value
   for (scene::SceneModel& model : file.models) {
     if (!model.generate)
       return Error{fmt::format("{} can only be turned on a generated scene", key),
-                   "name a generator as the scene, such as sinusoid:points=10201", plan, 0};
+                   "name a generator as the scene, such as sinusoid:points=10201", plan};
     Options options;
     for (const auto& [name, text] : model.generate->options.all())
       if (key != "spacing" || (name != "points" && name != "spacing_mm")) options.set(name, text);
@@ -162,19 +162,17 @@ Status Bench::check_values() const {
   levels.push_back(easiest_level(plan_));
   for (const double level : levels) {
     const double value = plan_.option->value_at(level);
-    const Error wrong{fmt::format("{} = {:g} is asked for, and cannot be felt", plan_.option->key, value),
-                      {},
-                      plan_.name,
-                      0};
+    const Error wrong{
+        fmt::format("{} = {:g} is asked for, and cannot be felt", plan_.option->key, value), {}, plan_.name};
     const bool from_nothing = plan_.option->key == "noise";
     if (!(from_nothing ? value >= 0.0 : value > 0.0))
-      return Error{wrong.what, "keep the differences within the standard", plan_.name, 0};
+      return Error{wrong.what, "keep the differences within the standard", plan_.name};
     if (plan_.option->key == "rate" && value > options_.rate_hz)
       return Error{wrong.what, fmt::format("the servo runs at {:g} Hz: keep below it", options_.rate_hz),
-                   plan_.name, 0};
+                   plan_.name};
     PALPATE_ASSIGN(const LiveSetting made, setting(kLaneOfB, value));
     const auto able = registry_.make(made.request.name, made.request.options);
-    if (!able) return Error{wrong.what + ": " + able.error().what, able.error().remedy, plan_.name, 0};
+    if (!able) return Error{wrong.what + ": " + able.error().what, able.error().remedy, plan_.name};
   }
   return Done{};
 }

@@ -34,12 +34,12 @@ Status check_observer(const Plan& plan, const ObserverSpec& observer) {
   if (observer.kind != ObserverKind::kSimulated) return Done{};
   if (plan.compares() && observer.has_jnd)
     return Error{"this plan compares two renderers, and a JND is of an option",
-                 "say --observer simulated:dprime=1", plan.name, 0};
+                 "say --observer simulated:dprime=1", plan.name};
   if (!plan.compares() && !observer.has_jnd)
     return Error{fmt::format("this plan turns {}, and the observer has no JND", plan.option->key),
                  fmt::format("say --observer simulated:jnd={:g}, in {}", 0.1 * plan.option->standard,
                              plan.option->unit),
-                 plan.name, 0};
+                 plan.name};
   return Done{};
 }
 
@@ -48,23 +48,17 @@ Status check_use(const BlindedArguments& arguments, const ObserverSpec& observer
                  const DeviceChoice& device) {
   const bool person = observer.kind == ObserverKind::kPerson;
   if (arguments.rate_hz != std::round(arguments.rate_hz))
-    return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz", {}, 0};
+    return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz"};
   if (!person && (arguments.accelerated || arguments.lsl))
     return Error{fmt::format("{} is of a person's session, and nobody is asked",
                              arguments.lsl ? "--lsl" : "--accelerated"),
-                 "leave it out, or say --observer person",
-                 {},
-                 0};
+                 "leave it out, or say --observer person"};
   if (!person && device.is_real())
     return Error{fmt::format("{} needs a hand on it, and the observer has none", shown(device.name())),
-                 "say --observer person, or leave --device out",
-                 {},
-                 0};
+                 "say --observer person, or leave --device out"};
   if (person && arguments.accelerated && device.is_real())
     return Error{fmt::format("{} runs in real time, not --accelerated", shown(device.name())),
-                 "leave --accelerated out",
-                 {},
-                 0};
+                 "leave --accelerated out"};
   return Done{};
 }
 
@@ -82,13 +76,13 @@ Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::
   if (fs::exists(root / kFolderMark, code)) {
     if (!fs::exists(root / kTrialsFile, code))
       return Error{fmt::format("the folder holds other results, and no {}", kTrialsFile),
-                   "give --out a new folder, or that of a session of this study", out, 0};
+                   "give --out a new folder, or that of a session of this study", out};
     PALPATE_ASSIGN(OutputFolder folder, OutputFolder::reopen(out));
     PALPATE_ASSIGN(const std::string earlier, read_file(folder.file(kPlanFile).string(), kMostPlanBytes));
     if (earlier != plan.text)
       return Error{"the trials in this folder follow another plan",
                    "take the plan.toml beside them, or give --out a new folder",
-                   folder.file(kPlanFile).string(), 0};
+                   folder.file(kPlanFile).string()};
     PALPATE_ASSIGN(ReadTrials read, read_trials(folder.file(kTrialsFile).string(), plan, observer));
     PALPATE_ASSIGN(std::vector<SessionRecord> sessions, read_sessions(folder));
     return Opened{std::move(folder), std::move(read.rows), read.whole_bytes, std::move(sessions)};
@@ -230,7 +224,7 @@ void print_table(const Table& table) {
 Status save_plan(const PlanText& plan, const std::string& file) {
   std::error_code code;
   if (fs::exists(file, code))
-    return Error{"there is such a file already", "give --save-plan another name", file, 0};
+    return Error{"there is such a file already", "give --save-plan another name", file};
   PALPATE_TRY(write_file(file, plan.text));
   fmt::print("plan: {}\n", fs::absolute(file).string());
   return Done{};
@@ -274,9 +268,7 @@ Result<Plan> checked_plan(const BlindedArguments& arguments, const PlanText& tex
   plan.participant = arguments.participant;
   if (!is_participant_code(plan.participant))
     return Error{"--participant " + shown(plan.participant) + " is no code",
-                 "take at most 32 letters, digits, - and _",
-                 {},
-                 0};
+                 "take at most 32 letters, digits, - and _"};
   return plan;
 }
 

@@ -107,7 +107,7 @@ Result<std::optional<Trial>> Ledger::next() const {
   std::optional<Trial> trial = course_.next();
   if (trial && trial->number > 2 * kMostTrials)
     return Error{"answers are excluded again and again, and the study does not end",
-                 "look at the column 'excluded' of the trials", kTrialsFile, 0};
+                 "look at the column 'excluded' of the trials", kTrialsFile};
   return trial;
 }
 

@@ -57,8 +57,7 @@ Status Machine::learn(ProgressBar& progress) {
              b = cues_of(samples_of(felt, 2), spec_.thresholds);
   if (!a.touched && !b.touched)
     return Error{"the simulated hand touches nothing of this scene",
-                 "take another hand (machine:hand=explore), or press deeper (machine:depth=6)", plan_.name,
-                 0};
+                 "take another hand (machine:hand=explore), or press deeper (machine:depth=6)", plan_.name};
   way_a_ = a.direction;
   way_b_ = b.direction;
   of_a_ = scales_of(a, spec_.thresholds, way_a_, way_b_);

@@ -165,9 +165,7 @@ Result<ObserverSpec> parse_observer(const std::string& text) {
       "there is no observer " + shown(named.name),
       did_you_mean(named.name, known,
                    "take simulated:dprime=1, or simulated:jnd=0.05 where an option is turned; machine; "
-                   "or person"),
-      {},
-      0};
+                   "or person")};
 }
 
 Answer answer_of(const ObserverOptions& observer, const Felt& felt, std::uint64_t seed) {

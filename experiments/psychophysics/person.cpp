@@ -45,7 +45,7 @@ template <class Function>
 Status find_in(const Library& library, const char* name, const std::string& file, Function*& function) {
   function = reinterpret_cast<Function*>(dlsym(library.get(), name));
   if (function != nullptr) return Done{};
-  return Error{fmt::format("the library has no function {}", name), "install liblsl 1.13 or newer", file, 0};
+  return Error{fmt::format("the library has no function {}", name), "install liblsl 1.13 or newer", file};
 }
 
 class LslMarkers final : public Markers {
@@ -78,7 +78,7 @@ Result<std::unique_ptr<Markers>> lsl_markers(const std::string& library, const s
   if (!opened) {
     const char* const why = dlerror();
     return Error{fmt::format("Lab Streaming Layer is not there: {}", why == nullptr ? "no library" : why),
-                 "install liblsl, or name its file with --lsl-library", library, 0};
+                 "install liblsl, or name its file with --lsl-library", library};
   }
   LslFunctions lsl{};
   PALPATE_TRY(find_in(opened, "lsl_create_streaminfo", library, lsl.create_streaminfo));
@@ -92,7 +92,7 @@ Result<std::unique_ptr<Markers>> lsl_markers(const std::string& library, const s
   LslOutlet const outlet = info == nullptr ? nullptr : lsl.create_outlet(info, 0, kLslBuffer);
   if (outlet == nullptr) {
     if (info != nullptr) lsl.destroy_streaminfo(info);
-    return Error{"Lab Streaming Layer opens no stream", "look at what its library says", library, 0};
+    return Error{"Lab Streaming Layer opens no stream", "look at what its library says", library};
   }
   return std::unique_ptr<Markers>(std::make_unique<LslMarkers>(std::move(opened), lsl, info, outlet));
 }
@@ -251,7 +251,7 @@ Status PersonTasks::follow(double now_s) {
   passage_said_ = passage;
   if (passage == Passage::kStuck)
     return Error{"a renderer of this plan cannot be felt any more: it took too long, or answered no number",
-                 "look at it with `palpate live`; the same command goes on from here", plan_.name, 0};
+                 "look at it with `palpate live`; the same command goes on from here", plan_.name};
   if (passage == Passage::kBroken) {
     say("a fault stopped the trial; it begins anew");
     ++session_.record.begun_again;

@@ -284,9 +284,7 @@ Result<PlanText> read_plan(const std::string& file_or_example) {
       if (example.name == file_or_example) return example;
     return Error{"there is no example " + shown(file_or_example),
                  did_you_mean(file_or_example, names_of(example_plans()),
-                              "name a plan (.toml), or choose from " + joined(names_of(example_plans()))),
-                 {},
-                 0};
+                              "name a plan (.toml), or choose from " + joined(names_of(example_plans())))};
   }
   PALPATE_ASSIGN(std::string text, read_file(file_or_example, kMostPlanBytes));
   return PlanText{file_or_example, std::move(text)};

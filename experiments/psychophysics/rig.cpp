@@ -125,15 +125,11 @@ Result<FeltTrial> feel_alone(Bench& bench, const DeviceChoice& choice, const Pas
     case Passage::kBroken:
       return Error{
           fmt::format("a fault stopped the trial: {}", device::fault_name(rig->assembly().watch().fault())),
-          "look at what this renderer does with `palpate live`",
-          {},
-          0};
+          "look at what this renderer does with `palpate live`"};
     default:
       return Error{
           "the simulated hand did not get through a trial: it did not come free of the surface",
-          "give the intervals more time ([trials] interval_s), or press less (the observer's option depth)",
-          {},
-          0};
+          "give the intervals more time ([trials] interval_s), or press less (the observer's option depth)"};
   }
 }
 

@@ -49,9 +49,7 @@ Result<std::string> taken(const std::vector<std::string>& cells, std::size_t at,
   if (cells[at] == wanted) return wanted;
   return Error{
       fmt::format("{} is {} and not {}", trial_columns()[at].name, shown(cells[at]), shown(wanted)),
-      "the file is of another plan, participant or observer, or was changed: give --out a new folder",
-      {},
-      0};
+      "the file is of another plan, participant or observer, or was changed: give --out a new folder"};
 }
 
 /// Parses a row, which must match the course's next trial. Cells are csv_row()'s.
@@ -60,9 +58,7 @@ Result<Row> parse_row(const std::string& line, const Trial& expected, const Plan
   const std::vector<std::string> cells = split_list(line);
   if (cells.size() != trial_columns().size())
     return Error{fmt::format("has {} columns and not {}", cells.size(), trial_columns().size()),
-                 "the file was changed: give --out a new folder",
-                 {},
-                 0};
+                 "the file was changed: give --out a new folder"};
   Row row;
   row.trial = expected;
   constexpr NumberRange kCount{0, 1e12}, kSeconds{0.0, 1e12}, kChoice{0, 1}, kConfidence{0, 4};
@@ -259,9 +255,9 @@ Result<TrialFile> TrialFile::append_to(const std::string& file, std::uint64_t wh
   std::error_code code;
   if (std::filesystem::file_size(file, code) > whole_bytes)
     std::filesystem::resize_file(file, whole_bytes, code);
-  if (code) return Error{"cannot be shortened to its whole rows: " + code.message(), {}, file, 0};
+  if (code) return Error{"cannot be shortened to its whole rows: " + code.message(), {}, file};
   std::ofstream opened(file, std::ios::binary | std::ios::app);
-  if (!opened) return Error{"cannot be written", "give --out a folder that you may write", file, 0};
+  if (!opened) return Error{"cannot be written", "give --out a folder that you may write", file};
   return TrialFile(file, std::move(opened));
 }
 
@@ -269,7 +265,7 @@ Status TrialFile::write(const std::string& row) {
   file_ << row << '\n' << std::flush;
   if (file_) return Done{};
   return Error{"a row could not be written",
-               "make room on the disk; the same command goes on from the rows before it", path_, 0};
+               "make room on the disk; the same command goes on from the rows before it", path_};
 }
 
 }  // namespace palpate::experiments::psychophysics

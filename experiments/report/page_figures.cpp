@@ -127,7 +127,7 @@ Result<Json> read_json(const fs::path& file) {
   const Result<std::string> text = read_file(file.string(), kMemoryLimitBytes);
   if (!text) return text.error();
   Json json = Json::parse(*text, nullptr, false);
-  if (json.is_discarded() || !json.is_object()) return Error{"is no JSON document", {}, file.string(), 0};
+  if (json.is_discarded() || !json.is_object()) return Error{"is no JSON document", {}, file.string()};
   return json;
 }
 
@@ -261,7 +261,7 @@ Status take_page_figures(const fs::path& checkout, const std::string& file, cons
     if (value == nullptr || value->is_null()) return std::nullopt;
     if (is_of_another_day(read[asked.document], asked.path)) {
       wrong = Error{asked.path + " came from a cache of meshes", "run `palpate reproduce --no-cache` for it",
-                    (run / asked.document).string(), 0};
+                    (run / asked.document).string()};
       return std::nullopt;
     }
     copy_value(read[asked.document], asked.path, taken["documents"][asked.document]);
@@ -279,7 +279,7 @@ Status take_page_figures(const fs::path& checkout, const std::string& file, cons
     const Result<std::string> all = filled(form->text, path.string(), take);
     if (!all) return wrong ? *wrong : all.error();
   }
-  if (read.empty()) return Error{"no template is filled from " + file, {}, (checkout / kFolder).string(), 0};
+  if (read.empty()) return Error{"no template is filled from " + file, {}, (checkout / kFolder).string()};
   return write_file((checkout / kFolder / file).string(), taken.dump(1) + "\n");
 }
 

@@ -30,9 +30,7 @@ Status check_label(const std::string& label) {
   if (label.empty() || label.size() > kLongestLabel || label.front() == '.' ||
       label.find_first_not_of(kFileLetters) != std::string::npos)
     return Error{fmt::format("'{}' cannot be a label", label),
-                 fmt::format("labels have 1 to {} letters, digits, dots, - and _", kLongestLabel),
-                 {},
-                 0};
+                 fmt::format("labels have 1 to {} letters, digits, dots, - and _", kLongestLabel)};
   return Done{};
 }
 
@@ -102,9 +100,7 @@ Result<std::vector<RendererRequest>> parse_renderers(std::string_view text,
     if (!request) return std::move(request).error();
     if (!labels.insert(request->label).second)
       return Error{fmt::format("two renderers are called '{}'", request->label),
-                   fmt::format("name one: {}:label=another", item),
-                   {},
-                   0};
+                   fmt::format("name one: {}:label=another", item)};
     requests.push_back(*std::move(request));
   }
   return requests;
@@ -175,7 +171,7 @@ Result<trace::ProbePath> open_path(const std::string& argument, const paths::Pat
                did_you_mean(named->name, generator_names(),
                             "give a .csv or .traj file, or one of " + joined(generator_names()) +
                                 " (`palpate list paths`)"),
-               argument, 0};
+               argument};
 }
 
 namespace {
@@ -234,7 +230,7 @@ Result<RecordedPath> path_of_recording(const std::string& file, std::uint64_t ma
   }
   recorded.warnings = recording.end().warnings();
   if (recorded.path.size() == 0)
-    return Error{"holds no step of any renderer", "record a session in which the device was held", file, 0};
+    return Error{"holds no step of any renderer", "record a session in which the device was held", file};
   return recorded;
 }
 
@@ -249,7 +245,7 @@ struct Given {
 
 Result<double> number(const char* option, const std::string& text, const NumberRange& range) {
   Result<double> value = read_number(text, range);
-  if (!value) return Error{fmt::format("--{}: {}", option, value.error().what), value.error().remedy, {}, 0};
+  if (!value) return Error{fmt::format("--{}: {}", option, value.error().what), value.error().remedy};
   return value;
 }
 
@@ -264,9 +260,7 @@ Result<surface::Friction> friction(const std::string& text) {
     return Error{
         fmt::format("--friction: {} is not one coefficient, or a static and then a dynamic one, not larger",
                     shown(text)),
-        "write one number, or two as in 0.7,0.5",
-        {},
-        0};
+        "write one number, or two as in 0.7,0.5"};
   return surface::Friction{values.front(), values.back()};
 }
 
@@ -286,8 +280,7 @@ Result<Given> parse(const SurfaceArguments& arguments) {
     const Result<double> c = number("deformation", arguments.deformation, {0.0, 1.0});
     if (!c) return c.error();
     if (!(*c < 1.0))
-      return Error{
-          "--deformation: 1 would take all of the force away", "give a number from 0, below 1", {}, 0};
+      return Error{"--deformation: 1 would take all of the force away", "give a number from 0, below 1"};
     given.deformation = *c;
   }
   return given;
@@ -362,7 +355,7 @@ namespace fs = std::filesystem;
 
 Status check_output(const OutputFile& file, std::span<const std::string> read) {
   const auto wrong = [&](std::string what, std::string remedy) {
-    return Error{std::move(what), std::move(remedy), file.path, 0};
+    return Error{std::move(what), std::move(remedy), file.path};
   };
   const fs::path path = file.path;
   std::string ending = io::lower_case(path.extension().string());

@@ -82,7 +82,7 @@ std::string error_text(const Error& error) {
 
 Error error_of(const std::string& text) {
   const ChildJson j = ChildJson::parse(text, nullptr, false);
-  if (!j.is_object()) return Error{"the renderer's process answered what is no answer", {}, {}, 0};
+  if (!j.is_object()) return Error{"the renderer's process answered what is no answer"};
   Error error{j.value("what", ""), j.value("remedy", ""), j.value("file", ""),
               j.value("line", std::int64_t{0})};
   error.gave_up = j.value("gave_up", false);
@@ -261,7 +261,7 @@ Child::~Child() {
 Result<std::string> Child::ask(std::uint64_t task, Progress& progress) {
   State& s = *state_;
   if (s.talk < 0) return s.work(task, progress);
-  if (s.pid <= 0) return Error{"its process has ended", {}, {}, 0};
+  if (s.pid <= 0) return Error{"its process has ended"};
   // The wall clock's limit is for tasks that wait.
   constexpr double kWaits = 10.0;
   const bool limited = s.limits.task_s > 0.0;
@@ -272,7 +272,7 @@ Result<std::string> Child::ask(std::uint64_t task, Progress& progress) {
   for (char kind = 0; good;) {
     if (limited && !s.hears_in_time(until_s, until_ns)) {
       s.end();
-      return Error{fmt::format("it was not done after {:g} s of processor time", s.limits.task_s), {}, {}, 0};
+      return Error{fmt::format("it was not done after {:g} s of processor time", s.limits.task_s)};
     }
     good = receive_message(s.talk, kind, text);
     if (!good) break;

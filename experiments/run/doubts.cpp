@@ -102,7 +102,7 @@ Status check_surfaces(const scene::LoadedScene& scene) {
     if (const std::optional<std::string> why = cloud::degeneracy_of(*model.cloud))
       return Error{fmt::format("'{}' is no surface to be felt: {}", model.name, *why),
                    "is it the right file, and are its columns x, y, z? `palpate info` shows what it holds",
-                   scene.provenance[i].source, 0};
+                   scene.provenance[i].source};
   }
   return Done{};
 }
@@ -149,8 +149,7 @@ Result<std::vector<std::string>> doubts_about_reference(const geometry::Triangle
       fmt::format("it fills {}, the model '{}' {}", box_text(box), model.name, box_text(own));
   if (!box.overlaps(own.grown(kBoxSlack * diagonal_mm(own))))
     return Error{"the reference stands elsewhere than the model: " + boxes,
-                 "the reference must be in the model's frame, unit and scale, before the scene's pose", file,
-                 0};
+                 "the reference must be in the model's frame, unit and scale, before the scene's pose", file};
   std::vector<std::string> doubts;
   if (ratio > kOtherReference || ratio < 1.0 / kOtherReference)
     doubts.push_back(fmt::format("The reference is {} times as large as the model: {}.{}",

@@ -191,7 +191,7 @@ Status Rounds::take_turns() {
   for (std::uint64_t round = 0; round < most; ++round) {
     for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random_.below(i)]);
     progress_.report("timing in turns", static_cast<double>(round) / static_cast<double>(most));
-    if (progress_.cancelled()) return Error{"stopped by the user", "", "", 0};
+    if (progress_.cancelled()) return Error{"stopped by the user"};
     for (const std::size_t i : order) {
       Sitting& one = sitting_[i];
       if (round >= one.rounds || runs_[one.index].result.status != metrics::RunStatus::kOk) continue;

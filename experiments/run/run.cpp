@@ -86,7 +86,7 @@ Result<Run> run_from_text(const Stage& stage, const std::string& text, const Out
   run.trace = std::move(read->trace);
   run.trace.label = run.result.label;
   if (trace::trace_hash(run.trace) != run.result.trace_hash || read->path.t_s != stage.path.t_s)
-    return Error{"is not the trace of the run that was kept", {}, trace_file, 0};
+    return Error{"is not the trace of the run that was kept", {}, trace_file};
   return run;
 }
 

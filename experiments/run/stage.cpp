@@ -56,7 +56,7 @@ Result<CleanedScene> clean_scene(const render::SceneInput& input, std::span<cons
   CleanedScene cleaned{input, {}, {}};
   for (render::ModelInput& model : cleaned.input.models) {
     Result<scene::CleanedCloud> own = all_cleaning().run(*model.cloud, steps, threads, progress);
-    if (!own) return Error{model.name + ": " + own.error().what, own.error().remedy, {}, 0};
+    if (!own) return Error{model.name + ": " + own.error().what, own.error().remedy};
     model.cloud = std::make_shared<const cloud::Cloud>(std::move(own->cloud));
     model.original_mesh = nullptr;
     if (model.surface.per_point) model.surface.per_point = follow(*model.surface.per_point, own->from);
@@ -100,26 +100,22 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const scene::LoadedScene
   const render::ModelInput model = with_truth(loaded);
   const std::optional<Error> none = why_no_truth(scene);
   if (none && choice != ReferenceChoice::kNone && choice != ReferenceChoice::kAuto)
-    return Error{none->what, none->remedy + ", or use --reference none", {}, 0};
+    return Error{none->what, none->remedy + ", or use --reference none"};
   const bool single = !none;
   switch (choice) {
     case ReferenceChoice::kNone:
       return choice;
     case ReferenceChoice::kAnalytic:
       if (model.analytic) return choice;
-      return Error{"the analytic reference needs one generated model", "use --reference auto", {}, 0};
+      return Error{"the analytic reference needs one generated model", "use --reference auto"};
     case ReferenceChoice::kOriginalMesh:
       if (model.original_mesh) return choice;
       return Error{"the original-mesh reference needs one model with a mesh of its own",
-                   "use --reference auto",
-                   {},
-                   0};
+                   "use --reference auto"};
     case ReferenceChoice::kClosest:
       if (model.analytic || model.original_mesh) return choice;
       return Error{"the closest-point reference needs one model with a formula or a mesh of its own",
-                   "use --reference auto",
-                   {},
-                   0};
+                   "use --reference auto"};
     case ReferenceChoice::kMeshFile:
       return choice;
     case ReferenceChoice::kAuto:
@@ -146,7 +142,7 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequ
   if (!got) return std::move(got).error();
   if (got->mesh == nullptr || got->mesh->empty())
     return Error{"has no faces, so it cannot be the truth", "give a mesh, or --reference none",
-                 request.reference_file, 0};
+                 request.reference_file};
   const Result<std::vector<std::string>> doubts =
       doubts_about_reference(*got->mesh, loaded.input.models.front(), request.reference_file);
   if (!doubts) return doubts.error();
@@ -208,17 +204,12 @@ std::optional<Error> why_no_truth(const render::SceneInput& scene) {
     if (model.motion != nullptr)
       return Error{
           fmt::format("the model '{}' moves, and truth is known of a model at rest only", model.name),
-          "leave out its motion",
-          {},
-          0};
+          "leave out its motion"};
   if (scene.models.size() > 1)
     return Error{fmt::format("the scene has {} models, and truth is known of one alone", scene.models.size()),
-                 "give a scene of one model",
-                 {},
-                 0};
+                 "give a scene of one model"};
   if (scene.simulation != nullptr)
-    return Error{
-        "the scene is simulated, and truth is known of a model at rest only", "leave that out", {}, 0};
+    return Error{"the scene is simulated, and truth is known of a model at rest only", "leave that out"};
   return std::nullopt;
 }
 
@@ -231,9 +222,7 @@ Result<ReferenceChoice> parse_reference(const std::string& text) {
   std::error_code code;
   if (std::filesystem::exists(text, code)) return ReferenceChoice::kMeshFile;
   return Error{fmt::format("there is no reference '{}', nor a file of this name", text),
-               "choose from auto, analytic, original-mesh, closest-point, none, or give a mesh file",
-               {},
-               0};
+               "choose from auto, analytic, original-mesh, closest-point, none, or give a mesh file"};
 }
 
 std::vector<std::string> files_read(const scene::SceneFile& scene) {

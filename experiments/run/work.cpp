@@ -79,8 +79,8 @@ Status save_mesh(const render::HapticRenderer& renderer, const std::string& file
 Status save_edited(const render::HapticRenderer& renderer, const std::string& file) {
   const auto* editable = dynamic_cast<const render::Editable*>(&renderer);
   if (editable == nullptr)
-    return Error{
-        "this renderer does not change its model", "run cloud, on a scene with [model.surface.dent]", {}, 0};
+    return Error{"this renderer does not change its model",
+                 "run cloud, on a scene with [model.surface.dent]"};
   const Result<cloud::Cloud> edited = editable->edited(0);
   if (!edited) return edited.error();
   return io::write_cloud(file, *edited);
@@ -154,7 +154,7 @@ Result<Run> run_of(const std::string& text) {
       is_run ? kept["result"].get<std::string>() : std::string(), "what was kept of an interrupted run");
   if (!document) return std::move(document).error();
   Run run;
-  if (document->renderers.size() != 1) return Error{"what was kept is not one run", {}, {}, 0};
+  if (document->renderers.size() != 1) return Error{"what was kept is not one run"};
   run.result = std::move(document->renderers.front());
   run.saved_mesh = kept.contains("saved_mesh") && kept["saved_mesh"] == true;
   run.own_faces = kept.contains("own_faces") && kept["own_faces"] == true;
@@ -180,7 +180,7 @@ Result<std::string> Work::operator()(Task task, Progress& progress) {
       if (const std::optional<std::uint64_t> cpu = pin()) return std::to_string(*cpu);
       return std::string();
   }
-  return Error{"no such task", {}, {}, 0};
+  return Error{"no such task"};
 }
 
 Result<std::string> Work::prepare(Progress& progress) {

@@ -11,7 +11,6 @@
 #include <palpate/baselines.h>
 #include <palpate/read_model.h>
 #include <palpate/registry.h>
-#include "baselines/versions.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/files.h"
@@ -51,8 +50,7 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
   if (!arguments.no_data.empty()) {
     const Result<double> number = read_number(arguments.no_data, NumberRange{});
     if (!number)
-      return Error{
-          fmt::format("--no-data: {}", number.error().what), "give the file's number, as in -9999", {}, 0};
+      return Error{fmt::format("--no-data: {}", number.error().what), "give the file's number, as in -9999"};
     options.no_data = *number;
   }
   options.cleaning = &all_cleaning();
@@ -165,9 +163,7 @@ Result<io::Readers> load() {
     const char* const why = dlerror();
     return Error{
         fmt::format("this format's libraries cannot be loaded: {}", why == nullptr ? "no entry" : why),
-        "install Palpate's lib folder beside its bin folder, and the packages of cmake/packages.txt",
-        {},
-        0};
+        "install Palpate's lib folder beside its bin folder, and the packages of cmake/packages.txt"};
   }
   io::Readers readers;
   reinterpret_cast<void (*)(io::Readers&)>(entry)(readers);

@@ -28,7 +28,7 @@ Status check_outputs(const RunArguments& arguments, const StageRequest& stage) {
         !good)
       return good;
   if (!arguments.save_mesh.empty() && arguments.save_mesh == arguments.save_edited)
-    return Error{"is to be the mesh and the edited model", "give two names", arguments.save_mesh, 0};
+    return Error{"is to be the mesh and the edited model", "give two names", arguments.save_mesh};
   return Done{};
 }
 
@@ -203,9 +203,7 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
     const std::optional<std::filesystem::path> file = locate_scan(*scan);
     if (!file)
       return Error{fmt::format("the scan '{}' is not here", truth),
-                   fmt::format("`palpate fetch {}` brings it", truth),
-                   {},
-                   0};
+                   fmt::format("`palpate fetch {}` brings it", truth)};
     truth = file->string();
   }
   Result<ReferenceChoice> reference = parse_reference(truth);

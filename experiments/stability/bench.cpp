@@ -87,8 +87,7 @@ Result<Places> places_on(const Stage& stage) {
     return std::move(*none).in_file(stage.scene_name);
   if (!stage.reference || stage.truth == nullptr)
     return Error{"this scene has no ground truth to compare with",
-                 "use a generated model or a mesh file, or name a truth with --reference", stage.scene_name,
-                 0};
+                 "use a generated model or a mesh file, or name a truth with --reference", stage.scene_name};
   const geometry::Aabb box = stage.scene.input.models.front().cloud->box_mm();
   Places places;
   const double size = kShareOfModel * box.extent_mm().maxCoeff();
@@ -113,7 +112,7 @@ Result<Places> places_on(const Stage& stage) {
   }
   if (!found)
     return Error{"the path nowhere touches the true surface with room for a hand",
-                 "name another path with --path", stage.path.name, 0};
+                 "name another path with --path", stage.path.name};
   places.flat = {truth[*found].frame.god_object_mm, truth[*found].normal, tangent_of(truth[*found].normal)};
   double turned = kEdgeCosine;
   for (std::size_t k = stride; k < contact.size(); k += stride) {

@@ -90,17 +90,13 @@ Result<std::vector<double>> rising_numbers(const std::string& option, const std:
     const Result<double> number = read_number(word, range);
     if (!number)
       return Error{fmt::format("{} has {}: {}", option, shown(word), number.error().what),
-                   "give numbers separated by commas",
-                   {},
-                   0};
+                   "give numbers separated by commas"};
     if (!numbers.empty() && !(*number > numbers.back()))
       return Error{fmt::format("the numbers of {} do not rise at {}", option, shown(word)),
-                   "give each once, the smallest first",
-                   {},
-                   0};
+                   "give each once, the smallest first"};
     numbers.push_back(*number);
   }
-  if (numbers.empty()) return Error{option + " is empty", "give at least one number", {}, 0};
+  if (numbers.empty()) return Error{option + " is empty", "give at least one number"};
   return numbers;
 }
 
@@ -117,9 +113,7 @@ Result<AskedLoop> asked_of(const StabilityArguments& arguments) {
   if (asked.bench.jitter_s * asked.rates.back() >= 1.0 || asked.bench.jitter_s * kBaseHz >= 1.0)
     return Error{fmt::format("--jitter {} ms is not below the period of {} Hz", arguments.jitter_ms,
                              std::max(asked.rates.back(), kBaseHz)),
-                 "give less jitter, or lower --rates",
-                 {},
-                 0};
+                 "give less jitter, or lower --rates"};
   return asked;
 }
 

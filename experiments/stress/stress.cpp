@@ -32,8 +32,7 @@ Result<std::vector<StressCase>> chosen_cases(const StressArguments& arguments) {
         }
         known += one.name + (&one == &all.back() || (&one + 1)->group != group ? ")" : " ");
       }
-      return Error{
-          fmt::format("there is no case '{}'", word), "choose cases or whole groups from " + known, {}, 0};
+      return Error{fmt::format("there is no case '{}'", word), "choose cases or whole groups from " + known};
     }
   std::erase_if(all, [&](const StressCase& one) {
     const bool named =
@@ -41,7 +40,7 @@ Result<std::vector<StressCase>> chosen_cases(const StressArguments& arguments) {
     return (!words.empty() && !named) || (arguments.quick && !one.quick);
   });
   if (all.empty())
-    return Error{"none of these cases is of the short set", "leave out --quick, or name others", {}, 0};
+    return Error{"none of these cases is of the short set", "leave out --quick, or name others"};
   return all;
 }
 

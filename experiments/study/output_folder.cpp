@@ -51,12 +51,12 @@ Status write_all(int fd, std::string_view text) {
   while (!text.empty()) {
     const ssize_t n = ::write(fd, text.data(), text.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return Error{fmt::format("cannot be written: {}", std::strerror(errno)), {}, {}, 0};
+    if (n < 0) return Error{fmt::format("cannot be written: {}", std::strerror(errno))};
     text.remove_prefix(static_cast<std::size_t>(n));
   }
   // Syncs the list: it must name every file that survives a power cut.
   if (::fdatasync(fd) != 0 && errno != EINVAL && errno != EROFS)
-    return Error{fmt::format("cannot be written: {}", std::strerror(errno)), {}, {}, 0};
+    return Error{fmt::format("cannot be written: {}", std::strerror(errno))};
   return Done{};
 }
 
@@ -107,7 +107,7 @@ struct OutputFolder::State {
   }
 
   Error wrong(std::string what, std::string remedy = "give --out a place you may write") const {
-    return Error{std::move(what), std::move(remedy), root.string(), 0};
+    return Error{std::move(what), std::move(remedy), root.string()};
   }
   Status lock();
   void read_mark();
@@ -208,7 +208,7 @@ Result<OutputFolder> OutputFolder::reopen(const std::string& folder) {
   }
   if (!fs::exists(root / kFolderMark, code))
     return Error{fmt::format("is no folder of results: there is no {} in it", kFolderMark),
-                 "copy the whole folder, hidden files too", folder, 0};
+                 "copy the whole folder, hidden files too", folder};
   Result<OutputFolder> opened = open(root.string());
   if (!opened) return opened;
   opened->state_->amended = true;
@@ -223,7 +223,7 @@ Status OutputFolder::check_not_read(std::span<const std::string> files) const {
         return Error{
             fmt::format("is read by this run, and is a result that the next run with --out {} replaces",
                         state_->root.string()),
-            "give --out another folder, or copy the file out of it", file, 0};
+            "give --out another folder, or copy the file out of it", file};
   return Done{};
 }
 
@@ -305,7 +305,7 @@ Result<std::string> OutputFolder::claim(const std::string& name) const {
   if (!s.ours.contains(own)) {
     if (!s.no_list && fs::exists(fs::symlink_status(s.root / own, code)))
       return Error{"is there already, and Palpate did not write it",
-                   "move it away, or give --out another folder", (s.root / own).string(), 0};
+                   "move it away, or give --out another folder", (s.root / own).string()};
     PALPATE_TRY(s.append(kFile + own));
     s.ours.insert(own);
   }
@@ -321,7 +321,7 @@ Status OutputFolder::write(const std::string& name, std::string_view text) const
 Result<OutputFolder> OutputFolder::inside(const std::string& name) const {
   std::error_code code;
   fs::create_directories(path() / name, code);
-  if (code) return Error{"the folder cannot be made: " + code.message(), {}, (path() / name).string(), 0};
+  if (code) return Error{"the folder cannot be made: " + code.message(), {}, (path() / name).string()};
   return OutputFolder(state_, below_ + name + "/");
 }
 

@@ -51,7 +51,7 @@ class Reading {
     run.trace.label = result.label;
     if (trace::trace_hash(run.trace) != result.trace_hash)
       return Error{fmt::format("is not the trace of {}, whose hash stands in {}", result.label, kResultFile),
-                   again(), file, 0};
+                   again(), file};
     PALPATE_TRY(take_path(std::move(read.path), file));
     return scores(result, run);
   }
@@ -87,11 +87,11 @@ class Reading {
   [[nodiscard]] Result<std::string> named(const std::string& name) const {
     const fs::path result = folder_ / kResultFile;
     if (!is_plain(name))
-      return Error{fmt::format("names a file outside of the study: '{}'", name), again(), result.string(), 0};
+      return Error{fmt::format("names a file outside of the study: '{}'", name), again(), result.string()};
     const fs::path file = folder_ / name;
     std::error_code code;
     if (!fs::exists(file, code))
-      return Error{fmt::format("is missing, and {} names it", kResultFile), again(), file.string(), 0};
+      return Error{fmt::format("is missing, and {} names it", kResultFile), again(), file.string()};
     return file.string();
   }
 
@@ -111,7 +111,7 @@ class Reading {
       return Done{};
     }
     if (path.t_s == study_.path.t_s && path.hip_mm == study_.path.hip_mm) return Done{};
-    return Error{"is along another path than the other files of the study", again(), file, 0};
+    return Error{"is along another path than the other files of the study", again(), file};
   }
 
   const fs::path& folder_;
@@ -127,17 +127,17 @@ Error no_study(const fs::path& folder) {
   return Error{fmt::format("is no study: there is no {} in it", kResultFile),
                inside.empty() ? std::string("give the folder that compare or replay wrote with --out")
                               : fmt::format("its tables are studies: give one of them, such as {}", inside),
-               folder.string(), 0};
+               folder.string()};
 }
 
 Result<metrics::ResultDocument> read_document(const fs::path& folder) {
   std::error_code code;
   if (!fs::exists(folder, code))
     return Error{"there is no such folder", "give the folder that compare or replay wrote with --out",
-                 folder.string(), 0};
+                 folder.string()};
   if (!fs::is_directory(folder, code))
     return Error{"is a file, not the folder of a study",
-                 "give the folder that compare or replay wrote with --out", folder.string(), 0};
+                 "give the folder that compare or replay wrote with --out", folder.string()};
   const std::string file = (folder / kResultFile).string();
   if (!fs::exists(file, code)) return no_study(folder);
   PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
@@ -147,10 +147,10 @@ Result<metrics::ResultDocument> read_document(const fs::path& folder) {
     return Error{"is half written: the run goes on, or was interrupted",
                  "wait for it, or let the same command go on from there" +
                      (document->command.empty() ? std::string() : ": " + document->command),
-                 file, 0};
+                 file};
   if (!document->scoring)
     return Error{"holds results, and no study: traces and truth do not stand beside it",
-                 "give the folder that compare or replay of this version wrote", file, 0};
+                 "give the folder that compare or replay of this version wrote", file};
   return document;
 }
 

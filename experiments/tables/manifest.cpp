@@ -151,9 +151,7 @@ Result<Manifest> find_manifest(const std::vector<Manifest>& all, const std::stri
   for (const Manifest& m : all)
     known += (known.empty() ? "" : ", ") + (m.table > 0 ? fmt::format("{}", m.table) : m.id());
   return Error{fmt::format("there is no table '{}' in this version", item),
-               "choose from " + known + ", or name a manifest (.toml)",
-               {},
-               0};
+               "choose from " + known + ", or name a manifest (.toml)"};
 }
 
 }  // namespace
@@ -203,8 +201,7 @@ Result<std::vector<Manifest>> manifests_for(const std::string& tables) {
     if (same == chosen.end())
       chosen.push_back(*std::move(found));
     else if (same->source != found->source)
-      return Error{
-          fmt::format("two manifests are of {}", found->id()), "run them one after the other", {}, 0};
+      return Error{fmt::format("two manifests are of {}", found->id()), "run them one after the other"};
   }
   return chosen;
 }

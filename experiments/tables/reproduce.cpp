@@ -77,15 +77,13 @@ Status check_mesh_arguments(const ReproduceArguments& arguments, const std::vect
                             [&](const Manifest& m) { return reconstructs(m, registry); }))
     return Done{};
   return Error{"--mesh-limit and --no-cache do nothing: no table that was chosen makes a mesh",
-               "leave them out",
-               {},
-               0};
+               "leave them out"};
 }
 
 Result<scene::SceneFile> embedded_scene(const std::string& name) {
   for (const EmbeddedManifest& scene : embedded_scenes())
     if (name == scene.name) return scene::parse_scene(scene.text, name);
-  return Error{fmt::format("there is no scene '{}'", name), {}, {}, 0};
+  return Error{fmt::format("there is no scene '{}'", name)};
 }
 
 Status make_quick(scene::SceneFile& scene, const std::string& generator) {

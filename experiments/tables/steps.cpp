@@ -116,7 +116,7 @@ Status draw_reproduction(const OutputFolder& folder) {
   try {
     const Json document = Json::parse(text);
     if (document.at("schema") != kSchema)
-      return Error{"is not of the schema " + std::string(kSchema), "run reproduce again", file, 0};
+      return Error{"is not of the schema " + std::string(kSchema), "run reproduce again", file};
     std::vector<Part> parts;
     for (const Json& step : document.at("steps")) {
       PALPATE_ASSIGN(Part part, part_again(step, folder));
@@ -124,8 +124,7 @@ Status draw_reproduction(const OutputFolder& folder) {
     }
     return write_page(page_of(head_from(document), parts), folder);
   } catch (const nlohmann::json::exception& error) {
-    return Error{fmt::format("is not what reproduce writes: {}", error.what()), "run reproduce again", file,
-                 0};
+    return Error{fmt::format("is not what reproduce writes: {}", error.what()), "run reproduce again", file};
   }
 }
 

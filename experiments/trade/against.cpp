@@ -118,9 +118,7 @@ Status check_same(const ResultDocument& before, const ResultDocument& after) {
   if (hashes(before) != hashes(after)) other = "another model";
   if (other == nullptr) return Done{};
   return Error{fmt::format("is of {}: {} along {}", other, before.scene, before.path),
-               fmt::format("compare with a run of {} along {}", after.scene, after.path),
-               {},
-               0};
+               fmt::format("compare with a run of {} along {}", after.scene, after.path)};
 }
 
 }  // namespace

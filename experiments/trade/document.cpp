@@ -241,8 +241,8 @@ Result<SweepDocument> read_sweep(const std::string& folder) {
   PALPATE_ASSIGN(const std::string text, read_file(file, kMostRowsBytes));
   const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
   const auto wrong = [&](const std::string& what) {
-    return Error{what, "let `palpate compare sweep` write the folder again: it keeps what was measured", file,
-                 0};
+    return Error{what, "let `palpate compare sweep` write the folder again: it keeps what was measured",
+                 file};
   };
   if (!json.is_object() || json.value("schema", nlohmann::json()) != kSweepSchema)
     return wrong(fmt::format("is no document of schema {}", kSweepSchema));

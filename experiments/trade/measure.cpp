@@ -154,14 +154,10 @@ Result<Experiment> experiment_on(const Stage& stage, const std::string& program)
   if (const std::optional<Error> none = why_no_truth(stage.scene.input)) return *none;
   if (!stage.reference)
     return Error{"there is no ground truth, so nothing can be said of accuracy",
-                 "name a mesh of the same object with --reference",
-                 {},
-                 0};
+                 "name a mesh of the same object with --reference"};
   if (!stage.forces_comparable)
     return Error{"the ground truth is of a rigid surface without friction or texture, and the scene has more",
-                 "leave friction, deformation, texture and dents out of the scene",
-                 {},
-                 0};
+                 "leave friction, deformation, texture and dents out of the scene"};
   Experiment experiment{&stage, {}, 0.0, 0.0, {}, 1};
   const auto& frames = stage.reference->frames;
   double squares = 0.0;
@@ -173,7 +169,7 @@ Result<Experiment> experiment_on(const Stage& stage, const std::string& program)
     experiment.episode_of.push_back(static_cast<std::uint32_t>(episode));
   }
   if (contact == 0 || frames.size() < 2)
-    return Error{"the path never touches the model", "give --path one that does", {}, 0};
+    return Error{"the path never touches the model", "give --path one that does"};
   experiment.episodes = episode + 1;
   experiment.truth_rms_n = std::sqrt(squares / static_cast<double>(contact));
   const std::vector<double>& t = stage.path.t_s;

@@ -23,7 +23,7 @@ Status join(SweepDocument& whole, SweepDocument other, const std::string& folder
     return Error{
         fmt::format("is of another scene ({}), path, truth or version of Palpate than the first ({})",
                     other.scene, whole.scene),
-        "merge folders of one and the same sweep", rows_file(folder), 0};
+        "merge folders of one and the same sweep", rows_file(folder)};
   std::map<std::pair<std::string, std::string>, std::string> known;
   for (const Row& row : whole.rows) known[{row.setting, row.machine.hash}] = row_text(row);
   for (Row& row : other.rows) {
@@ -33,7 +33,7 @@ Status join(SweepDocument& whole, SweepDocument other, const std::string& folder
     else if (at->second != row_text(row))
       return Error{fmt::format("'{}' was measured on {} in an earlier folder as well, with another result",
                                row.setting, row.machine.name),
-                   "leave one of the folders out", rows_file(folder), 0};
+                   "leave one of the folders out", rows_file(folder)};
   }
   for (const auto& [from, to] : {std::pair{&other.not_measured, &whole.not_measured},
                                  {&other.axes, &whole.axes},
@@ -63,7 +63,7 @@ Status check_apart(const MergeArguments& arguments) {
   std::error_code code;
   for (const std::string& folder : arguments.folders)
     if (std::filesystem::equivalent(folder, arguments.out, code))
-      return Error{"is one of the folders that are merged", "give --out another name", arguments.out, 0};
+      return Error{"is one of the folders that are merged", "give --out another name", arguments.out};
   return Done{};
 }
 

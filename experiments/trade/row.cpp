@@ -181,7 +181,7 @@ Result<Row> row_of(const nlohmann::json& json) {
                     row.bytes && row.error_p95_percent))
     read.blame("status");
   if (!read.wrong().empty())
-    return Error{fmt::format("this row has no right '{}'", read.wrong()), kRowRemedy, {}, 0};
+    return Error{fmt::format("this row has no right '{}'", read.wrong()), kRowRemedy};
   return row;
 }
 

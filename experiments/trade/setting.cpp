@@ -264,11 +264,9 @@ Result<std::vector<std::string>> parse_axes(const std::string& text) {
   for (const std::string& name : split_list(text)) {
     if (std::find(names.begin(), names.end(), name) == names.end())
       return Error{fmt::format("there is no axis {}", shown(name)),
-                   did_you_mean(name, names, "choose from " + joined(names)),
-                   {},
-                   0};
+                   did_you_mean(name, names, "choose from " + joined(names))};
     if (std::find(chosen.begin(), chosen.end(), name) != chosen.end())
-      return Error{fmt::format("the axis '{}' is named twice", name), "name each once", {}, 0};
+      return Error{fmt::format("the axis '{}' is named twice", name), "name each once"};
     chosen.push_back(name);
   }
   return chosen;

@@ -34,9 +34,7 @@ struct Shard {
 Result<Shard> parse_shard(const std::string& text) {
   if (text.empty()) return Shard{};
   const Error wrong{fmt::format("--shard {} is no part of a whole", shown(text)),
-                    "give a number of as many, such as 2/8",
-                    {},
-                    0};
+                    "give a number of as many, such as 2/8"};
   const std::size_t slash = text.find('/');
   if (slash == std::string::npos) return wrong;
   const NumberRange range{1, static_cast<double>(kMostShards)};
@@ -86,7 +84,7 @@ Status Sweep::open_folder(const std::string& out) {
   const fs::path root(out);
   if (fs::exists(root / kFolderMark, code) && !fs::exists(root / kRowsFile, code))
     return Error{fmt::format("the folder holds other results, and no {}", kRowsFile),
-                 "give --out a new folder, or that of an earlier sweep", out, 0};
+                 "give --out a new folder, or that of an earlier sweep", out};
   if (fs::exists(root / kFolderMark, code)) {
     // Measured rows survive any failure of this run.
     PALPATE_ASSIGN(folder_, OutputFolder::reopen(out));
@@ -114,8 +112,8 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   SweepDocument& document = sweep->document_;
   if (!document.rows.empty() && document.rows.front().experiment != sweep->experiment_->hash)
     return Error{"these rows are of another scene, path, truth or version of Palpate",
-                 "give --out another folder, or take this one away", sweep->folder_->file(kRowsFile).string(),
-                 0};
+                 "give --out another folder, or take this one away",
+                 sweep->folder_->file(kRowsFile).string()};
   SettingsRequest settings{sweep->checked_.renderers, turned, arguments.full,
                            sweep->stage_.spacing.resolution_mm};
   if (arguments.of_scene_only)
@@ -124,9 +122,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   std::vector<Setting> all = settings_of(settings, sweep->stage_.scene.input, registry);
   if (all.empty())
     return Error{"no renderer can do what the scene asks for",
-                 "`palpate list renderers` says what each supports",
-                 {},
-                 0};
+                 "`palpate list renderers` says what each supports"};
   sweep->anchor_ = all.front();
   sweep->settings_ = shard_of(std::move(all), shard.index, shard.count);
   sweep->registry_ = &registry;

@@ -72,7 +72,7 @@ Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const Tune
                  experiment_on(stage, fmt::format("{} {}", version_text(), kCommit)));
   if (experiment.hash != sweep.experiment().hash)
     return Error{"is not the scene that was swept: its points, path or truth came out otherwise",
-                 "report this as a defect, with the scene", scene_file, 0};
+                 "report this as a defect, with the scene", scene_file};
   PALPATE_ASSIGN(RendererRequest renderer, request_of(*request.scene.renderer, registry));
   renderer.label = renderer.name;
   const Setting setting{renderer.name, std::move(renderer), request.scene.renderer->options, 0, 1, {}};
@@ -207,8 +207,7 @@ std::optional<std::size_t> nearest_miss(const std::vector<Row>& rows, const Tune
 Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   const TuneLimits limits = limits_of(arguments);
   if (!limits.any())
-    return Error{
-        "nothing is asked for", "give --max-error, --max-frame-us or --max-bytes, or several", {}, 0};
+    return Error{"nothing is asked for", "give --max-error, --max-frame-us or --max-bytes, or several"};
   const render::Registry registry = all_renderers();
   SweepArguments sweep_arguments = arguments.sweep;
   sweep_arguments.of_scene_only = true;

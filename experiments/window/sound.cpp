@@ -58,7 +58,7 @@ class SdlSound final : public Sound {
 
  private:
   static Error no_sound() {
-    return Error{std::string("no sound can be played: ") + SDL_GetError(), "connect an audio device", {}, 0};
+    return Error{std::string("no sound can be played: ") + SDL_GetError(), "connect an audio device"};
   }
   void play(Uint8* bytes, int count) noexcept {
     auto* const samples = reinterpret_cast<std::int16_t*>(bytes);  // NOLINT: aligned by SDL, of our format
@@ -83,8 +83,7 @@ Result<std::unique_ptr<Sound>> Sound::open(const std::atomic<float>& force_n, do
 #else
 
 Result<std::unique_ptr<Sound>> Sound::open(const std::atomic<float>&, double) {
-  return Error{
-      "this program was built without sound", "install Debian's libsdl2-dev and configure again", {}, 0};
+  return Error{"this program was built without sound", "install Debian's libsdl2-dev and configure again"};
 }
 
 #endif

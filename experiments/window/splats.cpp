@@ -108,9 +108,7 @@ Result<unsigned> compiled(unsigned kind, const char* source) {
   glGetShaderInfoLog(shader, static_cast<int>(words.size()), nullptr, words.data());
   glDeleteShader(shader);
   return Error{std::string("the graphics driver does not take a shader: ") + words.data(),
-               "a driver with OpenGL 3.3 is needed; Mesa's software drawing has it",
-               {},
-               0};
+               "a driver with OpenGL 3.3 is needed; Mesa's software drawing has it"};
 }
 
 Result<unsigned> linked(const char* of_pixels) {
@@ -126,7 +124,7 @@ Result<unsigned> linked(const char* of_pixels) {
   glGetProgramiv(program, GL_LINK_STATUS, &good);
   if (good == GL_TRUE) return program;
   glDeleteProgram(program);
-  return Error{"the graphics driver does not link the shaders", "a driver with OpenGL 3.3 is needed", {}, 0};
+  return Error{"the graphics driver does not link the shaders", "a driver with OpenGL 3.3 is needed"};
 }
 
 void set_matrix(unsigned program, const char* name, const Mat4& matrix) {

@@ -87,9 +87,7 @@ void make_interface() {
 
 Error no_window(const std::string& why) {
   return Error{"no window can be opened: " + why,
-               "leave --window out, or give the program a display (ssh -X, xvfb-run) with OpenGL 3.3",
-               {},
-               0};
+               "leave --window out, or give the program a display (ssh -X, xvfb-run) with OpenGL 3.3"};
 }
 
 void tell_interface(const WindowInput& input, int width, int height, double scale) {
@@ -327,7 +325,7 @@ ColourImage read_window(int width_px, int height_px) {
 
 Status write_png(const ColourImage& image, const std::string& path) {
   const std::string bytes = colour_png(image);
-  if (bytes.empty()) return Error{"there is no picture to write", "open the window first", path, 0};
+  if (bytes.empty()) return Error{"there is no picture to write", "open the window first", path};
   return write_file(path, bytes);
 }
 

@@ -7,9 +7,7 @@ struct Window::State {};
 
 Result<std::unique_ptr<Window>> Window::open(SessionLink&, const WindowOptions&) {
   return Error{"this program was built without a window",
-               "leave --window out, or configure with -DPALPATE_WITH_WINDOW=ON (GLFW, Dear ImGui and epoxy)",
-               {},
-               0};
+               "leave --window out, or configure with -DPALPATE_WITH_WINDOW=ON (GLFW, Dear ImGui and epoxy)"};
 }
 Window::~Window() = default;
 // Unreachable: no window can be created.

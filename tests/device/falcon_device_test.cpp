@@ -78,7 +78,7 @@ TEST(FalconBoot, ResetsByTheRisingEdgeAtTheRomsRate) {
 
 TEST(FalconBoot, RunningFirmwareIsFoundAndLeftAlone) {
   FalconOptions options;
-  options.firmware = []() -> Result<FalconFirmware> { return Error{"nobody should ask", "", "", 0}; };
+  options.firmware = []() -> Result<FalconFirmware> { return Error{"nobody should ask"}; };
   FalconRig rig(options);
   rig.board.run_firmware();
   rig.board.faults.deaf_for = 7;  // replies may be lost

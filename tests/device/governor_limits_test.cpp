@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include <palpate/device/force_governor.h>
-#include "device/interface/workspace_edge.h"
 #include "tests/device/helpers.h"
 #include "toolkit/core/random.h"
 

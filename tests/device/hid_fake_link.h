@@ -35,7 +35,7 @@ class FakeLink final : public Link {
  public:
   explicit FakeLink(FakeWire& wire) : wire_(wire) {}
   Status open() override {
-    if (!wire_.opens) return Error{"there is nothing", "connect it", "", 0};
+    if (!wire_.opens) return Error{"there is nothing", "connect it"};
     wire_.open = true;
     return Done{};
   }

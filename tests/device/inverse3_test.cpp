@@ -100,7 +100,7 @@ TEST(HttpAnswers, AreReadWholeInPiecesOrNotAtAll) {
 class PretendedTextLink final : public TextLink {
  public:
   Status open(TextPeer& to) override {
-    if (refuses) return Error{"no service", "start it", "", 0};
+    if (refuses) return Error{"no service", "start it"};
     peer = &to;
     return Done{};
   }
@@ -129,7 +129,7 @@ struct Inverse3Rig {
     };
     options.http = [this](const HttpRequest& request) -> Result<HttpAnswer> {
       requests.push_back(request);
-      if (http_fails) return Error{"refused", "", "", 0};
+      if (http_fails) return Error{"refused"};
       return HttpAnswer{200, R"({"enabled":true})"};
     };
     auto owned = std::make_unique<PretendedTextLink>();

@@ -9,8 +9,7 @@ Status MemoryFile::append(std::span<const std::byte> bytes) {
   if (disk_.slow_ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(disk_.slow_ms));
   const std::lock_guard lock(disk_.mutex);
   if (disk_.broken || disk_.bytes.size() + bytes.size() > disk_.room)
-    return Error{"cannot write the recording: No space left on device", "free some space on the disk", path_,
-                 0};
+    return Error{"cannot write the recording: No space left on device", "free some space on the disk", path_};
   disk_.bytes.insert(disk_.bytes.end(), bytes.begin(), bytes.end());
   return Done{};
 }

@@ -412,7 +412,7 @@ RoundTrips measure_usb_trips(double seconds, bool event_character, bool real_tim
   const bool fifo = real_time && ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority) == 0;
   if (fifo) usb.run_at(kDoublePriority);
   UsbLink link(kAddress, {}, "falcon", falcon_lets_go, fifo ? UsbLink::kPriority : 0);
-  const auto no_firmware = []() -> Result<FalconFirmware> { return Error{"it runs", "", "", 0}; };
+  const auto no_firmware = []() -> Result<FalconFirmware> { return Error{"it runs"}; };
   if (!link.open() || !boot_falcon(link, {no_firmware, [](int ms) { sleep_ms(ms); }, event_character}))
     std::abort();
   FalconReader reader;

@@ -71,7 +71,7 @@ class PacketsDevice final : public device::Device {
 
   std::string name() const override { return "test:packets"; }
   Status open() override {
-    if (!plan_.opens) return Error{"there is no such device", "plug it in", name(), 0};
+    if (!plan_.opens) return Error{"there is no such device", "plug it in", name()};
     if (!plan_.board().plugged() && ++fails_ > plan_.fails_before_back) {
       plan_.board().plug();
       fails_ = 0;
@@ -114,8 +114,7 @@ inline device::Drivers drivers_with(PacketsPlan& plan) {
        },
        [&plan](const device::DeviceRequest& request, const Clock& clock) -> Result<device::MadeDevice> {
          for (const auto& [key, value] : request.options)
-           if (key != "force_n")
-             return Error{"packets has no option '" + key + "'", "it takes force_n", "", 0};
+           if (key != "force_n") return Error{"packets has no option '" + key + "'", "it takes force_n"};
          device::MadeDevice made;
          made.device = std::make_unique<PacketsDevice>(plan, clock);
          if (plan.guarded)

@@ -24,7 +24,7 @@ class BallRenderer final : public render::HapticRenderer {
                                                  const render::PrepareContext& /*context*/) const override {
     render::Decisions decided;
     for (const render::ModelInput& model : scene.models) {
-      if (model.cloud->empty()) return Error{"the model '" + model.name + "' has no points", "", "", 0};
+      if (model.cloud->empty()) return Error{"the model '" + model.name + "' has no points"};
       render::ModelDecisions one;
       one.name = model.name;
       one.points = model.cloud->size();

@@ -89,7 +89,7 @@ std::string broken_link(const std::string& file, const std::string& target,
   return {};
 }
 
-/// True if a line opens a file for reading without toolkit/core/input_file.h, which alone refuses pipes and
+/// True if a line opens a file for reading without toolkit/core/files.h, which alone refuses pipes and
 /// devices. System files are exempt.
 bool opens_a_file(const std::string& line) {
   static const std::regex kOpens(R"((std::i?fstream\b|\bfopen\(|::open\(.*O_RDONLY))");
@@ -196,7 +196,7 @@ TEST(MachinePaths, AreFound) {
 
 TEST(Files, AreOpenedInOneWay) {
   const auto ours = [](const std::string& file) {
-    return is_source(file) && !file.starts_with("tests/") && file != "toolkit/core/input_file.cpp";
+    return is_source(file) && !file.starts_with("tests/") && file != "toolkit/core/files.cpp";
   };
   EXPECT_EQ(findings_over(ours,
                           [](const std::string& file, const auto& lines) {

@@ -49,9 +49,7 @@ Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite,
   if (points_mm.size() > kMaxCloudPoints)
     return Error{fmt::format("{} points are more than the {} that one model may have", points_mm.size(),
                              kMaxCloudPoints),
-                 "cut the cloud into several models, or thin it (palpate clean)",
-                 {},
-                 0};
+                 "cut the cloud into several models, or thin it (palpate clean)"};
   BuildReport found;
   geometry::Aabb box;
   std::size_t first_bad = points_mm.size();
@@ -65,17 +63,13 @@ Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite,
   if (found.non_finite > 0 && non_finite == NonFinite::kRefuse)
     return Error{fmt::format("{} of {} points are not finite, the first is point {}", found.non_finite,
                              points_mm.size(), first_bad),
-                 "drop them with --non-finite drop, or clean the file",
-                 {},
-                 0};
+                 "drop them with --non-finite drop, or clean the file"};
   const std::size_t kept = points_mm.size() - found.non_finite;
-  if (kept == 0) return Error{"the cloud has no points", "give a file with at least one finite point", {}, 0};
+  if (kept == 0) return Error{"the cloud has no points", "give a file with at least one finite point"};
   // Beyond this a float relative to the origin would overflow.
   if (!(box.extent_mm().maxCoeff() < static_cast<double>(std::numeric_limits<float>::max())))
     return Error{"the cloud's extent does not fit in single precision",
-                 "remove the outliers or check the unit",
-                 {},
-                 0};
+                 "remove the outliers or check the unit"};
 
   Cloud cloud;
   cloud.origin_mm = box.low_mm + 0.5 * box.extent_mm();

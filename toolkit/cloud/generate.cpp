@@ -389,12 +389,9 @@ Status check_sizes(const NamedOptions& spec, const Options& options, const Commo
   if (common.spacing_mm > 0.0 && common.extent_mm / common.spacing_mm > std::sqrt(kMaxGeneratedPoints))
     return Error{fmt::format("{}: a spacing of {} mm over {} mm makes too many points", spec.name,
                              common.spacing_mm, common.extent_mm),
-                 fmt::format("at most {} points a model", kMaxGeneratedPoints),
-                 {},
-                 0};
+                 fmt::format("at most {} points a model", kMaxGeneratedPoints)};
   if (spec.name == "slab" && options.number("thickness_mm") > options.number("extent_mm"))
-    return Error{
-        "slab: thickness_mm is more than extent_mm", "give a thickness of at most the extent", {}, 0};
+    return Error{"slab: thickness_mm is more than extent_mm", "give a thickness of at most the extent"};
   return Done{};
 }
 
@@ -405,9 +402,7 @@ Result<Options> complete_options(const Generator& generator, const Options& give
   if (given.has("seed") && complete.integer("seed") != 1 && !has_chance(generator.name, complete))
     return Error{fmt::format("{}: option seed={} does nothing with jitter={} and all points in place",
                              generator.name, given.text("seed"), complete.text("jitter")),
-                 "leave it out, or set jitter, sampling, noise, outliers or shuffle",
-                 {},
-                 0};
+                 "leave it out, or set jitter, sampling, noise, outliers or shuffle"};
   return complete;
 }
 
@@ -415,14 +410,12 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
   const Generator* generator = find_generator(spec.name);
   if (generator == nullptr)
     return Error{fmt::format("there is no generator '{}'", spec.name),
-                 "choose from " + joined(names_of(generators())),
-                 {},
-                 0};
+                 "choose from " + joined(names_of(generators()))};
   PALPATE_ASSIGN(Options complete, complete_options(*generator, spec.options));
   const Options& options = complete;
   const bool by_spacing = options.number("spacing_mm") > 0.0;
   if (by_spacing && spec.options.has("points"))
-    return Error{fmt::format("{}: points and spacing_mm both given", spec.name), "keep one of them", {}, 0};
+    return Error{fmt::format("{}: points and spacing_mm both given", spec.name), "keep one of them"};
   const CommonOptions common = read_common(options, by_spacing);
   const SamplingOptions how = read_sampling(options);
   PALPATE_TRY(check_mesh(spec, common, how));
@@ -434,24 +427,18 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
     return Error{fmt::format("{} makes no surface of this kind", spelled(spec.name, options)),
                  "a sinusoid's slope 2 pi A / L may be at most 8, a relief's finest wave must be below its "
                  "side, edges "
-                 "and gaps of bodies must fit into them",
-                 {},
-                 0};
+                 "and gaps of bodies must fit into them"};
   const double count = how.way == Sampling::kGrid ? static_cast<double>(shape.grid.count)
                                                   : count_patches(shape.patches, common);
   if (count > kMaxGeneratedPoints)
     return Error{fmt::format("{} makes {:.0f} points", spec.name, count),
-                 fmt::format("at most {} points a model", kMaxGeneratedPoints),
-                 {},
-                 0};
+                 fmt::format("at most {} points a model", kMaxGeneratedPoints)};
   const geometry::Aabb box = model.surface->box_mm();
   // Larger floats relative to the middle would overflow; smaller spacings would vanish.
   constexpr double kLargest = 1e30, kSmallest = 1e-30;
   if (!(box.extent_mm().maxCoeff() < kLargest) || !(shape.grid.spacing_mm > kSmallest))
     return Error{fmt::format("{} does not fit in single precision", spelled(spec.name, options)),
-                 "choose a scale between 1e-30 and 1e30 mm",
-                 {},
-                 0};
+                 "choose a scale between 1e-30 and 1e30 mm"};
   // The name says what there is, so that it can be given again.
   if (!how.in_place() || !(common.jitter < kMeshJitter)) complete.set("mesh", "false");
   model.spec = spelled(spec.name, options);

@@ -22,7 +22,7 @@ struct Axis {
 };
 
 Error no_lattice(std::string why) {
-  return Error{"no height field on a regular grid: " + std::move(why), "use the renderer cloud", {}, 0};
+  return Error{"no height field on a regular grid: " + std::move(why), "use the renderer cloud"};
 }
 
 /// Finite numbers in ascending order by radix sort: three passes, where comparison takes twenty.

@@ -122,9 +122,7 @@ Result<Options> complete_sampling(const NamedOptions& given) {
   if (sampling == nullptr)
     return Error{fmt::format("there is no way '{}' of sampling a mesh", given.name),
                  did_you_mean(given.name, names_of(mesh_samplings()),
-                              "choose from " + joined(names_of(mesh_samplings()))),
-                 {},
-                 0};
+                              "choose from " + joined(names_of(mesh_samplings())))};
   return validate(given.options, sampling->options, given.name);
 }
 
@@ -135,25 +133,20 @@ Result<MeshSamples> sample_mesh(std::shared_ptr<const TriangleMesh> mesh, const 
   for (long long i = 0; i < options.integer("subdivide"); ++i) {
     if (4.0 * static_cast<double>(made.truth->triangles.size()) > kMaxGeneratedPoints)
       return Error{fmt::format("{}: a subdivided mesh of too many triangles", spec.name),
-                   "give a smaller subdivide",
-                   {},
-                   0};
+                   "give a smaller subdivide"};
     made.truth = std::make_shared<const TriangleMesh>(
         geometry::loop_subdivided(i == 0 ? geometry::welded(*made.truth) : *made.truth));
   }
   const double area = made.truth->empty() ? 0.0 : MeshSurfaceSampler(*made.truth).area();
   if (!(area > 0.0) || !std::isfinite(area))
-    return Error{
-        fmt::format("{}: the mesh has no area to take points from", spec.name), "give a mesh", {}, 0};
+    return Error{fmt::format("{}: the mesh has no area to take points from", spec.name), "give a mesh"};
   made.edge_mm = median_edge(*made.truth);
   const double by_spacing = area / std::pow(options.number("spacing") * made.edge_mm, 2.0);
   const double wanted = options.integer("points") > 0 ? options.number("points") : std::round(by_spacing);
   if (!(wanted >= 4.0) || !(wanted <= kMaxGeneratedPoints))
     return Error{
         fmt::format("{}: {:.3g} points are {}", spec.name, wanted, wanted < 4.0 ? "too few" : "too many"),
-        fmt::format("choose points or spacing for 4 to {} points", kMaxGeneratedPoints),
-        {},
-        0};
+        fmt::format("choose points or spacing for 4 to {} points", kMaxGeneratedPoints)};
   const auto seed = static_cast<std::uint64_t>(options.integer("seed"));
   made.spacing_mm = std::sqrt(area / wanted);
   std::vector<Vec3> points;

@@ -205,7 +205,7 @@ Result<Scanned> scan(const FirstHit& first_hit, const geometry::Aabb& box, bool 
     seen_mm2 += seen * side * side;
   }
   if (!(seen_mm2 > 0.0))
-    return Error{"the simulated scanner sees nothing of the model", "give it more views", {}, 0};
+    return Error{"the simulated scanner sees nothing of the model", "give it more views"};
   Scanned scanned;
   scanned.spacing_mm = std::sqrt(seen_mm2 / o.points);
   for (std::uint32_t i = 0; i < views.size(); ++i) {
@@ -213,14 +213,12 @@ Result<Scanned> scan(const FirstHit& first_hit, const geometry::Aabb& box, bool 
     const double wanted = std::ceil(2.0 * views[i].half / scanned.spacing_mm);
     if (!(wanted * wanted * static_cast<double>(views.size()) <= kMaxGeneratedPoints))
       return Error{fmt::format("a scan by {} views needs {:.3g} rays each", views.size(), wanted * wanted),
-                   fmt::format("at most {} rays a model", kMaxGeneratedPoints),
-                   {},
-                   0};
+                   fmt::format("at most {} rays a model", kMaxGeneratedPoints)};
     const auto side = static_cast<std::size_t>(std::max(2.0, wanted));
     measure(look(first_hit, views[i], side), side, views[i], i, scanned.spacing_mm, o, scanned);
   }
   if (scanned.points_mm.empty())
-    return Error{"no point of the simulated scan is left", "ask for more points, or less dropout", {}, 0};
+    return Error{"no point of the simulated scan is left", "ask for more points, or less dropout"};
   return scanned;
 }
 

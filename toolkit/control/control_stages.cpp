@@ -17,10 +17,10 @@ namespace palpate::control {
 Status check(const Coupling& coupling) {
   if (!std::isfinite(coupling.stiffness_n_per_mm) || !(coupling.stiffness_n_per_mm > 0.0))
     return Error{"the coupling's stiffness_n_per_mm is " + std::to_string(coupling.stiffness_n_per_mm),
-                 "give a finite number above 0", "", 0};
+                 "give a finite number above 0"};
   if (!std::isfinite(coupling.damping_n_s_per_mm) || coupling.damping_n_s_per_mm < 0.0)
     return Error{"the coupling's damping_n_s_per_mm is " + std::to_string(coupling.damping_n_s_per_mm),
-                 "give a finite number, 0 or above", "", 0};
+                 "give a finite number, 0 or above"};
   return Done{};
 }
 
@@ -174,7 +174,7 @@ StepDelay measure(const Measured& m, const Restart& restart, const Show& show) {
 Status check_number(const char* name, double value, bool zero_allowed) {
   if (std::isfinite(value) && (value > 0.0 || (zero_allowed && value == 0.0))) return Done{};
   return Error{std::string(name) + " is " + std::to_string(value),
-               zero_allowed ? "give a finite number, 0 for no limit" : "give a finite number above 0", "", 0};
+               zero_allowed ? "give a finite number, 0 for no limit" : "give a finite number above 0"};
 }
 
 }  // namespace
@@ -235,7 +235,7 @@ Result<FilterDelay> filter_delay(const ForceFilterOptions& options, const Filter
     PALPATE_TRY(check_number(name, value, false));
   constexpr double kRightAngleDeg = 90.0;
   if (!(probe.step_deg < kRightAngleDeg) || !(2.0 * probe.ramp_deg_per_s * probe.dt_s < kRightAngleDeg))
-    return Error{"the probe turns through a right angle", "lower step_deg or ramp_deg_per_s", "", 0};
+    return Error{"the probe turns through a right angle", "lower step_deg or ramp_deg_per_s"};
   ForceFilter filter(options);
   FilterDelay delay;
   delay.size = measure(
@@ -253,7 +253,7 @@ Result<FilterDelay> filter_delay(const ForceFilterOptions& options, const Filter
       full, [&](double rad) { return angle_of(filter.filter(at_angle(probe.step_n, rad), probe.dt_s)); });
   if (delay.size.to_95_percent_s < 0.0 || delay.direction.to_95_percent_s < 0.0)
     return Error{"the filter does not reach the step in " + std::to_string(kMeasuredFrames) + " frames",
-                 "raise its limits or shorten the step", "", 0};
+                 "raise its limits or shorten the step"};
   return delay;
 }
 

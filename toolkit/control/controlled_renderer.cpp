@@ -148,8 +148,7 @@ Status check(const ControlOptions& options) {
   if (options.passivity) {
     const double limit = options.passivity->damping_limit_n_s_per_mm;
     if (!std::isfinite(limit) || !(limit > 0.0))
-      return Error{fmt::format("damping_limit_n_s_per_mm is {}", limit), "give a finite number above 0", "",
-                   0};
+      return Error{fmt::format("damping_limit_n_s_per_mm is {}", limit), "give a finite number above 0"};
   }
   return Done{};
 }

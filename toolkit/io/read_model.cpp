@@ -98,7 +98,7 @@ std::vector<std::uint32_t> scale_and_compact(DecodedFile& decoded, double factor
 }
 
 // A raster with holes is none; what is left of it are two properties, row and column, which a look-up table
-// is made of (search/scan_table.h).
+// is made of (search/knn.h).
 void keep_rows_and_columns(const DecodedFile& decoded, const std::vector<std::uint32_t>& new_index,
                            std::size_t file_points, cloud::Cloud& cloud) {
   constexpr std::uint32_t kWholeInFloat = std::uint32_t{1} << 24;

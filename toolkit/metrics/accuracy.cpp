@@ -293,11 +293,11 @@ void score_path_dependence(const ScoreInput& in, Accuracy& a) {
 
 Status check_lengths(const trace::ProbePath& path, std::size_t frames, std::string_view what) {
   if (path.size() == 0 || path.hip_mm.size() != path.size())
-    return Error{"the path has no samples", "", path.name, 0};
+    return Error{"the path has no samples", "", path.name};
   if (frames != path.size())
     return Error{std::string(what) + " has " + std::to_string(frames) + " frames, the path " +
                      std::to_string(path.size()),
-                 "score a trace with the path it was made from", path.name, 0};
+                 "score a trace with the path it was made from", path.name};
   return Done{};
 }
 
@@ -333,7 +333,7 @@ Status check_all(const trace::ProbePath& path, const trace::ForceTrace& trace,
     if (is_finite(frame.normal) && std::isfinite(frame.signed_distance_mm) &&
         std::isfinite(frame.local_resolution_mm))
       continue;
-    return Error{"the reference has a normal, distance or resolution that is not finite", "", path.name, 0};
+    return Error{"the reference has a normal, distance or resolution that is not finite", "", path.name};
   }
   return Done{};
 }
@@ -376,7 +376,7 @@ Result<Accuracy> rescore(const trace::ProbePath& path, const trace::ForceTrace& 
   if (answers && (answers->god_object_distance_mm.size() != n ||
                   (!answers->pop_throughs.empty() && answers->pop_throughs.size() != n) ||
                   (!answers->friction_ratio.empty() && answers->friction_ratio.size() != n)))
-    return Error{"the answers of the true surface are not of this trace", "", path.name, 0};
+    return Error{"the answers of the true surface are not of this trace", "", path.name};
   if (per_frame != nullptr) {
     *per_frame = {std::vector<float>(n),        std::vector<float>(n),        std::vector<float>(n),
                   std::vector<std::uint8_t>(n), std::vector<std::uint8_t>(n), answers};

@@ -41,8 +41,7 @@ Result<trace::ReferenceTrace> closest_point_reference(const TruthSurface& truth,
                                                       double stiffness_n_per_mm, double force_limit_n,
                                                       Progress& progress) {
   PALPATE_TRY(check_starts_free(path, truth));
-  if (!(stiffness_n_per_mm > 0.0))
-    return Error{"the stiffness is not positive", "give a stiffness above 0", "", 0};
+  if (!(stiffness_n_per_mm > 0.0)) return Error{"the stiffness is not positive", "give a stiffness above 0"};
   trace::ReferenceTrace reference;
   reference.name = "closest-point";
   reference.exactness = "the closest point of the whole surface in every frame, without any history";
@@ -51,7 +50,7 @@ Result<trace::ReferenceTrace> closest_point_reference(const TruthSurface& truth,
     if (i % kReportEvery == 0) {
       progress.report("closest points of the true surface",
                       static_cast<double>(i) / static_cast<double>(path.size()));
-      if (progress.cancelled()) return Error{"the reference was stopped", "", {}, 0};
+      if (progress.cancelled()) return Error{"the reference was stopped"};
     }
     const Vec3& hip = path.hip_mm[i];
     trace::TruthFrame& out = reference.frames[i];

@@ -15,7 +15,7 @@ namespace {
 Status check_stiffness(const trace::ProbePath& path, std::span<const double> stiffness_n_per_mm) {
   if (stiffness_n_per_mm.empty() || !std::all_of(stiffness_n_per_mm.begin(), stiffness_n_per_mm.end(),
                                                  [](double k) { return k > 0.0 && std::isfinite(k); }))
-    return Error{"the stiffness is not positive", "", path.name, 0};
+    return Error{"the stiffness is not positive", "", path.name};
   return Done{};
 }
 

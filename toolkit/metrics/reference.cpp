@@ -135,15 +135,14 @@ Result<trace::ReferenceTrace> analytic_reference(const AnalyticSurface& surface,
                                                  const geometry::RigidTransform& world_from_model,
                                                  const ReferenceOptions& options) {
   if (path.size() == 0 || path.hip_mm.size() != path.size())
-    return Error{"the path has no samples", "give a path with samples", path.name, 0};
+    return Error{"the path has no samples", "give a path with samples", path.name};
   for (std::size_t i = 0; i < path.size(); ++i) {
     if (is_finite(path.hip_mm[i])) continue;
     return Error{"the position is not finite", "remove or mend the sample", path.name,
                  static_cast<std::int64_t>(i) + kFirstSampleLine};
   }
-  if (!(stiffness_n_per_mm > 0.0))
-    return Error{"the stiffness is not positive", "give a stiffness above 0", "", 0};
-  if (options.sub_steps < 1) return Error{"a reference needs at least one sub-step", "", "", 0};
+  if (!(stiffness_n_per_mm > 0.0)) return Error{"the stiffness is not positive", "give a stiffness above 0"};
+  if (options.sub_steps < 1) return Error{"a reference needs at least one sub-step"};
   if (surface.signed_distance_mm(world_from_model.inverse() * path.hip_mm[0]) < 0.0)
     return Error{"the path starts inside the true surface", "start the path in free space", path.name,
                  kFirstSampleLine};
@@ -172,9 +171,9 @@ Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::Prob
                              const cloud::Cloud& cloud, const search::NeighbourTable& neighbours,
                              const geometry::RigidTransform& world_from_model) {
   if (reference.frames.size() != path.size() || path.hip_mm.size() != path.size())
-    return Error{"the reference and the path differ in length", "", path.name, 0};
+    return Error{"the reference and the path differ in length", "", path.name};
   if (cloud.empty() || neighbours.size() != cloud.size())
-    return Error{"the neighbour table does not belong to the cloud", "build it from this cloud", "", 0};
+    return Error{"the neighbour table does not belong to the cloud", "build it from this cloud"};
   const search::PointSearch points(cloud);
   const geometry::RigidTransform model_from_world = world_from_model.inverse();
   for (std::size_t i = 0; i < path.size(); ++i) {
@@ -182,7 +181,7 @@ Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::Prob
     const Vec3 place_mm = frame.frame.contact
                               ? frame.frame.god_object_mm
                               : Vec3(path.hip_mm[i] - frame.signed_distance_mm * frame.normal);
-    if (!is_finite(place_mm)) return Error{"the reference is not finite", "", path.name, 0};
+    if (!is_finite(place_mm)) return Error{"the reference is not finite", "", path.name};
     const std::size_t point = points.nearest(model_from_world * place_mm);
     double last_mm = 0.0;
     for (const std::uint32_t other : neighbours.of[point]) {
@@ -200,7 +199,7 @@ Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::Prob
 }
 
 Status check_starts_free(const trace::ProbePath& path, const TruthSurface& truth) {
-  if (path.hip_mm.empty()) return Error{"the path has no samples", "give a path with samples", path.name, 0};
+  if (path.hip_mm.empty()) return Error{"the path has no samples", "give a path with samples", path.name};
   if (truth.signed_distance_mm(path.hip_mm[0]) < 0.0)
     return Error{"the path starts inside the true surface", "start the path in free space", path.name,
                  kFirstSampleLine};

@@ -449,14 +449,14 @@ Result<ResultDocument> parse_result(std::string_view json, std::string_view sour
   const std::string file(source);
   const Json j = Json::parse(json.begin(), json.end(), nullptr, false);
   if (j.is_discarded() || !j.is_object())
-    return Error{"this is not a JSON object", "give a result.json that palpate wrote", file, 0};
+    return Error{"this is not a JSON object", "give a result.json that palpate wrote", file};
   ResultDocument document;
   std::string wrong;
   const Reader top{j, "", wrong};
   top("schema", document.schema);
   if (wrong.empty() && document.schema != kResultSchema && document.schema != kFormerResultSchema)
     return Error{"the schema is '" + document.schema + "', this program reads '" + kResultSchema + "'",
-                 "run the experiment again with this version", file, 0};
+                 "run the experiment again with this version", file};
   top("version", document.version);
   top("commit", document.commit);
   top("build", document.build);
@@ -488,7 +488,7 @@ Result<ResultDocument> parse_result(std::string_view json, std::string_view sour
       read_renderer(top.inside(one, key), document.renderers.emplace_back());
     }
   }
-  if (!wrong.empty()) return Error{wrong, "give a result.json that palpate wrote", file, 0};
+  if (!wrong.empty()) return Error{wrong, "give a result.json that palpate wrote", file};
   return document;
 }
 

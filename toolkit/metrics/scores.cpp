@@ -82,7 +82,7 @@ Status write_scores_csv(const trace::ProbePath& path, const AccuracyFrames& fram
       (columns.friction && !fits(frames.surface->friction_ratio)) ||
       (columns.events && !fits(frames.surface->pop_throughs)))
     return Error{fmt::format("the scores are not of the {} rows of the path", n),
-                 "write scores beside the path they were made with", file, 0};
+                 "write scores beside the path they were made with", file};
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "{}\n", columns.header());

@@ -273,7 +273,7 @@ Hand::~Hand() = default;
 Result<Hand> Hand::create(const PathTarget& target, const HandOptions& options) {
   const cloud::Cloud& cloud = *target.cloud;
   if (cloud.size() < kMinInBall)
-    return Error{"the cloud has too few points for a hand to go by", "give at least 16", {}, 0};
+    return Error{"the cloud has too few points for a hand to go by", "give at least 16"};
   PALPATE_ASSIGN(FitSearch fitting, choose_fit_radius(cloud, cloud.box_mm()));
   Random random(options.seed);
   const double clearance_mm = kLiftDepths * options.force_n / target.stiffness_n_per_mm;
@@ -299,14 +299,14 @@ Result<HandOptions> read_hand_options(const Options& o) {
                             o.number("bandwidth_hz"),
                             static_cast<std::uint64_t>(o.integer("seed"))};
   if (options.slowest_mm_s > options.fastest_mm_s)
-    return Error{"hand: slowest_mm_s is more than fastest_mm_s", "exchange them", {}, 0};
+    return Error{"hand: slowest_mm_s is more than fastest_mm_s", "exchange them"};
   return options;
 }
 
 Result<HandOptions> parse_hand(const std::string& text) {
   PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
   const PathGenerator* hand = find_path_generator("hand");
-  if (named.name != hand->name) return Error{named.name + " is no hand", "give hand:seed=2", {}, 0};
+  if (named.name != hand->name) return Error{named.name + " is no hand", "give hand:seed=2"};
   PALPATE_ASSIGN(const Options complete, validate(named.options, hand->options, named.name));
   return read_hand_options(complete);
 }

@@ -193,7 +193,7 @@ Curve curve_of(const std::string& name, const Options& o, const PathTiming& timi
 Status add_strokes(const Options& o, PathTiming& timing) {
   const StrokeOptions options{o.number("slowest_mm_s"), o.number("fastest_mm_s"), o.number("impacts")};
   if (options.slowest_mm_s > options.fastest_mm_s)
-    return Error{"strokes: slowest_mm_s is more than fastest_mm_s", "exchange them", {}, 0};
+    return Error{"strokes: slowest_mm_s is more than fastest_mm_s", "exchange them"};
   timing.speed_mm_s = options.fastest_mm_s;
   timing.frame_steps = strokes(timing, options);
   return Done{};
@@ -215,13 +215,13 @@ Result<GeneratedPath> exploration_path(const Options& o, const PathTiming& timin
       timing.frames,   timing.rate_hz,      o.number("slowest_mm_s"), o.number("fastest_mm_s"),
       timing.depth_mm, timing.clearance_mm, timing.period_frames,     timing.seed};
   if (options.slowest_mm_s > options.fastest_mm_s)
-    return Error{"exploration: slowest_mm_s is more than fastest_mm_s", "exchange them", {}, 0};
+    return Error{"exploration: slowest_mm_s is more than fastest_mm_s", "exchange them"};
   return make_generated(explore(target, options));
 }
 
 Result<GeneratedPath> simulated_hand_path(const Options& o, const PathTarget& target) {
   if (!target.felt || !(target.stiffness_n_per_mm > 0.0))
-    return Error{"nothing is there to be felt by a hand", "take another path generator", {}, 0};
+    return Error{"nothing is there to be felt by a hand", "take another path generator"};
   PALPATE_ASSIGN(const HandOptions options, read_hand_options(o));
   return make_generated(hand_path(target, options));
 }
@@ -229,8 +229,7 @@ Result<GeneratedPath> simulated_hand_path(const Options& o, const PathTarget& ta
 Result<GeneratedPath> over_formula(const std::string& name, const Options& o, const PathTiming& timing,
                                    const AnalyticSurface& surface) {
   if (o.text("from") != "auto")
-    return Error{
-        fmt::format("{}: option from does nothing on a model with a formula", name), "leave it out", {}, 0};
+    return Error{fmt::format("{}: option from does nothing on a model with a formula", name), "leave it out"};
   if (name == "tap") return make_generated(tap(surface.at(o.number("u"), o.number("v")), timing));
   if (name == "hold")
     return make_generated(hold(surface.at(o.number("u"), o.number("v")), o.number("tremor_mm"), timing));
@@ -267,7 +266,7 @@ Result<GeneratedPath> generate_path(const std::string& name, const Options& o, c
   if (name == "hand") return simulated_hand_path(o, target);
   if (name == "exploration") return exploration_path(o, timing, target);
   if (name == "slide" && !(timing.depth_mm + timing.clearance_mm > 0.0))
-    return Error{"slide: depth_mm and clearance_mm are both 0", "give one of them", {}, 0};
+    return Error{"slide: depth_mm and clearance_mm are both 0", "give one of them"};
   return target.surface != nullptr ? over_formula(name, o, timing, *target.surface)
                                    : over_visible_surface(name, o, timing, target);
 }
@@ -289,12 +288,10 @@ Result<trace::ProbePath> make_path(const NamedOptions& spec, const PathTarget& t
   const PathGenerator* generator = find_path_generator(spec.name);
   if (generator == nullptr)
     return Error{fmt::format("there is no path generator '{}'", spec.name),
-                 "choose from " + joined(names_of(path_generators())),
-                 {},
-                 0};
+                 "choose from " + joined(names_of(path_generators()))};
   const bool needs_points = spec.name == "exploration" || spec.name == "hand" || target.surface == nullptr;
   if (needs_points && (target.cloud == nullptr || target.cloud->empty()))
-    return Error{fmt::format("the path '{}' needs a cloud", spec.name), "give a model with points", {}, 0};
+    return Error{fmt::format("the path '{}' needs a cloud", spec.name), "give a model with points"};
   PALPATE_ASSIGN(Options complete, validate(spec.options, generator->options, spec.name));
   const Options& o = complete;
   PathTiming timing{static_cast<std::size_t>(o.integer("frames")),
@@ -325,7 +322,7 @@ Result<trace::ProbePath> make_path(const NamedOptions& spec, const PathTarget& t
 
 Status check_path_starts_free(const trace::ProbePath& path, const AnalyticSurface& surface,
                               const geometry::RigidTransform& world_from_model) {
-  if (path.size() == 0) return Error{"the path is empty", "record at least one position", path.name, 0};
+  if (path.size() == 0) return Error{"the path is empty", "record at least one position", path.name};
   const Vec3 first = world_from_model.inverse() * path.hip_mm.front();
   const double distance = surface.signed_distance_mm(first);
   // Within rounding, the surface counts as outside.

@@ -192,14 +192,14 @@ Result<VisiblePoint> nearest_visible(const VisibleSurface& seen, double u, doubl
       best_sq = du * du + dv * dv;
     }
   if (best) return *best;
-  return Error{"no surface shows from there", "look from another side: from=x, -x, y, -y, z or -z", {}, 0};
+  return Error{"no surface shows from there", "look from another side: from=x, -x, y, -y, z or -z"};
 }
 
 Result<std::vector<Vec3>> slide_over(const VisibleSurface& seen, const VisiblePoint& start,
                                      const PathTiming& timing) {
   const ViewFrame& view = seen.view();
   if (!(view.extent_u_mm > 0.0))
-    return Error{"the model has no width to slide over", "look from another side", {}, 0};
+    return Error{"the model has no width to slide over", "look from another side"};
   const double stride = std::max(seen.detail_mm() / kLooksPerDetail, timing.step_mm() / kLooksPerStep);
   const double du = std::min(stride / view.extent_u_mm, kSlideOvershoot);
   std::vector<Vec3> lower, upper;
@@ -226,7 +226,7 @@ Result<std::vector<Vec3>> slide_over(const VisibleSurface& seen, const VisiblePo
     free_mm += du * view.extent_u_mm;
   }
   if (lower.size() == 1 && !(free_mm > 0.0))
-    return Error{"the surface ends where the slide begins", "give it another place: u and v, 0 to 1", {}, 0};
+    return Error{"the surface ends where the slide begins", "give it another place: u and v, 0 to 1"};
   if (free_mm > 0.0) {
     lower.push_back(lower.back() + free_mm * view.across_u);
     upper.push_back(upper.back() + free_mm * view.across_u);
@@ -371,15 +371,12 @@ Result<PathStart> find_start_outside(const PathTarget& target, const FitSearch& 
       outermost(*target.cloud, fitting, outward_direction(target, random), clearance_mm);
   if (start) return *start;
   return Error{"nowhere do the points make a surface that can be explored",
-               "clean the scan first (`palpate clean`), or give a path file",
-               {},
-               0};
+               "clean the scan first (`palpate clean`), or give a path file"};
 }
 
 Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOptions& options) {
   const cloud::Cloud& cloud = *target.cloud;
-  if (cloud.size() < kMinInBall)
-    return Error{"the cloud has too few points to explore", "give at least 16", {}, 0};
+  if (cloud.size() < kMinInBall) return Error{"the cloud has too few points to explore", "give at least 16"};
   const geometry::Aabb box = cloud.box_mm();
   PALPATE_ASSIGN(FitSearch fitting, choose_fit_radius(cloud, box));
   Random random(options.seed);

@@ -77,8 +77,7 @@ Result<FitSearch> choose_fit_radius(const cloud::Cloud& cloud, const geometry::A
   fitting.radius_mm = std::sqrt(static_cast<double>(kMaxInBall) * faces /
                                 (std::numbers::pi * static_cast<double>(cloud.size())));
   if (!(fitting.radius_mm > 0.0))
-    return Error{
-        "the points of the cloud stand in one line or place", "an exploration needs a surface", {}, 0};
+    return Error{"the points of the cloud stand in one line or place", "an exploration needs a surface"};
   for (int trial = 0; trial < kRadiusTrials; ++trial) {
     fitting.points = std::make_unique<search::PointSearch>(cloud, fitting.radius_mm);
     const std::size_t median = median_in_ball(cloud, *fitting.points, fitting.radius_mm);
@@ -261,7 +260,7 @@ Result<std::unique_ptr<VisibleSurface>> make_visible_surface(const PathTarget& t
   if (target.mesh != nullptr && !target.mesh->empty())
     return make_visible_mesh(view, *target.mesh, cloud.origin_mm);
   if (cloud.size() < kMinInBall)
-    return Error{"the cloud has too few points to lay a path over", "give at least 16", {}, 0};
+    return Error{"the cloud has too few points to lay a path over", "give at least 16"};
   PALPATE_ASSIGN(FitSearch fitting, choose_fit_radius(cloud, cloud.box_mm()));
   return std::unique_ptr<VisibleSurface>(std::make_unique<SeenPoints>(view, cloud, std::move(fitting)));
 }
@@ -411,9 +410,7 @@ Result<std::unique_ptr<VisibleSurface>> make_visible_mesh(const ViewFrame& view,
   auto seen = std::make_unique<SeenMesh>(view, median_edge(mesh), mesh, origin_mm);
   if (!seen->shows_anything())
     return Error{"no face of the model shows its outer side from there",
-                 "look from another side: from=x, -x, y, -y, z or -z; or turn the faces over",
-                 {},
-                 0};
+                 "look from another side: from=x, -x, y, -y, z or -z; or turn the faces over"};
   return std::unique_ptr<VisibleSurface>(std::move(seen));
 }
 

@@ -112,7 +112,7 @@ Decision choose_renderer(const render::SceneInput& scene, const render::PrepareC
 
 Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<NamedOptions>& wanted,
                        const render::Registry& registry, const render::PrepareContext& context) {
-  if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+  if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]"};
   Plan plan;
   Decision chosen =
       wanted ? Decision{"renderer", wanted->name, "as given", true} : choose_renderer(scene, context);

@@ -36,7 +36,7 @@ void estimate_on_machine(Plan& plan, const render::SceneInput& scene, const rend
                          const std::string& path, Machine machine);
 
 /// The renderer for a scene that names none: `heightfield` for a single height field (as defined for `info`,
-/// cloud/height_field_holes.h), else `cloud`, or `cloud-smooth` for one model with noise that is felt at its
+/// cloud/height_field.h), else `cloud`, or `cloud-smooth` for one model with noise that is felt at its
 /// spacing and stiffness. O(n log n).
 [[nodiscard]] render::Decision choose_renderer(const render::SceneInput& scene,
                                                const render::PrepareContext& context = {});

@@ -254,7 +254,7 @@ Result<SampledPieces> sample_pieces(const CostQuery& expected, std::size_t index
   const bool whole = model.cloud->size() <= kMaxWholePoints;
   SampledPieces sampled;
   sampled.path_frames = static_cast<double>(path.size());
-  Error last{"no piece", {}, {}, 0};
+  Error last{"no piece"};
   for (const Window& window : choose_windows(path.size(), period, whole ? 1 : kMaxExcerpts)) {
     SceneExcerpt excerpt = extract_excerpt(expected.scene, model, path, window.begin, window.end, reach);
     const std::size_t points = excerpt.scene.models.front().cloud->size();
@@ -376,7 +376,7 @@ Result<FrameCost> estimate_frame_cost(const CostQuery& expected, const render::R
   const std::vector<render::ModelInput>& models = expected.scene.models;
   if (expected.decided.models.size() != models.size() || expected.spacing_mm.size() != models.size() ||
       models.empty())
-    return Error{"the renderer decided for other models", {}, {}, 0};
+    return Error{"the renderer decided for other models"};
   FrameCost slowest;
   std::vector<double> bytes_share;
   for (std::size_t i = 0; i < std::min(models.size(), kMaxModels); ++i) {

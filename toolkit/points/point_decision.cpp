@@ -185,7 +185,7 @@ std::string neighbours_for(const cloud::Cloud& cloud, const PointModelOptions& o
 
 Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOptions& options,
                                   const PrepareContext& context, PrepareReport& report) {
-  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
+  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point"};
   PointSurvey found;
   PointDecision& decided = found.decision;
   decided.neighbours = neighbours_for(cloud, options);

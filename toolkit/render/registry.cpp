@@ -32,7 +32,7 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
   if (info == nullptr) {
     std::string known;
     for (const RendererInfo& r : renderers_) known.append(known.empty() ? "" : ", ").append(r.name);
-    return Error{fmt::format("there is no renderer '{}'", name), "choose from " + known, {}, 0};
+    return Error{fmt::format("there is no renderer '{}'", name), "choose from " + known};
   }
   Result<Options> complete = validate(options, info->options, name);
   if (!complete) return std::move(complete).error();
@@ -49,9 +49,7 @@ Status Registry::check_supports(const RendererInfo& info, const SceneInput& scen
   return Error{fmt::format("the scene asks for {}, which {} does not render",
                            fmt::join(names_of(missing), " and "), info.name),
                able.empty() ? "no renderer has all that the scene asks for: take something out of it"
-                            : "take it out of the scene, or choose from " + able,
-               {},
-               0};
+                            : "take it out of the scene, or choose from " + able};
 }
 
 namespace {

@@ -18,19 +18,18 @@ bool is_coefficient(double x) {
 
 Status check(const surface::Surface& s) {
   if (!(s.stiffness_n_per_mm > 0.0) || !std::isfinite(s.stiffness_n_per_mm))
-    return Error{"the stiffness must be a positive number", "set stiffness_n_per_mm", {}, 0};
+    return Error{"the stiffness must be a positive number", "set stiffness_n_per_mm"};
   if (!is_coefficient(s.friction.static_coefficient) || !is_coefficient(s.friction.dynamic_coefficient) ||
       s.friction.dynamic_coefficient > s.friction.static_coefficient)
-    return Error{
-        "friction needs static >= dynamic >= 0", "set friction = { static = .., dynamic = .. }", {}, 0};
+    return Error{"friction needs static >= dynamic >= 0", "set friction = { static = .., dynamic = .. }"};
   if (!(s.deformation >= 0.0 && s.deformation < 1.0))
-    return Error{"the deformation must be at least 0 and below 1", "set deformation", {}, 0};
+    return Error{"the deformation must be at least 0 and below 1", "set deformation"};
   const surface::Texture& t = s.texture;
   if (!t.any()) return Done{};
   if (!(t.depth_mm > 0.0) || !(t.wavelength_mm > 0.0) || !std::isfinite(t.depth_mm / t.wavelength_mm))
-    return Error{"a texture needs a depth and a wavelength above 0", "set depth_mm and wavelength_mm", {}, 0};
+    return Error{"a texture needs a depth and a wavelength above 0", "set depth_mm and wavelength_mm"};
   if (t.kind == surface::TextureKind::kImage && (t.image == nullptr || t.image->empty()))
-    return Error{"the texture's image is empty", "give an image with at least one pixel", {}, 0};
+    return Error{"the texture's image is empty", "give an image with at least one pixel"};
   return Done{};
 }
 
@@ -63,9 +62,7 @@ Status check_lengths(const surface::PointProperties& p, std::size_t n) {
   for (const auto* values : {&p.stiffness_n_per_mm, &p.static_friction, &p.dynamic_friction, &p.deformation})
     if (!values->empty() && values->size() != n)
       return Error{fmt::format("per-point properties for {} points, the cloud has {}", values->size(), n),
-                   "give one value for each point",
-                   {},
-                   0};
+                   "give one value for each point"};
   return Done{};
 }
 

@@ -31,9 +31,7 @@ Result<ModelDecisions> AnalyticRenderer::decide_model(const ModelInput& input,
                                                       const PrepareContext& /*context*/) const {
   if (!input.analytic)
     return Error{fmt::format("model '{}' has no formula", input.name),
-                 "use 'analytic' with generated models only",
-                 {},
-                 0};
+                 "use 'analytic' with generated models only"};
   ModelDecisions out;
   out.name = input.name;
   out.points = input.cloud != nullptr ? input.cloud->size() : 0;  // the points are not read

@@ -79,7 +79,7 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
   }
   Result<cloud::Cloud> edited(std::size_t model) const override {
     if (const Deformer* const deformer = deformer_of(model)) return deformer->edited();
-    return Error{"this model does not give way", "give it a [model.surface.dent]", {}, 0};
+    return Error{"this model does not give way", "give it a [model.surface.dent]"};
   }
   std::optional<Vec3> point_position_mm(std::size_t model, std::uint32_t point) const noexcept override {
     const Deformer* const deformer = deformer_of(model);

@@ -83,9 +83,7 @@ Result<NamedOptions> Cleaning::check(const NamedOptions& step) const {
   const CleaningStep* const found = find(step.name);
   if (found == nullptr)
     return Error{fmt::format("there is no cleaning step '{}'", step.name),
-                 did_you_mean(step.name, names_of(steps_), choices_of(steps_)),
-                 {},
-                 0};
+                 did_you_mean(step.name, names_of(steps_), choices_of(steps_))};
   PALPATE_ASSIGN(Options options, validate(step.options, found->options, step.name));
   return NamedOptions{step.name, std::move(options)};
 }
@@ -98,7 +96,7 @@ Result<std::vector<NamedOptions>> Cleaning::parse(std::string_view text) const {
     PALPATE_ASSIGN(NamedOptions step, check(named));
     steps.push_back(std::move(step));
   }
-  if (steps.empty()) return Error{"cleaning needs a step", choices_of(steps_) + ", joined by +", {}, 0};
+  if (steps.empty()) return Error{"cleaning needs a step", choices_of(steps_) + ", joined by +"};
   return steps;
 }
 
@@ -111,19 +109,17 @@ Result<CleanedCloud> Cleaning::run(const cloud::Cloud& cloud, std::span<const Na
     if (found == nullptr) return check(step).error();
     const std::string phase = "cleaning: " + step.name;
     progress.report(phase, -1.0);
-    if (progress.cancelled()) return Error{"stopped while cleaning", {}, {}, 0};
+    if (progress.cancelled()) return Error{"stopped while cleaning"};
     const Stopwatch watch;
     const cloud::Cloud& before = cleaned.cloud;
     PALPATE_ASSIGN(CleaningStepOutput output,
                    found->run({before, step.options, search::mean_spacing_mm(before), threads, progress}));
     if (output.from.empty())
       return Error{fmt::format("{} would remove every one of {} points", step.name, before.size()),
-                   "give it wider limits; lengths are in spacings",
-                   {},
-                   0};
+                   "give it wider limits; lengths are in spacings"};
     find_sources(before, output);
     Result<cloud::Cloud> after = apply(before, output);
-    if (!after) return Error{step.name + ": " + after.error().what, after.error().remedy, {}, 0};
+    if (!after) return Error{step.name + ": " + after.error().what, after.error().remedy};
     cleaned.notes.push_back(change(step.name, before.size(), output));
     for (std::uint32_t& i : output.from) i = cleaned.from[i];
     cleaned.from = std::move(output.from);

@@ -31,9 +31,7 @@ Status fill_column(const cloud::Cloud& cloud, const std::string& name, std::vect
   return Error{
       fmt::format("the model has no column '{}'", name),
       did_you_mean(name, known,
-                   known.empty() ? "its file has none beside the coordinates" : "it has " + joined(known)),
-      {},
-      0};
+                   known.empty() ? "its file has none beside the coordinates" : "it has " + joined(known))};
 }
 
 /// Reads a height image of any model format: its posts, lowest 0, highest 65535.
@@ -46,7 +44,7 @@ Result<surface::TextureImage> read_image(const std::string& path, const io::Read
   PALPATE_ASSIGN(const io::ReadModel read, readers.read(path, options, progress));
   const cloud::Cloud& cloud = read.cloud;
   if (!cloud.raster)
-    return Error{"is no full grid of heights", "give a PFM, or a 16-bit PNG or TIFF without holes", path, 0};
+    return Error{"is no full grid of heights", "give a PFM, or a 16-bit PNG or TIFF without holes", path};
   surface::TextureImage image;
   image.columns = cloud.raster->columns;
   image.rows = cloud.raster->rows;
@@ -159,9 +157,7 @@ Status load_generated(const SceneModel& model, double scale, render::ModelInput&
     if (spec.options.has("scale"))
       return Error{fmt::format("{} is scaled twice: by its own option and by the scene or the command line",
                                model.name),
-                   "keep one",
-                   {},
-                   0};
+                   "keep one"};
     spec.options.set("scale", fmt::format("{}", scale));
   }
   PALPATE_ASSIGN(cloud::GeneratedModel made, cloud::generate(spec));
@@ -183,12 +179,12 @@ Status add_views(const SceneModel& model, const io::Readers& readers, const io::
   std::vector<cloud::Property> properties = std::move(got.cloud.properties);
   for (const SceneView& view : model.views) {
     progress.report("loading " + view.cloud, -1.0);
-    if (progress.cancelled()) return Error{"stopped while loading the scene", {}, {}, 0};
+    if (progress.cancelled()) return Error{"stopped while loading the scene"};
     PALPATE_ASSIGN(io::ReadModel more, readers.read(view.cloud, read, progress));
     if (more.unit != got.unit)
       return Error{fmt::format("is in {}, the model's first file in {}", io::unit_name(more.unit),
                                io::unit_name(got.unit)),
-                   "say the unit of all files: unit = \"mm\" in the scene, or --unit", view.cloud, 0};
+                   "say the unit of all files: unit = \"mm\" in the scene, or --unit", view.cloud};
     const geometry::RigidTransform pose{view.model_from_view.rotation,
                                         view.model_from_view.translation_mm * read.scale};
     for (std::size_t i = 0; i < more.cloud.size(); ++i) points.push_back(pose * more.cloud.point_mm(i));
@@ -216,9 +212,7 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
                  Provenance& provenance) {
   if (model.cloud.empty())
     return Error{fmt::format("the scan '{}' is not here", model.scan),
-                 fmt::format("`palpate fetch {}` brings it", model.scan),
-                 {},
-                 0};
+                 fmt::format("`palpate fetch {}` brings it", model.scan)};
   io::ReadOptions read;
   read.unit = model.unit ? model.unit : options.unit;
   read.scale = scale;
@@ -248,7 +242,7 @@ Status take_samples(const SceneModel& model, Progress& progress, render::ModelIn
                     Provenance& provenance, std::shared_ptr<const geometry::TriangleMesh>& truth) {
   if (input.original_mesh == nullptr)
     return Error{"has no faces to take points from, as 'sample' asks", "give a mesh, or leave out 'sample'",
-                 model.cloud, 0};
+                 model.cloud};
   progress.report("taking points of " + model.name, -1.0);
   PALPATE_ASSIGN(cloud::MeshSamples made, cloud::sample_mesh(input.original_mesh, *model.sample));
   truth = std::move(made.truth);
@@ -275,15 +269,11 @@ Status check_wishes(const SceneFile& scene, const LoadOptions& options) {
         std::pair(options.non_finite.has_value(), "--non-finite")})
     if (given && !files)
       return Error{fmt::format("{} is of model files, and here every model is generated", name),
-                   "leave it out",
-                   {},
-                   0};
+                   "leave it out"};
   if (options.unit && !unit_open)
     return Error{
         "--unit does nothing: the unit of every file is said already, by the scene or the list of scans",
-        "leave it out, or change it there",
-        {},
-        0};
+        "leave it out, or change it there"};
   return Done{};
 }
 
@@ -353,7 +343,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
   std::shared_ptr<render::ScriptedSimulation> simulation;
   for (const SceneModel& model : scene.models) {
     progress.report("loading " + model.name, -1.0);
-    if (progress.cancelled()) return Error{"stopped while loading the scene", {}, {}, 0};
+    if (progress.cancelled()) return Error{"stopped while loading the scene"};
     render::ModelInput input;
     Provenance provenance;
     const double scale = options.scale.value_or(model.scale);

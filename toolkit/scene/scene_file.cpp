@@ -254,7 +254,7 @@ Result<SceneFile> from_table(const toml::table& root, const std::string& path) {
 Result<SceneFile> parse_scene(std::string_view contents, const std::string& path) {
   if (contents.size() > kMaxSceneBytes)
     return Error{fmt::format("the scene file is larger than {} bytes", kMaxSceneBytes), "is it a scene?",
-                 path, 0};
+                 path};
   try {
     return from_table(toml::parse(contents, path), path);
   } catch (const toml::parse_error& error) {
@@ -325,7 +325,7 @@ Result<SceneFile> open_scene(const std::string& argument) {
       return Error{"there is no such file, and no generator of this name",
                    nearest_generator(argument.substr(0, argument.find(':')),
                                      "give a scene (.toml), a model file, or one of the generators "),
-                   argument, 0};
+                   argument};
     PALPATE_TRY(cloud::complete_options(*generator, named->options));
     model.name = named->name;
     model.generate = *std::move(named);

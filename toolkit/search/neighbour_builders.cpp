@@ -199,16 +199,14 @@ void add_neighbour_builder(NeighbourBuilder builder) {
 }
 
 Result<NeighbourBuild> build_neighbours(const NamedOptions& wanted, const cloud::Cloud& cloud, int threads) {
-  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
+  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point"};
   for (const NeighbourBuilder& builder : neighbour_builders()) {
     if (builder.name != wanted.name) continue;
     PALPATE_ASSIGN(const Options options, validate(wanted.options, builder.options, builder.name));
     return builder.build(cloud, options, threads);
   }
   return Error{fmt::format("there is no neighbour builder '{}'", wanted.name),
-               "choose from " + joined(names_of(neighbour_builders())),
-               {},
-               0};
+               "choose from " + joined(names_of(neighbour_builders()))};
 }
 
 Result<NeighbourBuild> build_neighbours(std::string_view name_and_options, const cloud::Cloud& cloud,

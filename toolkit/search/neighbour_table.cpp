@@ -188,9 +188,7 @@ Result<ThinWall> make_thin_wall(const ThinWallOptions& options) {
   if (lattice.size() != wall.cloud.size())
     return Error{fmt::format("a slab of {} points was made where {} were asked for", wall.cloud.size(),
                              lattice.size()),
-                 "give a whole number of cells",
-                 {},
-                 0};
+                 "give a whole number of cells"};
   const double inner_mm = 0.5 * extent_mm - kRim * std::max(kWallSpacingMm, thickness_mm);
   cloud::Property scan{"scan", {}}, row{"row", {}}, column{"column", {}};
   wall.side.resize(wall.cloud.size());

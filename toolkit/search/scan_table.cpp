@@ -88,20 +88,17 @@ Result<std::uint32_t> whole(const cloud::Property& property, std::size_t point) 
   if (!(value >= 0.0F) || value > kLargestWhole || value != std::floor(value))
     return Error{fmt::format("point {} has {} = {}, which is no place in a scan", point + 1, property.name,
                              static_cast<double>(value)),
-                 "give whole numbers from 0 to 16777216",
-                 {},
-                 0};
+                 "give whole numbers from 0 to 16777216"};
   return static_cast<std::uint32_t>(value);
 }
 
 }  // namespace
 
 Result<ScanTable> scan_table_of_raster(const cloud::Cloud& cloud) {
-  if (!cloud.raster)
-    return Error{"the cloud is not a full raster", "give the properties row and column", {}, 0};
+  if (!cloud.raster) return Error{"the cloud is not a full raster", "give the properties row and column"};
   const cloud::ScanRaster& raster = *cloud.raster;
   if (std::uint64_t{raster.columns} * raster.rows != cloud.size())
-    return Error{"the cloud's raster does not match its number of points", "rebuild the cloud", {}, 0};
+    return Error{"the cloud's raster does not match its number of points", "rebuild the cloud"};
   ScanTable table;
   table.columns_wrap = raster.columns_wrap ? raster.columns : 0;
   table.rows_wrap = raster.rows_wrap ? raster.rows : 0;
@@ -118,9 +115,7 @@ Result<ScanTable> scan_table_of_properties(const cloud::Cloud& cloud) {
   const cloud::Property* const scan = property_of(cloud, "scan");
   if (row == nullptr || column == nullptr)
     return Error{"the cloud does not say where in a scan its points were taken",
-                 "give a file with the properties row and column, or choose neighbours=modified-knn",
-                 {},
-                 0};
+                 "give a file with the properties row and column, or choose neighbours=modified-knn"};
   ScanTable table;
   table.of.resize(cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
@@ -140,16 +135,13 @@ Result<NeighbourTable> lookup_table(const cloud::Cloud& cloud, const ScanTable& 
                                     const LookupOptions& options, int threads, LookupReport* report) {
   const std::size_t n = cloud.size();
   if (table.of.size() != n)
-    return Error{
-        fmt::format("the look-up table has {} positions for {} points", table.of.size(), n), {}, {}, 0};
+    return Error{fmt::format("the look-up table has {} positions for {} points", table.of.size(), n)};
   Positions positions(table.of);
   for (std::uint32_t i = 0; i < n; ++i)
     if (const std::uint32_t other = positions.put(i); other != kNoPoint)
       return Error{fmt::format("points {} and {} were both taken in scan {}, row {}, column {}", other + 1,
                                i + 1, table.of[i].scan, table.of[i].row, table.of[i].column),
-                   "number the scans in a property 'scan'",
-                   {},
-                   0};
+                   "number the scans in a property 'scan'"};
   NeighbourTable neighbours;
   neighbours.of.resize(n);
   std::vector<LookupReport> parts((n + kPointsPerChunk - 1) / kPointsPerChunk);
@@ -209,15 +201,13 @@ Range around(std::size_t i, std::size_t size, bool wrap) noexcept {
 Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, int threads) {
   if (!cloud.raster)
     return Error{"the cloud is not a full raster, so the scanner's path gives no neighbours",
-                 "choose neighbours=modified-knn or neighbours=exact-knn",
-                 {},
-                 0};
+                 "choose neighbours=modified-knn or neighbours=exact-knn"};
   return scanner_path(cloud, *cloud.raster, threads);
 }
 
 Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, const cloud::ScanRaster& raster, int threads) {
   if (std::uint64_t{raster.columns} * raster.rows != cloud.size())
-    return Error{"the cloud's raster does not match its number of points", "rebuild the cloud", {}, 0};
+    return Error{"the cloud's raster does not match its number of points", "rebuild the cloud"};
   NeighbourTable table;
   table.of.resize(cloud.size());
   parallel_chunks(raster.rows, kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {

@@ -83,7 +83,7 @@ void LineReader::refill() {
 
 bool LineReader::is_plain(std::string_view first_line) {
   const bool plain = !first_line.starts_with(kGzip) && !first_line.starts_with(kXz);
-  if (!plain) failure_ = Error{"the file is compressed", "unpack it first", file_.path(), 0};
+  if (!plain) failure_ = Error{"the file is compressed", "unpack it first", file_.path()};
   return plain;
 }
 

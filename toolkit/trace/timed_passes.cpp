@@ -167,7 +167,7 @@ Result<PacedStatistics> TimedPasses::paced(std::size_t frames, bool evict,
   for (std::size_t i = first; i < first + frames; ++i) {
     if (progress != nullptr && (i - first) % kProgressEveryFrames == 0) {
       progress->report(what, static_cast<double>(i - first) / static_cast<double>(frames));
-      if (progress->cancelled()) return Error{"stopped by the user", "", "", 0};
+      if (progress->cancelled()) return Error{"stopped by the user"};
     }
     evictor.evict();
     sleep_to_tick(next_ns, paced.skipped_ticks);

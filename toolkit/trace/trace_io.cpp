@@ -49,15 +49,15 @@ Status check_columns(const TrajColumns& c, const std::string& file) {
   const bool all_forces = c.fx >= 0 && c.fy >= 0 && c.fz >= 0;
   if (c.x < 0 || c.y < 0 || c.z < 0 || (forces && !all_forces))
     return Error{"the columns of x, y, z (and, where there are forces, of all three) must be given",
-                 "count columns from 0", file, 0};
+                 "count columns from 0", file};
   if (c.t < 0 && !(c.sample_rate_hz > 0.0 && std::isfinite(c.sample_rate_hz)))
-    return Error{"there is neither a time column nor a sample rate", "give one of them", file, 0};
+    return Error{"there is neither a time column nor a sample rate", "give one of them", file};
   const int columns[] = {c.t, c.x, c.y, c.z, c.fx, c.fy, c.fz};
   for (std::size_t i = 0; i < std::size(columns); ++i)
     for (std::size_t j = 0; j < i; ++j)
       if (columns[i] >= 0 && columns[i] == columns[j])
-        return Error{fmt::format("column {} is named twice", columns[i]), "give every quantity its own", file,
-                     0};
+        return Error{fmt::format("column {} is named twice", columns[i]), "give every quantity its own",
+                     file};
   return Done{};
 }
 
@@ -100,7 +100,7 @@ Status write_trace_csv(const ProbePath& path, const ForceTrace& trace, const std
   if (trace.frames.size() != path.size() || (timed && trace.frame_ns.size() != path.size()))
     return Error{fmt::format("the trace has {} frames and {} times for {} path rows", trace.frames.size(),
                              trace.frame_ns.size(), path.size()),
-                 "write the trace beside the path it was made with", file, 0};
+                 "write the trace beside the path it was made with", file};
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "{}\n", kTraceHeader);
@@ -146,7 +146,7 @@ Status write_reference_csv(const ProbePath& path, const ReferenceTrace& referenc
   if (reference.frames.size() != path.size())
     return Error{
         fmt::format("the truth has {} frames for {} path rows", reference.frames.size(), path.size()),
-        "write the truth beside the path it was made for", file, 0};
+        "write the truth beside the path it was made for", file};
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "{}\n", reference.compared ? kComparedReferenceHeader : kReferenceHeader);

@@ -107,11 +107,9 @@ auto caught(std::size_t points, const char* remedy, const Work& work) -> decltyp
     return work();
   } catch (const std::bad_alloc&) {
     return Error{fmt::format("there is not enough memory for the Voronoi cells of {} points", points),
-                 std::string(remedy) + ", or reduce the cloud",
-                 {},
-                 0};
+                 std::string(remedy) + ", or reduce the cloud"};
   } catch (const std::exception& thrown) {
-    return Error{fmt::format("CGAL gave up on the Voronoi cells: {}", thrown.what()), remedy, {}, 0};
+    return Error{fmt::format("CGAL gave up on the Voronoi cells: {}", thrown.what()), remedy};
   }
 }
 

@@ -213,7 +213,7 @@ cloud::Cloud points_on_faces(const geometry::TriangleMesh& mesh, std::size_t cou
 /// Reads a scan file; Error with gave_up if the data are absent.
 Result<io::ReadModel> read_data(const std::string& file, Progress& progress) {
   const auto absent = [&](const std::string& why) {
-    Error error{why, "set PALPATE_DATA to the folder of the scans", file, 0};
+    Error error{why, "set PALPATE_DATA to the folder of the scans", file};
     error.gave_up = true;
     return error;
   };
@@ -240,7 +240,7 @@ struct HandFrame {
 Result<std::shared_ptr<const geometry::TriangleMesh>> read_scan(const std::string& file, HandFrame& frame,
                                                                 Progress& progress) {
   PALPATE_ASSIGN(const io::ReadModel read, read_data(file, progress));
-  if (read.mesh == nullptr) return Error{"this scan has no faces", {}, file, 0};
+  if (read.mesh == nullptr) return Error{"this scan has no faces", {}, file};
   auto mesh = std::make_shared<geometry::TriangleMesh>(*read.mesh);
   geometry::Aabb box;
   for (const Vec3& p : mesh->vertices_mm) box.add(p);

@@ -133,9 +133,7 @@ Result<DataSet> choose_set(const std::string& name, std::uint64_t seed) {
     set.generate = set.quick = name + (named.options.has("mesh") ? "" : ":mesh=false");
   } else {
     return Error{fmt::format("there is no set '{}'", name),
-                 "choose from " + joined(names_of(data_sets())) + ", or give a generator with its options",
-                 {},
-                 0};
+                 "choose from " + joined(names_of(data_sets())) + ", or give a generator with its options"};
   }
   set.seed = seed;
   // Deterministic generators take no seed; explicit seeds stay.

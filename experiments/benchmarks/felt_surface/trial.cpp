@@ -166,7 +166,7 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
                          const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
                          const TrialOptions& options, Row& row) {
   if (registry.find(named.name) == nullptr)
-    return Error{"there is no renderer of this name", "see palpate list renderers", {}, 0};
+    return Error{"there is no renderer of this name", "see palpate list renderers"};
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
                  registry.make(named.name, named.options));
   TimeLimit limit(options.prepare_limit_s);
@@ -380,8 +380,7 @@ Status draw_slice(const std::string& name, const std::vector<Tried>& renderers,
   for (const View& one : views())
     if (one.name == name) view = &one;
   if (view == nullptr)
-    return Error{
-        fmt::format("there is no slice '{}'", name), "choose from " + joined(names_of(views())), {}, 0};
+    return Error{fmt::format("there is no slice '{}'", name), "choose from " + joined(names_of(views()))};
   PALPATE_ASSIGN(cloud::GeneratedModel made, cloud::generate(parse_named_options(view->generate).value()));
   render::ModelInput model;
   model.name = name;

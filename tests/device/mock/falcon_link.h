@@ -15,7 +15,7 @@ class FalconLink final : public ControlLink {
   FalconLink(FalconBoard& board, const Clock& clock) : board_(board), clock_(clock) {}
 
   Status open() override {
-    if (unplugged) return Error{"no device 0403:cb48 is connected by USB", "plug it in", "falcon", 0};
+    if (unplugged) return Error{"no device 0403:cb48 is connected by USB", "plug it in", "falcon"};
     open_ = true;
     ++opens;
     left_.clear();
@@ -37,7 +37,7 @@ class FalconLink final : public ControlLink {
     return {size, false};
   }
   Status control(const ControlRequest& request) override {
-    if (!open_ || unplugged) return Error{"a control request failed: the device is gone", "", "falcon", 0};
+    if (!open_ || unplugged) return Error{"a control request failed: the device is gone", "", "falcon"};
     board_.control(request, clock_.now_ns());
     controls.push_back(request);
     return Done{};

@@ -25,11 +25,11 @@ namespace {
 TEST(Error, NamesFileLineAndRemedy) {
   const Error error{"no vertices", "export with vertices", "a.ply", 7};
   EXPECT_EQ(error.message(), "a.ply:7: no vertices; export with vertices");
-  EXPECT_EQ((Error{"x", "", "", 0}).in_file("f", 3).message(), "f:3: x");
-  EXPECT_EQ((Error{"x", "", "f", 0}).in_file("f", 3).message(), "f:3: x");
+  EXPECT_EQ((Error{"x"}).in_file("f", 3).message(), "f:3: x");
+  EXPECT_EQ((Error{"x", "", "f"}).in_file("f", 3).message(), "f:3: x");
   EXPECT_EQ((Error{"x", "", "f", 2}).in_file("f", 3).message(), "f:2: x");
   // A scene's third line names a file that is not there: it has no third line.
-  EXPECT_EQ((Error{"no such file", "", "missing.ply", 0}).in_file("scene.toml", 3).message(),
+  EXPECT_EQ((Error{"no such file", "", "missing.ply"}).in_file("scene.toml", 3).message(),
             "missing.ply: no such file");
 }
 

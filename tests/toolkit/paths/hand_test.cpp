@@ -127,7 +127,7 @@ TEST_F(HandOnSphere, RefusesWhatCannotBe) {
   };
   EXPECT_TRUE(test::contains(refusal("hand:slowest_mm_s=50:fastest_mm_s=20"), "more than"));
   EXPECT_TRUE(test::contains(refusal("hand:force_n=0"), "force_n"));
-  target_.felt = []() -> Result<ForceFunction> { return Error{"it cannot be prepared", "", {}, 0}; };
+  target_.felt = []() -> Result<ForceFunction> { return Error{"it cannot be prepared"}; };
   EXPECT_TRUE(test::contains(refusal("hand"), "cannot be prepared"));
   target_.felt = {};
   EXPECT_TRUE(test::contains(refusal("hand"), "nothing is there to be felt"));

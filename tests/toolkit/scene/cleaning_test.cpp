@@ -55,7 +55,7 @@ Cleaning steps() {
                 }});
   cleaning.add(
       {"fail", "cannot", "this test", {}, [](const CleaningStepInput&) -> Result<CleaningStepOutput> {
-         return Error{"it went wrong", "try another", {}, 0};
+         return Error{"it went wrong", "try another"};
        }});
   return cleaning;
 }

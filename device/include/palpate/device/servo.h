@@ -43,7 +43,7 @@ struct Tick {
 
 /// Connects a prepared renderer to a device through its own governor; keeps references to renderer, device
 /// and clock. One thread. The device gets zero at every end: stop(), destructor, a stop of the program
-/// (palpate/stop_callback.h).
+/// (palpate/progress.h).
 class Servo {
  public:
   Servo(render::HapticRenderer& renderer, const GovernorOptions& options, Device& device, const Clock& clock,
