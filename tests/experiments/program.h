@@ -59,6 +59,18 @@ inline std::string file_text(const std::filesystem::path& path) {
   return text.str();
 }
 
+/// Whether a session under real time ended as asked: with status 0, or with 1 for no other fault than that a
+/// busy machine gave its loop no time. `document`: its live.json.
+inline testing::AssertionResult ended_well(int status, const std::filesystem::path& document) {
+  if (status == 0) return testing::AssertionSuccess();
+  if (status != 1) return testing::AssertionFailure() << "exit status " << status;
+  const auto json = nlohmann::json::parse(file_text(document), nullptr, false);
+  if (!json.contains("fault_names")) return testing::AssertionFailure() << "no document of the session";
+  for (const std::string fault : json["fault_names"])
+    if (fault.find("the servo loop") == std::string::npos) return testing::AssertionFailure() << fault;
+  return testing::AssertionSuccess();
+}
+
 inline void write_text(const std::filesystem::path& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }

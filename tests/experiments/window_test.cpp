@@ -401,8 +401,8 @@ TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
     if (!window) GTEST_SKIP() << window.error().message();
   }
   const ProcessOutcome run = palpate_process({"live", kWaves, "--renderers", "cloud", "--window", "--hand",
-                                              "press", "--seconds", "6", "--out", in("out")});
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+                                              "press", "--seconds", "6", "--rearm", "--out", in("out")});
+  ASSERT_TRUE(ended_well(run.exit_code, in("out/live.json"))) << run.err;
   EXPECT_NE(run.err.find("touchable after"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("first touch after"), std::string::npos) << run.err;
   EXPECT_NE(file_text(in("out/live.json")).find("\"hand\": \"press\""), std::string::npos);
