@@ -26,6 +26,12 @@ constexpr double kMinAgreement = 0.64;
 /// Meeting patches come within this many spacings or standard deviations of each other, and of their ends.
 constexpr double kOffSpacings = 0.4, kOffSigmas = 3.0, kBeyondEnd = 1.2;
 constexpr int kMeetRounds = 3;
+/// A point is on a patch within this many spacings or standard deviations, and tells of a meeting place
+/// within kBeyondEnd of it.
+constexpr double kOnSpacings = 0.2;
+/// Weights of links that may be wrong: between patches that meet beyond their points, and between stacked
+/// sheets, which are many times as many.
+constexpr double kWeightBeyond = 0.3, kWeightStacked = 0.1;
 /// Links per patch, to the nearest.
 constexpr std::size_t kMaxLinks = 24;
 /// Classes of agreement; links are taken best first.
@@ -50,9 +56,15 @@ constexpr double kSlant = 1.0;
 /// number).
 constexpr std::uint32_t kAskedOfFace = 128;
 constexpr double kClearlyOpen = 0.1, kByChance = 1.2;
-/// Stacked sheets are parallel within 45 degrees.
-constexpr double kFacing = 0.7;
+/// Stacked sheets are parallel within 45 degrees, and no point lies between within this share of their
+/// distance from the middle.
+constexpr double kFacing = 0.7, kBetween = 0.35;
 constexpr std::size_t kAskGrain = 16;
+
+/// True if two patches that meet are of one face.
+bool continue_smoothly(const QuadricPatch& a, const QuadricPatch& b) {
+  return std::abs(a.quadric.n.dot(b.quadric.n)) > kSmoothCosine;
+}
 
 /// Finds where two patches meet by projecting to each in turn, from between them, nearer to the smaller.
 /// Converges to their crease if there is one, at once on one surface. False if they stay apart or meet beyond
@@ -75,8 +87,26 @@ bool meet(const QuadricPatch& a, const QuadricPatch& b, Vec3& at) {
   return reaches(a) && reaches(b);
 }
 
+/// True if points of either patch alone are next to the place where they meet. Patches that reach beyond
+/// their points meet those on the other side of a thin wall too.
+bool have_points_at(const MortonPoints& points, const QuadricPatch& a, const QuadricPatch& b,
+                    const Vec3& at) {
+  const auto is_on = [](const QuadricPatch& p, const Vec3& place) {
+    return std::abs(p.quadric.residual(place)) <=
+           std::max(kOnSpacings * p.spacing, kOffSigmas * std::max(p.sigma, p.noise));
+  };
+  bool on_a = false, on_b = false;
+  points.in_ball(at, kBeyondEnd * std::max(a.spacing, b.spacing),
+                 [&](std::uint32_t, const Vec3& away, double) {
+                   const bool is_on_a = is_on(a, at + away), is_on_b = is_on(b, at + away);
+                   on_a = on_a || (is_on_a && !is_on_b);
+                   on_b = on_b || (is_on_b && !is_on_a);
+                 });
+  return on_a && on_b;
+}
+
 /// Signed agreement of two patches' normals; 0 if they do not continue each other.
-double agreement(const QuadricPatch& a, const QuadricPatch& b) {
+double agreement(const MortonPoints& points, const QuadricPatch& a, const QuadricPatch& b) {
   Vec3 at;
   if (!meet(a, b, at)) return 0.0;
   // From one centre to the other, over the meeting place.
@@ -90,7 +120,8 @@ double agreement(const QuadricPatch& a, const QuadricPatch& b) {
   const double na = a.quadric.n.dot(e), nb = b.quadric.n.dot(e);
   if (std::abs(na) > kSteepest || std::abs(nb) > kSteepest) return 0.0;
   const double agreed = a.quadric.n.dot(b.quadric.n) - 2.0 * na * nb;
-  return std::abs(agreed) < kMinAgreement ? 0.0 : agreed;
+  if (std::abs(agreed) < kMinAgreement) return 0.0;
+  return continue_smoothly(a, b) || have_points_at(points, a, b, at) ? agreed : kWeightBeyond * agreed;
 }
 
 struct Link {
@@ -98,12 +129,13 @@ struct Link {
   float agreed;
 };
 
-/// True if two patches that do not meet are stacked: sheets with a wall or gap between.
-bool are_stacked(const QuadricPatch& a, const QuadricPatch& b) {
+/// True if two patches that do not meet are stacked: sheets with a wall or gap and no third sheet between.
+bool are_stacked(const MortonPoints& points, const QuadricPatch& a, const QuadricPatch& b) {
   if (std::abs(a.quadric.n.dot(b.quadric.n)) < kFacing) return false;
   const Vec3 d = b.quadric.at - a.quadric.at;
   const double h = d.dot(a.quadric.n), reach = std::max(a.support, b.support);
-  return d.squaredNorm() - h * h < reach * reach;
+  return d.squaredNorm() - h * h < reach * reach &&
+         !points.any_in_ball(a.quadric.at + a.quadric.n * (0.5 * h), kBetween * std::abs(h));
 }
 
 /// Links between continuing patches, and between stacked ones; the latter agree if one looks up and the other
@@ -112,7 +144,7 @@ struct Links {
   std::vector<Link> on, across;
 };
 
-Links find_links(std::span<const QuadricPatch> patches, int threads) {
+Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patches, int threads) {
   if (patches.empty()) return {};
   const PatchHashGrid cells(patches);
   const std::size_t chunks = (patches.size() + kGrain - 1) / kGrain;
@@ -131,11 +163,12 @@ Links find_links(std::span<const QuadricPatch> patches, int threads) {
           const double reach = kPatchReach * (a.support + b.support);
           const double sq = (b.quadric.at - a.quadric.at).squaredNorm();
           if (sq > reach * reach) return;
-          const double agreed = agreement(a, b);
+          const double agreed = agreement(points, a, b);
           if (agreed == 0.0) {
-            if (are_stacked(a, b))
+            if (are_stacked(points, a, b))
               found[begin / kGrain].across.push_back(
-                  {static_cast<std::uint32_t>(i), j, static_cast<float>(-a.quadric.n.dot(b.quadric.n))});
+                  {static_cast<std::uint32_t>(i), j,
+                   static_cast<float>(-kWeightStacked * a.quadric.n.dot(b.quadric.n))});
             return;
           }
           mine.push_back(
@@ -234,15 +267,15 @@ void orient_by_visibility(const MortonPoints& points, std::span<const QuadricPat
       sides.join(outside, i, sum[i] < 0.0 ? 1 : 0);
 }
 
-/// Orients the remaining faces by the sheets above and below, best supported first. Such sheets are one
-/// piece: only together they tell what is inside.
-void orient_stacked(std::span<const Link> across, OrientedDisjointSets& sides, OrientedDisjointSets& pieces) {
+/// Joins faces, and their pieces, by the sum of all links between them, best supported first: a single link
+/// may be wrong, and the two sides of a thin wall have few others.
+void join_faces(std::span<const Link> links, OrientedDisjointSets& sides, OrientedDisjointSets& pieces) {
   struct Vote {
     double sum = 0.0;
     std::uint32_t a = 0, b = 0;  ///< a patch of either face
   };
   std::map<std::pair<std::uint32_t, std::uint32_t>, Vote> votes;
-  for (const Link& link : across) {
+  for (const Link& link : links) {
     const auto [a, turned_a] = sides.find(link.a);
     const auto [b, turned_b] = sides.find(link.b);
     if (a == b) continue;
@@ -298,19 +331,16 @@ void drop_small_pieces(std::vector<QuadricPatch>& patches, std::vector<std::uint
 
 std::vector<std::uint32_t> orient_outwards(const MortonPoints& points, std::vector<QuadricPatch>& patches,
                                            int threads) {
-  const auto [links, across] = find_links(patches, threads);
-  const std::vector<std::uint32_t> order = order_by_agreement(links);
+  auto [links, across] = find_links(points, patches, threads);
   const auto outside = static_cast<std::uint32_t>(patches.size());  // one virtual node beyond the patches
   OrientedDisjointSets pieces(patches.size()), sides(patches.size() + 1);
-  const auto is_smooth = [&](const Link& link) {
-    return std::abs(patches[link.a].quadric.n.dot(patches[link.b].quadric.n)) > kSmoothCosine;
-  };
   for (const Link& link : links) pieces.join(link.a, link.b);
-  for (const std::uint32_t i : order)
-    if (is_smooth(links[i])) sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f ? 1 : 0);
+  for (const std::uint32_t i : order_by_agreement(links))
+    if (continue_smoothly(patches[links[i].a], patches[links[i].b]))
+      sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f ? 1 : 0);
   orient_by_visibility(points, patches, outside, sides, threads);
-  for (const std::uint32_t i : order) sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f ? 1 : 0);
-  orient_stacked(across, sides, pieces);
+  links.insert(links.end(), across.begin(), across.end());
+  join_faces(links, sides, pieces);
   // Pieces joined to the outside are oriented relative to it.
   const bool upside_down = sides.find(outside).turned != 0;
   const std::uint32_t with_outside = sides.find(outside).set;

@@ -356,5 +356,63 @@ TEST(CloudSmoothSides, ComingOutOfAHoleDoesNotCatchTheProbe) {
   EXPECT_LE(caught, 2);
 }
 
+/// A vase about z with a wall of 2.5 spacings: half of its radius at a height, 0 to 1.
+constexpr double kVaseHeight = 70.0, kVaseWall = 1.8;
+double vase_radius(double height) {
+  return 20.0 + 10.0 * std::sin(3.2 * height) * (1.0 - 0.3 * height);
+}
+std::vector<Vec3> vase_points() {
+  constexpr double kSpacing = kVaseWall / 2.5, kFloor = 3.0;
+  Random random(29);
+  std::vector<Vec3> points;
+  const auto ring = [&](double radius, double z, bool jitters_along_z) {
+    const int count = std::max(static_cast<int>(2.0 * std::numbers::pi * radius / kSpacing), 1);
+    for (int i = 0; i < count; ++i) {
+      const double turn = 2.0 * std::numbers::pi * (i + random.uniform(0.0, 0.8)) / count,
+                   off = random.uniform(-0.4, 0.4) * kSpacing;
+      const double r = jitters_along_z
+                           ? vase_radius((z + off) / kVaseHeight) + radius - vase_radius(z / kVaseHeight)
+                           : radius + off;
+      points.push_back({r * std::cos(turn), r * std::sin(turn), jitters_along_z ? z + off : z});
+    }
+  };
+  for (double z = 0.5 * kSpacing; z < kVaseHeight - 0.4 * kSpacing; z += kSpacing) {
+    ring(vase_radius(z / kVaseHeight) + 0.5 * kVaseWall, z, true);
+    if (z > kFloor + 0.4 * kSpacing) ring(vase_radius(z / kVaseHeight) - 0.5 * kVaseWall, z, true);
+  }
+  const auto disc = [&](double from, double to, double z) {
+    for (double r = from + 0.5 * kSpacing; r < to - 0.4 * kSpacing; r += kSpacing) ring(r, z, false);
+  };
+  disc(0.0, vase_radius(0.0) + 0.5 * kVaseWall, 0.0);
+  disc(0.0, vase_radius(kFloor / kVaseHeight) - 0.5 * kVaseWall, kFloor);
+  disc(vase_radius(1.0) - 0.5 * kVaseWall, vase_radius(1.0) + 0.5 * kVaseWall, kVaseHeight);
+  return points;
+}
+
+// From the inner side of its wall no direction leads out, so its faces say by their edges what is inside.
+TEST(CloudSmoothSides, AVaseIsFeltOnBothSidesOfItsWallAndOnItsRim) {
+  test::Stepped renderer = prepared(cloud_of(vase_points()), "cloud-smooth");
+  int rightly = 0, all = 0;
+  const auto poke = [&](const Vec3& from, const Vec3& surface, const Vec3& in) {
+    renderer->restart(from);
+    // From 0.15 mm above the surface to 0.15 mm below it, for edges and jitter.
+    rightly += held_frames(renderer, from, surface - 0.15 * in) == 0 &&
+                       held_frames(renderer, surface - 0.15 * in, surface + 0.4 * in) > 10
+                   ? 1
+                   : 0;
+    ++all;
+  };
+  for (int i = 0; i < 40; ++i) {
+    const double turn = 2.0 * std::numbers::pi * i / 40.0, z = 8.0 + 1.4 * i;
+    const Vec3 out(std::cos(turn), std::sin(turn), 0.0), up(0, 0, 1);
+    const double r = vase_radius(z / kVaseHeight);
+    poke((r - 6.0) * out + z * up, (r - 0.5 * kVaseWall) * out + z * up, out);
+    poke((r + 6.0) * out + z * up, (r + 0.5 * kVaseWall) * out + z * up, -out);
+    const Vec3 rim = vase_radius(1.0) * out + kVaseHeight * up;
+    poke(rim + 4.0 * up, rim, -up);
+  }
+  EXPECT_EQ(rightly, all);
+}
+
 }  // namespace
 }  // namespace palpate::render
