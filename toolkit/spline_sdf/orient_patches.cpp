@@ -28,7 +28,7 @@ constexpr double kOffSpacings = 0.4, kOffSigmas = 3.0, kBeyondEnd = 1.2;
 constexpr int kMeetRounds = 3;
 /// A point is on a patch within this many spacings or standard deviations, and tells of a meeting place
 /// within kBeyondEnd of it.
-constexpr double kOnSpacings = 0.2;
+constexpr double kOnEdgeSpacings = 0.2;
 /// Weights of links that may be wrong: between patches that meet beyond their points, and between stacked
 /// sheets, which are many times as many.
 constexpr double kWeightBeyond = 0.3, kWeightStacked = 0.1;
@@ -93,7 +93,7 @@ bool have_points_at(const MortonPoints& points, const QuadricPatch& a, const Qua
                     const Vec3& at) {
   const auto is_on = [](const QuadricPatch& p, const Vec3& place) {
     return std::abs(p.quadric.residual(place)) <=
-           std::max(kOnSpacings * p.spacing, kOffSigmas * std::max(p.sigma, p.noise));
+           std::max(kOnEdgeSpacings * p.spacing, kOffSigmas * std::max(p.sigma, p.noise));
   };
   bool on_a = false, on_b = false;
   points.in_ball(at, kBeyondEnd * std::max(a.spacing, b.spacing),

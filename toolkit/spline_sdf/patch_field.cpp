@@ -159,7 +159,7 @@ struct alignas(kLanesAlignment) FieldSums {
   for (const std::uint32_t s : near.heard) {
     Near::Patch& p = near.patches[s];
     share_beside(p, mean, share);
-    p.face = (p.face == 0) & (share > none + kOfFace) ? NodeBits{} + face : p.face;
+    p.face = ((p.face == 0) & (share > none + kOfFace)) ? NodeBits{} + face : p.face;
   }
 }
 
