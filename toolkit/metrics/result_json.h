@@ -80,6 +80,13 @@ struct TimingConditions {
   std::optional<std::uint64_t> pinned_cpu;
 };
 
+/// The model a renderer was prepared for. Outside of RendererResult: clang 14 makes no optional of a nested
+/// type whose members have initial values.
+struct ResultModel {
+  std::uint64_t points = 0;
+  double resolution_mm = 0.0;
+};
+
 /// One entry of `renderers`. Fields not run or without a reference are empty, null in the document.
 struct RendererResult {
   std::string label;
@@ -90,11 +97,7 @@ struct RendererResult {
   std::vector<std::string> missing;  ///< features of the scene that it leaves out
   RunStatus status = RunStatus::kOk;
   std::string reason;  ///< why it did not finish, or failed
-  /// The model it was prepared for.
-  struct Model {
-    std::uint64_t points = 0;
-    double resolution_mm = 0.0;
-  };
+  using Model = ResultModel;
   std::optional<Model> model;
   std::optional<render::PrepareReport>
       prepare;      ///< prepare.*; its bytes become memory.bytes and memory.bytes_per_point
