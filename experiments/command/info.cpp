@@ -9,7 +9,7 @@
 #include "experiments/data/scans.h"
 #include "experiments/live/recording_facts.h"
 #include "experiments/run/arguments.h"
-#include "experiments/run/doubts.h"
+#include "experiments/run/result_warnings.h"
 #include "experiments/session/session.h"
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/cloud/statistics.h"

@@ -10,7 +10,7 @@
 #include "experiments/data/scans.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/doubts.h"
+#include "experiments/run/result_warnings.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"

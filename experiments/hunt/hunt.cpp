@@ -41,9 +41,10 @@ std::string to_text(const HuntState& state) {
         worst[info_of(static_cast<HuntGoal>(g)).name] = {{"score", found->score},
                                                          {"trial", found->trial},
                                                          {"frame", found->frame},
-                                                         {"quarry", to_text(found->quarry)}};
+                                                         {"trial_input", to_text(found->trial_input)}};
     for (const Fault& fault : quest.faults)
-      faults.push_back({{"what", fault.what}, {"trial", fault.trial}, {"quarry", to_text(fault.quarry)}});
+      faults.push_back(
+          {{"what", fault.what}, {"trial", fault.trial}, {"trial_input", to_text(fault.trial_input)}});
     quests.push_back({{"label", quest.renderer.label},
                       {"trials", quest.trials},
                       {"refused", quest.refused},
@@ -78,12 +79,12 @@ bool from_text(const std::string& text, HuntState& state) {
                     one.at("trial").get<std::uint64_t>(),
                     one.at("frame").get<std::size_t>(),
                     {}};
-        if (!from_text(one.at("quarry").get<std::string>(), found.quarry)) return false;
+        if (!from_text(one.at("trial_input").get<std::string>(), found.trial_input)) return false;
         quest.worst[g] = std::move(found);
       }
       for (const nlohmann::json& one : from.at("faults")) {
         Fault fault{one.at("what").get<std::string>(), one.at("trial").get<std::uint64_t>(), {}};
-        if (!from_text(one.at("quarry").get<std::string>(), fault.quarry)) return false;
+        if (!from_text(one.at("trial_input").get<std::string>(), fault.trial_input)) return false;
         quest.faults.push_back(std::move(fault));
       }
     }
@@ -94,24 +95,24 @@ bool from_text(const std::string& text, HuntState& state) {
   return true;
 }
 
-NamedOptions renderer_of(const Quest& quest, const Quarry& quarry) {
+NamedOptions renderer_of(const Quest& quest, const TrialInput& trial_input) {
   NamedOptions named{quest.renderer.name, quest.renderer.options};
-  for (const auto& [key, value] : quarry.options.all()) named.options.set(key, value);
+  for (const auto& [key, value] : trial_input.options.all()) named.options.set(key, value);
   return named;
 }
 
-Status write_case(const OutputFolder& folder, const std::string& name, const Quarry& quarry,
+Status write_case(const OutputFolder& folder, const std::string& name, const TrialInput& trial_input,
                   const NamedOptions& renderer) {
-  PALPATE_ASSIGN(const HuntScene scene, make_scene(quarry));
+  PALPATE_ASSIGN(const HuntScene scene, make_scene(trial_input));
   PALPATE_ASSIGN(const std::string path, folder.claim(name + ".csv"));
   PALPATE_TRY(trace::write_path_csv(scene.path, path));
   std::string text;
-  if (quarry.hand) {
-    PALPATE_ASSIGN(text, hand_scene_toml(quarry));
+  if (trial_input.hand) {
+    PALPATE_ASSIGN(text, hand_scene_toml(trial_input));
   } else {
     PALPATE_ASSIGN(const std::string cloud, folder.claim(name + ".ply"));
     PALPATE_TRY(io::write_cloud_ply(cloud, *scene.input.models[0].cloud));
-    text = fmt::format("[[model]]\ncloud = \"{}.ply\"\n", name) + surface_toml(quarry);
+    text = fmt::format("[[model]]\ncloud = \"{}.ply\"\n", name) + surface_toml(trial_input);
   }
   text += fmt::format("[renderer]\nname = \"{}\"\n", renderer.name) + toml_lines(renderer.options);
   return folder.write(name + ".toml", text);
@@ -126,22 +127,22 @@ Result<std::string> write_found(const OutputFolder& folder, const HuntState& sta
   Json renderers = Json::array();
   for (const Quest& quest : state.quests) {
     Json worst = Json::array(), faults = Json::array();
-    const auto write = [&](const std::string& name, const Quarry& quarry) -> Result<Json> {
-      PALPATE_TRY(write_case(folder, name, quarry, renderer_of(quest, quarry)));
+    const auto write = [&](const std::string& name, const TrialInput& trial_input) -> Result<Json> {
+      PALPATE_TRY(write_case(folder, name, trial_input, renderer_of(quest, trial_input)));
       return Json{{"case", name + ".toml"}, {"command", command_of(folder, name)}};
     };
     for (std::size_t g = 0; g < kGoals; ++g) {
       const auto& found = quest.worst[g];
       if (!found || !(found->score > 0.0)) continue;
       const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
-      PALPATE_ASSIGN(Json one, write(case_name(quest, goal.name), found->quarry));
+      PALPATE_ASSIGN(Json one, write(case_name(quest, goal.name), found->trial_input));
       Json row = {
           {"goal", goal.name}, {"score", found->score}, {"trial", found->trial}, {"frame", found->frame}};
       row.update(one);
       worst.push_back(std::move(row));
     }
     for (std::size_t k = 0; k < quest.faults.size(); ++k) {
-      PALPATE_ASSIGN(Json one, write(case_name(quest, fault_name(k)), quest.faults[k].quarry));
+      PALPATE_ASSIGN(Json one, write(case_name(quest, fault_name(k)), quest.faults[k].trial_input));
       Json row = {{"what", quest.faults[k].what}, {"trial", quest.faults[k].trial}};
       row.update(one);
       faults.push_back(std::move(row));
@@ -236,10 +237,11 @@ class Hunt {
     Random random(arguments_.seed ^ (number + 1) * kGolden64);
     const std::optional<Found>& from = quest.worst[random.below(kGoals)];
     const bool afresh = random.uniform() < kAfresh || !from.has_value();
-    const Quarry quarry = afresh ? random_quarry(random, ground) : mutated(from->quarry, random, ground);
+    const TrialInput trial_input =
+        afresh ? random_trial_input(random, ground) : mutated(from->trial_input, random, ground);
     ++quest.trials;
-    const Result<HuntScene> scene = make_scene(quarry);
-    const NamedOptions named = renderer_of(quest, quarry);
+    const Result<HuntScene> scene = make_scene(trial_input);
+    const NamedOptions named = renderer_of(quest, trial_input);
     auto renderer = registry_.make(named.name, named.options);
     if (!scene || !renderer) {
       ++quest.refused;
@@ -254,11 +256,11 @@ class Hunt {
     for (std::size_t g = 0; g < kGoals; ++g) {
       const Worst& worst = trial->worst[g];
       if (worst.score > (quest.worst[g] ? quest.worst[g]->score : 0.0))
-        quest.worst[g] = Found{worst.score, number, worst.frame, quarry};
+        quest.worst[g] = Found{worst.score, number, worst.frame, trial_input};
     }
     if (trial->fault.empty()) return;
     ++quest.faulty;
-    if (quest.faults.size() < kMostFaults) quest.faults.push_back({trial->fault, number, quarry});
+    if (quest.faults.size() < kMostFaults) quest.faults.push_back({trial->fault, number, trial_input});
   }
 
   const HuntArguments& arguments_;

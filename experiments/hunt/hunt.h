@@ -18,14 +18,14 @@ namespace palpate::experiments {
 /// One renderer's worst case for one goal.
 struct Found {
   double score = 0.0;
-  std::uint64_t trial = 0;  ///< trial number, which with the hunt's seed reproduces the quarry
+  std::uint64_t trial = 0;  ///< trial number, which with the hunt's seed reproduces the trial_input
   std::size_t frame = 0;
-  Quarry quarry;
+  TrialInput trial_input;
 };
 struct Fault {
   std::string what;
   std::uint64_t trial = 0;
-  Quarry quarry;
+  TrialInput trial_input;
 };
 struct Quest {
   RendererRequest renderer;
@@ -44,14 +44,14 @@ struct HuntState {
 /// False for a text of other quests.
 [[nodiscard]] bool from_text(const std::string& text, HuntState& state);
 
-/// The renderer with the quarry's options.
-[[nodiscard]] NamedOptions renderer_of(const Quest& quest, const Quarry& quarry);
+/// The renderer with the trial_input's options.
+[[nodiscard]] NamedOptions renderer_of(const Quest& quest, const TrialInput& trial_input);
 
 /// Writes NAME.csv, NAME.toml and, for points of no generator, NAME.ply. `palpate compare NAME.toml
 /// --renderers auto
 /// --path NAME.csv` renders the case and counts a hand's artefacts.
-[[nodiscard]] Status write_case(const OutputFolder& folder, const std::string& name, const Quarry& quarry,
-                                const NamedOptions& renderer);
+[[nodiscard]] Status write_case(const OutputFolder& folder, const std::string& name,
+                                const TrialInput& trial_input, const NamedOptions& renderer);
 /// Command that replays a case.
 [[nodiscard]] std::string command_of(const OutputFolder& folder, const std::string& name);
 

@@ -26,14 +26,14 @@ constexpr double kFewestDepths = 4.0;
 constexpr std::size_t kFewestHandFrames = 100;
 
 /// Lower bound on the distance to the surface's border; infinite without one.
-double to_border_mm(const Quarry& quarry, const geometry::Aabb& box, const Vec3& p) {
-  if (!quarry.open()) return std::numeric_limits<double>::infinity();
+double to_border_mm(const TrialInput& trial_input, const geometry::Aabb& box, const Vec3& p) {
+  if (!trial_input.open()) return std::numeric_limits<double>::infinity();
   return std::min(
       {p.x() - box.low_mm.x(), box.high_mm.x() - p.x(), p.y() - box.low_mm.y(), box.high_mm.y() - p.y()});
 }
 
 Error not_judged(const char* what) {
-  return {what, "take another quarry", {}, 0};
+  return {what, "take another trial_input", {}, 0};
 }
 
 }  // namespace
@@ -47,32 +47,32 @@ std::string toml_lines(const Options& options) {
   return text;
 }
 
-std::string surface_toml(const Quarry& quarry) {
+std::string surface_toml(const TrialInput& trial_input) {
   std::string text = fmt::format("  [model.surface]\n  stiffness_n_per_mm = {}\n", kHuntedStiffness);
-  if (quarry.friction > 0.0) text += fmt::format("  friction = {:.17g}\n", quarry.friction);
+  if (trial_input.friction > 0.0) text += fmt::format("  friction = {:.17g}\n", trial_input.friction);
   return text;
 }
 
-Result<std::string> hand_scene_toml(const Quarry& quarry) {
-  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(quarry.model_text()));
+Result<std::string> hand_scene_toml(const TrialInput& trial_input) {
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(trial_input.model_text()));
   return fmt::format("[[model]]\ngenerate = \"{}\"\n", named.name) + toml_lines(named.options) +
-         surface_toml(quarry);
+         surface_toml(trial_input);
 }
 
-Result<HuntScene> make_hand_scene(const Quarry& quarry) {
-  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(quarry.model_text()));
-  PALPATE_ASSIGN(const std::string text, hand_scene_toml(quarry));
+Result<HuntScene> make_hand_scene(const TrialInput& trial_input) {
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(trial_input.model_text()));
+  PALPATE_ASSIGN(const std::string text, hand_scene_toml(trial_input));
   StageRequest request;
   request.scene_name = "hunted";
   PALPATE_ASSIGN(request.scene, scene::parse_scene(text, request.scene_name));
-  request.path = quarry.hand->path_text();
+  request.path = trial_input.hand->path_text();
   request.threads = request.load.threads = 1;
   PALPATE_ASSIGN(const cloud::GeneratedModel made, cloud::generate(named));
-  if (quarry.shape == "bowl") return not_judged("points do not tell from which side a sheet is felt");
-  const double depth_mm = quarry.hand->force_n / kHuntedStiffness;
+  if (trial_input.shape == "bowl") return not_judged("points do not tell from which side a sheet is felt");
+  const double depth_mm = trial_input.hand->force_n / kHuntedStiffness;
   const Vec3 extent_mm = made.cloud.box_mm().extent_mm();
-  const double width_mm = quarry.open() ? std::min(extent_mm.x(), extent_mm.y()) : extent_mm.minCoeff();
-  if (std::min(quarry.finest_mm(), width_mm) <
+  const double width_mm = trial_input.open() ? std::min(extent_mm.x(), extent_mm.y()) : extent_mm.minCoeff();
+  if (std::min(trial_input.finest_mm(), width_mm) <
       std::max(kFinestSpacings * made.nominal_spacing_mm, kFewestDepths * depth_mm))
     return not_judged("the shape is finer than its points or the press can tell");
   PALPATE_ASSIGN(Stage stage, set_up(request, io::Readers(), no_progress()));
@@ -85,7 +85,7 @@ Result<HuntScene> make_hand_scene(const Quarry& quarry) {
   const auto at_border =
       std::find_if(scene.truth->frames.begin(), scene.truth->frames.end(), [&](const trace::TruthFrame& f) {
         return f.frame.contact &&
-               to_border_mm(quarry, box, f.frame.god_object_mm) < kBorderSpacings * scene.spacing_mm;
+               to_border_mm(trial_input, box, f.frame.god_object_mm) < kBorderSpacings * scene.spacing_mm;
       });
   const auto kept = static_cast<std::size_t>(at_border - scene.truth->frames.begin());
   if (kept < kFewestHandFrames) return not_judged("the hand is soon at a border");
@@ -141,7 +141,7 @@ Vec3 place_of(const Waypoint& to, const cloud::Cloud& cloud, const geometry::Aab
   return from + spacing_mm * to.at;
 }
 
-trace::ProbePath path_of(const Quarry& quarry, const cloud::Cloud& cloud, double spacing_mm) {
+trace::ProbePath path_of(const TrialInput& trial_input, const cloud::Cloud& cloud, double spacing_mm) {
   const geometry::Aabb box = cloud.box_mm();
   constexpr double kAbove = 1.5;
   const Vec3 start = box.centre_mm() + Vec3{0.0, 0.0, kAbove * box.extent_mm().norm() + 4.0 * spacing_mm};
@@ -158,7 +158,7 @@ trace::ProbePath path_of(const Quarry& quarry, const cloud::Cloud& cloud, double
     at = to;
   };
   add(start);
-  for (const Waypoint& to : quarry.way) go(place_of(to, cloud, box, spacing_mm), to.frames);
+  for (const Waypoint& to : trial_input.way) go(place_of(to, cloud, box, spacing_mm), to.frames);
   constexpr int kBack = 20, kRest = 30;
   for (int k = 0; k < kBack + kRest; ++k)
     add(k >= kBack ? start : Vec3(at + (start - at) * (static_cast<double>(k + 1) / kBack)));
@@ -273,35 +273,35 @@ const GoalInfo& info_of(HuntGoal goal) {
   return kInfos[static_cast<std::size_t>(goal)];
 }
 
-Result<HuntScene> make_scene(const Quarry& quarry) {
-  if (quarry.hand) return make_hand_scene(quarry);
-  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(quarry.model_text()));
+Result<HuntScene> make_scene(const TrialInput& trial_input) {
+  if (trial_input.hand) return make_hand_scene(trial_input);
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(trial_input.model_text()));
   PALPATE_ASSIGN(const cloud::GeneratedModel made, cloud::generate(named));
   HuntScene scene;
   scene.spacing_mm = made.nominal_spacing_mm;
   const double size = made.cloud.box_mm().extent_mm().norm();
-  scene.offset_mm = Vec3::Constant(quarry.offset * size);
+  scene.offset_mm = Vec3::Constant(trial_input.offset * size);
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < made.cloud.size(); ++i) points.push_back(made.cloud.point_mm(i));
-  for (const PointEdit& change : quarry.edits) edit(points, change, scene.spacing_mm);
+  for (const PointEdit& change : trial_input.edits) edit(points, change, scene.spacing_mm);
   for (Vec3& p : points) p += scene.offset_mm;
   PALPATE_ASSIGN(cloud::Cloud built, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
   // Rebuilds from the stored points, which a file would hold.
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = built.point_mm(i);
   PALPATE_ASSIGN(built, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
-  if (quarry.keeps_raster()) built.raster = made.cloud.raster;
+  if (trial_input.keeps_raster()) built.raster = made.cloud.raster;
   render::ModelInput model;
   model.name = "hunted";
   model.cloud = std::make_shared<const cloud::Cloud>(std::move(built));
   model.surface.stiffness_n_per_mm = kHuntedStiffness;
-  model.surface.friction = {quarry.friction, quarry.friction};
-  scene.path = path_of(quarry, *model.cloud, scene.spacing_mm);
-  const bool judged = std::min(quarry.finest_mm(), size) > kFinestSpacings * scene.spacing_mm &&
-                      quarry.edits.empty() && !(quarry.outliers > 0.0) && quarry.shape != "bowl" &&
-                      static_cast<double>(quarry.points) >= kFewestJudged;
+  model.surface.friction = {trial_input.friction, trial_input.friction};
+  scene.path = path_of(trial_input, *model.cloud, scene.spacing_mm);
+  const bool judged = std::min(trial_input.finest_mm(), size) > kFinestSpacings * scene.spacing_mm &&
+                      trial_input.edits.empty() && !(trial_input.outliers > 0.0) &&
+                      trial_input.shape != "bowl" && static_cast<double>(trial_input.points) >= kFewestJudged;
   if (judged) scene.surface = made.surface;
-  scene.open = quarry.open();
-  scene.clear_mm = scene.spacing_mm * (kClearSpacings + kClearNoise * quarry.noise);
+  scene.open = trial_input.open();
+  scene.clear_mm = scene.spacing_mm * (kClearSpacings + kClearNoise * trial_input.noise);
   scene.input.models.push_back(std::move(model));
   return scene;
 }

@@ -1,4 +1,4 @@
-// Renders one quarry and scores its worst behaviour.
+// Renders one trial_input and scores its worst behaviour.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "experiments/hunt/quarry.h"
+#include "experiments/hunt/trial_input.h"
 
 namespace palpate::experiments {
 
@@ -36,7 +36,7 @@ struct GoalInfo {
 };
 [[nodiscard]] const GoalInfo& info_of(HuntGoal goal);
 
-/// A built quarry: a renderer's input, with model and world frame equal.
+/// A built trial_input: a renderer's input, with model and world frame equal.
 struct HuntScene {
   render::SceneInput input;
   trace::ProbePath path;
@@ -48,7 +48,7 @@ struct HuntScene {
   std::optional<trace::ReferenceTrace> truth;  ///< along a hand's path
 };
 /// Error: an impossible model; the trial does not count.
-[[nodiscard]] Result<HuntScene> make_scene(const Quarry& quarry);
+[[nodiscard]] Result<HuntScene> make_scene(const TrialInput& trial_input);
 
 struct Worst {
   double score = 0.0;
@@ -62,18 +62,18 @@ struct Trial {
 /// Prepares the renderer and replays the path twice. Error: the renderer refuses the scene.
 [[nodiscard]] Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer);
 
-// A hand's quarry as a scene file, and its stage.
+// A hand's trial_input as a scene file, and its stage.
 
 /// "key = value" lines.
 [[nodiscard]] std::string toml_lines(const Options& options);
 /// The table [model.surface].
-[[nodiscard]] std::string surface_toml(const Quarry& quarry);
-/// The generated model of a hand's quarry, with its surface.
-[[nodiscard]] Result<std::string> hand_scene_toml(const Quarry& quarry);
+[[nodiscard]] std::string surface_toml(const TrialInput& trial_input);
+/// The generated model of a hand's trial_input, with its surface.
+[[nodiscard]] Result<std::string> hand_scene_toml(const TrialInput& trial_input);
 
-/// The path of quarry.hand on the exact shape with its truth. Both end where the true god object nears an
-/// open surface's border, beyond which only the formula continues. Error: a shape too fine for its points or
-/// the press, or a hand soon at a border.
-[[nodiscard]] Result<HuntScene> make_hand_scene(const Quarry& quarry);
+/// The path of trial_input.hand on the exact shape with its truth. Both end where the true god object nears
+/// an open surface's border, beyond which only the formula continues. Error: a shape too fine for its points
+/// or the press, or a hand soon at a border.
+[[nodiscard]] Result<HuntScene> make_hand_scene(const TrialInput& trial_input);
 
 }  // namespace palpate::experiments

@@ -4,7 +4,7 @@
 
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "experiments/run/doubts.h"
+#include "experiments/run/result_warnings.h"
 #include "experiments/run/work.h"
 #include "experiments/study/scoring.h"
 #include "toolkit/cloud/statistics.h"

@@ -10,8 +10,8 @@
 #include <palpate/result.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/doubts.h"
 #include "experiments/run/ground_truth.h"
+#include "experiments/run/result_warnings.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::experiments {

@@ -13,7 +13,7 @@
 
 #include "baselines/mesh/surface_mesh.h"
 #include "experiments/stress/shapes.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 #include "toolkit/geometry/half_space_projection.h"
 
 namespace palpate::baselines {

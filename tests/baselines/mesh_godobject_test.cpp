@@ -4,7 +4,7 @@
 
 #include "baselines/mesh/facet.h"
 #include "baselines/renderers/mesh_source.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 #include "tests/house/allocation_count.h"
 
 namespace palpate::baselines {

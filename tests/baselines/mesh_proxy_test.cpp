@@ -8,7 +8,7 @@
 
 #include "baselines/reference/facet_tree.h"
 #include "tests/baselines/indexed.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 
 namespace palpate::baselines {
 namespace {

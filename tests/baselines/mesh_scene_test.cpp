@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 
 namespace palpate::baselines {
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <numbers>
 
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 
 namespace palpate::test {
 namespace {

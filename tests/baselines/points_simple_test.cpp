@@ -6,7 +6,7 @@
 #include "baselines/points/sphere_proxy.h"
 #include "baselines/points/vector_field.h"
 #include "baselines/reconstruct/method_functions.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::test {

@@ -3,7 +3,7 @@
 
 #include "baselines/points/mls_proxy.h"
 #include "baselines/points/sphere_tree.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 
 namespace palpate::test {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "baselines/points/gaps.h"
 #include "baselines/points/sdf_grid.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 
 namespace palpate::test {
 namespace {

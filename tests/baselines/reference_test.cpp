@@ -12,7 +12,7 @@
 #include "baselines/reference/mesh_reference.h"
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/meshes.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/closest_point.h"
 

@@ -9,7 +9,7 @@
 #include "baselines/proximity/crossings.h"
 #include "baselines/renderers/mesh_source.h"
 #include "tests/baselines/indexed.h"
-#include "tests/baselines/stand.h"
+#include "tests/baselines/small_models.h"
 
 namespace palpate::baselines {
 namespace {

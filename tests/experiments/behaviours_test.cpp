@@ -12,7 +12,7 @@
 #include "experiments/behaviours/matrix.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/page.h"
-#include "experiments/run/doubts.h"
+#include "experiments/run/result_warnings.h"
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"

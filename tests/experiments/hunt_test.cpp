@@ -21,25 +21,25 @@ namespace {
 using nlohmann::json;
 
 /// A plane of 400 points, a stroke through its middle and a way back.
-Quarry stroke_through_a_plane() {
-  Quarry quarry;
-  quarry.shape = "plane";
-  quarry.points = 400;
-  quarry.sampling = "grid";
-  quarry.way = {{Waypoint::Kind::kFree, {0, 0, -20}, 0, 0, 50},
-                {Waypoint::Kind::kFree, {0, 0, 20}, 0, 0, 50}};
-  return quarry;
+TrialInput stroke_through_a_plane() {
+  TrialInput trial_input;
+  trial_input.shape = "plane";
+  trial_input.points = 400;
+  trial_input.sampling = "grid";
+  trial_input.way = {{Waypoint::Kind::kFree, {0, 0, -20}, 0, 0, 50},
+                     {Waypoint::Kind::kFree, {0, 0, 20}, 0, 0, 50}};
+  return trial_input;
 }
 
 /// A hand on a plane of 2,500 points, half a millimetre apart.
-Quarry hand_on_a_plane() {
-  Quarry quarry;
-  quarry.shape = "plane";
-  quarry.points = 2500;
-  quarry.scale = 0.25;
-  quarry.sampling = "grid";
-  quarry.hand = HandWay{0.6, 60.0, 0.5, 3};
-  return quarry;
+TrialInput hand_on_a_plane() {
+  TrialInput trial_input;
+  trial_input.shape = "plane";
+  trial_input.points = 2500;
+  trial_input.scale = 0.25;
+  trial_input.sampling = "grid";
+  trial_input.hand = HandWay{0.6, 60.0, 0.5, 3};
+  return trial_input;
 }
 
 /// Feels the plane z = 0 from above, as it should or otherwise.
@@ -62,8 +62,8 @@ class Fake final : public render::SceneFreeRenderer {
   Spoil spoil_;
 };
 
-Trial tried(Fake::Spoil spoil, const Quarry& quarry = stroke_through_a_plane()) {
-  const HuntScene scene = make_scene(quarry).value();
+Trial tried(Fake::Spoil spoil, const TrialInput& trial_input = stroke_through_a_plane()) {
+  const HuntScene scene = make_scene(trial_input).value();
   Fake fake(std::move(spoil));
   return try_scene(scene, fake).value();
 }
@@ -117,7 +117,7 @@ TEST(Hunt, ScoresContactThatSticksEnergyAndForce) {
 }
 
 TEST(Hunt, FindsWhatAHandFeelsAsWrong) {
-  const Quarry hand = hand_on_a_plane();
+  const TrialInput hand = hand_on_a_plane();
   const Trial right = tried([](const Vec3&, render::Frame&) {}, hand);
   EXPECT_EQ(right.fault, "");
   for (const HuntGoal goal : {HuntGoal::kCaught, HuntGoal::kLost}) EXPECT_EQ(score(right, goal), 0.0);
@@ -145,36 +145,36 @@ TEST(Hunt, FindsWhatAHandFeelsAsWrong) {
 }
 
 TEST(Hunt, AHandIsJudgedWhereItsPointsTellTheShape) {
-  Quarry quarry = hand_on_a_plane();
-  ASSERT_TRUE(make_scene(quarry).ok());
-  quarry.shape = "slab";  // 12.5 x 12.5 mm; points are 0.35 mm apart
-  quarry.form.set("thickness_mm", "8");
-  quarry.hand->force_n = 0.2;
-  EXPECT_TRUE(make_scene(quarry).ok());
-  quarry.hand->force_n = 0.6;
-  EXPECT_FALSE(make_scene(quarry).ok()) << "pressed by 1.2 mm, deeper than a quarter of its two";
-  quarry.hand->force_n = 0.1;
-  quarry.form.set("thickness_mm", "4");
-  EXPECT_FALSE(make_scene(quarry).ok()) << "thinner than four spacings";
+  TrialInput trial_input = hand_on_a_plane();
+  ASSERT_TRUE(make_scene(trial_input).ok());
+  trial_input.shape = "slab";  // 12.5 x 12.5 mm; points are 0.35 mm apart
+  trial_input.form.set("thickness_mm", "8");
+  trial_input.hand->force_n = 0.2;
+  EXPECT_TRUE(make_scene(trial_input).ok());
+  trial_input.hand->force_n = 0.6;
+  EXPECT_FALSE(make_scene(trial_input).ok()) << "pressed by 1.2 mm, deeper than a quarter of its two";
+  trial_input.hand->force_n = 0.1;
+  trial_input.form.set("thickness_mm", "4");
+  EXPECT_FALSE(make_scene(trial_input).ok()) << "thinner than four spacings";
 }
 
 TEST(Hunt, AQuarryIsWrittenAndReadToTheBit) {
   const render::Registry registry = all_renderers();
   const Ground ground{registry.find("cloud")->options, false};
   Random random(7);
-  Quarry quarry = random_quarry(random, ground);
+  TrialInput trial_input = random_trial_input(random, ground);
   int hands = 0;
   for (int k = 0; k < 200; ++k) {
-    hands += quarry.hand.has_value();
-    const std::string text = to_text(quarry);
-    Quarry read;
+    hands += trial_input.hand.has_value();
+    const std::string text = to_text(trial_input);
+    TrialInput read;
     ASSERT_TRUE(from_text(text, read));
     EXPECT_EQ(to_text(read), text);
-    quarry = k % 20 == 0 ? random_quarry(random, ground) : mutated(quarry, random, ground);
+    trial_input = k % 20 == 0 ? random_trial_input(random, ground) : mutated(trial_input, random, ground);
   }
   EXPECT_GT(hands, 0);
   EXPECT_LT(hands, 200);
-  EXPECT_FALSE(from_text("{\"shape\": 3}", quarry));
+  EXPECT_FALSE(from_text("{\"shape\": 3}", trial_input));
 }
 
 TEST(Hunt, WhatWasFoundIsGoneOnWith) {
@@ -195,14 +195,14 @@ TEST(Hunt, WhatWasFoundIsGoneOnWith) {
 class HuntCommand : public OnCommandLine {};
 
 TEST_F(HuntCommand, AHandsCaseIsThePointsThePathAndTheTruthThatWereTried) {
-  Quarry quarry = hand_on_a_plane();
-  quarry.shape = "relief";
-  quarry.form.set("finest_mm", "50");
-  quarry.noise = 0.2;
-  const HuntScene tried = make_scene(quarry).value();
+  TrialInput trial_input = hand_on_a_plane();
+  trial_input.shape = "relief";
+  trial_input.form.set("finest_mm", "50");
+  trial_input.noise = 0.2;
+  const HuntScene tried = make_scene(trial_input).value();
   const OutputFolder folder = OutputFolder::open(in("case")).value();
   ASSERT_TRUE(folder.begin("case").ok());
-  ASSERT_TRUE(write_case(folder, "one", quarry, {"cloud", {}}).ok());
+  ASSERT_TRUE(write_case(folder, "one", trial_input, {"cloud", {}}).ok());
   StageRequest request;
   request.scene = scene::open_scene(in("case/one.toml")).value();
   request.path = in("case/one.csv");

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/spline_sdf/built_bricks.h"
+#include "toolkit/spline_sdf/brick_components.h"
 #include "toolkit/spline_sdf/patch_field.h"
 #include "toolkit/spline_sdf/point_interior.h"
 #include "toolkit/spline_sdf/spline.h"

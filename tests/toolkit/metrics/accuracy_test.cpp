@@ -7,7 +7,7 @@
 
 #include <palpate/accuracy.h>
 #include "tests/toolkit/messages.h"
-#include "tests/toolkit/metrics/tiny.h"
+#include "tests/toolkit/metrics/small_traces.h"
 #include "toolkit/metrics/force_steps.h"
 
 namespace palpate::metrics {

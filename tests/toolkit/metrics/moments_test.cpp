@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "tests/toolkit/messages.h"
-#include "tests/toolkit/metrics/tiny.h"
+#include "tests/toolkit/metrics/small_traces.h"
 #include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {

@@ -6,7 +6,7 @@
 #include <palpate/accuracy.h>
 #include <palpate/reference.h>
 #include "tests/toolkit/messages.h"
-#include "tests/toolkit/metrics/tiny.h"
+#include "tests/toolkit/metrics/small_traces.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
 #include "toolkit/metrics/closest_point.h"

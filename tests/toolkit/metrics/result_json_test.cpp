@@ -14,7 +14,7 @@
 #include "tests/in_folder.h"
 #include "tests/json_schema.h"
 #include "tests/toolkit/messages.h"
-#include "tests/toolkit/metrics/tiny.h"
+#include "tests/toolkit/metrics/small_traces.h"
 #include "toolkit/metrics/result_json.h"
 #include "toolkit/metrics/scores.h"
 

@@ -1,4 +1,4 @@
-#include "toolkit/spline_sdf/built_bricks.h"
+#include "toolkit/spline_sdf/brick_components.h"
 
 #include <algorithm>
 #include <bit>

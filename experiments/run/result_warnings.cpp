@@ -1,4 +1,4 @@
-#include "experiments/run/doubts.h"
+#include "experiments/run/result_warnings.h"
 
 #include <fmt/format.h>
 

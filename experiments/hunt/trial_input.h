@@ -42,7 +42,7 @@ struct HandWay {
 };
 
 /// One trial's input. A HIP path starts and ends above the model.
-struct Quarry {
+struct TrialInput {
   std::string shape;  ///< a generator
   Options form;       ///< the generator's own options, as given
   int points = 0;
@@ -75,7 +75,7 @@ inline constexpr double kFewestJudged = 300.0;
 /// Every model's stiffness, N/mm, the default.
 inline constexpr double kHuntedStiffness = 0.5;
 
-/// Most frames of a quarry's paths together; longer ones are cut.
+/// Most frames of a trial_input's paths together; longer ones are cut.
 inline constexpr int kMostFrames = 1500;
 /// Frames of a hand: three seconds, with one or two lifts.
 inline constexpr int kHandFrames = 3000;
@@ -85,12 +85,12 @@ struct Ground {
   std::span<const OptionSpec> options;
   bool heights = false;  ///< height fields only: raster points, lifted and lowered
 };
-[[nodiscard]] Quarry random_quarry(Random& random, const Ground& ground);
+[[nodiscard]] TrialInput random_trial_input(Random& random, const Ground& ground);
 /// Makes one to three changes.
-[[nodiscard]] Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground);
+[[nodiscard]] TrialInput mutated(const TrialInput& trial_input, Random& random, const Ground& ground);
 
-[[nodiscard]] std::string to_text(const Quarry& quarry);
+[[nodiscard]] std::string to_text(const TrialInput& trial_input);
 /// False for a text not from to_text().
-[[nodiscard]] bool from_text(const std::string& text, Quarry& quarry);
+[[nodiscard]] bool from_text(const std::string& text, TrialInput& trial_input);
 
 }  // namespace palpate::experiments

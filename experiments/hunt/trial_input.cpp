@@ -1,4 +1,4 @@
-#include "experiments/hunt/quarry.h"
+#include "experiments/hunt/trial_input.h"
 
 #include <fmt/format.h>
 
@@ -120,66 +120,66 @@ std::string random_value(const OptionSpec& spec, Random& random) {
   return spec.default_value;
 }
 
-void turn_option(Quarry& quarry, Random& random, std::span<const OptionSpec> options) {
+void turn_option(TrialInput& trial_input, Random& random, std::span<const OptionSpec> options) {
   if (options.empty()) return;
   const OptionSpec& spec = options[random.below(options.size())];
-  Options given = quarry.options;
+  Options given = trial_input.options;
   given.set(spec.key, random_value(spec, random));
   // Drops options that have no effect or are refused.
-  if (validate(given, options, "hunt")) quarry.options = std::move(given);
+  if (validate(given, options, "hunt")) trial_input.options = std::move(given);
 }
 
-void turn_form(Quarry& quarry, Random& random) {
+void turn_form(TrialInput& trial_input, Random& random) {
   std::vector<const FormRange*> own;
   for (const FormRange& form : kForms)
-    if (form.shape == quarry.shape) own.push_back(&form);
+    if (form.shape == trial_input.shape) own.push_back(&form);
   if (own.empty()) return;
   const FormRange& form = *own[random.below(own.size())];
-  quarry.form.set(form.key, fmt::format("{:.4g}", log_uniform(random, form.low, form.high)));
+  trial_input.form.set(form.key, fmt::format("{:.4g}", log_uniform(random, form.low, form.high)));
 }
 
-void draw_shape(Quarry& quarry, Random& random) {
-  quarry.shape = one_of(kShapes, random);
-  quarry.form = {};
-  for (std::uint64_t k = random.below(3); k > 0; --k) turn_form(quarry, random);
+void draw_shape(TrialInput& trial_input, Random& random) {
+  trial_input.shape = one_of(kShapes, random);
+  trial_input.form = {};
+  for (std::uint64_t k = random.below(3); k > 0; --k) turn_form(trial_input, random);
 }
 
-void turn_model(Quarry& quarry, Random& random) {
+void turn_model(TrialInput& trial_input, Random& random) {
   constexpr double kMostNoise = 0.6, kMostOutliers = 0.1, kSometimes = 0.3, kFarthest = 1e6;
   switch (random.below(9)) {
     case 0:
-      draw_shape(quarry, random);
+      draw_shape(trial_input, random);
       break;
     case 1:
-      quarry.points = static_cast<int>(log_uniform(random, kFewestPoints, kMostPoints));
+      trial_input.points = static_cast<int>(log_uniform(random, kFewestPoints, kMostPoints));
       break;
     case 2:
-      quarry.sampling = one_of(kSamplings, random);
+      trial_input.sampling = one_of(kSamplings, random);
       break;
     case 3:
-      quarry.noise = chance(random, 0.5) ? 0.0 : random.uniform(0.0, kMostNoise);
+      trial_input.noise = chance(random, 0.5) ? 0.0 : random.uniform(0.0, kMostNoise);
       break;
     case 4:
-      quarry.outliers = chance(random, 0.5) ? 0.0 : random.uniform(0.0, kMostOutliers);
+      trial_input.outliers = chance(random, 0.5) ? 0.0 : random.uniform(0.0, kMostOutliers);
       break;
     case 5:
-      quarry.scale = chance(random, 0.5) ? 1.0 : log_uniform(random, kLeastScale, kMostScale);
+      trial_input.scale = chance(random, 0.5) ? 1.0 : log_uniform(random, kLeastScale, kMostScale);
       break;
     case 6:
-      quarry.offset = chance(random, 0.5) ? 0.0 : log_uniform(random, 1.0, kFarthest);
+      trial_input.offset = chance(random, 0.5) ? 0.0 : log_uniform(random, 1.0, kFarthest);
       break;
     case 7:
-      turn_form(quarry, random);
+      turn_form(trial_input, random);
       break;
     default:
-      quarry.model_seed = 1 + random.below(1000);
+      trial_input.model_seed = 1 + random.below(1000);
       break;
   }
-  quarry.friction = chance(random, kSometimes) ? random.uniform() : 0.0;
+  trial_input.friction = chance(random, kSometimes) ? random.uniform() : 0.0;
 }
 
-void turn_way(Quarry& quarry, Random& random) {
-  auto& way = quarry.way;
+void turn_way(TrialInput& trial_input, Random& random) {
+  auto& way = trial_input.way;
   constexpr double kNudge = 0.3;
   const std::size_t at = way.empty() ? 0 : random.below(way.size());
   switch (random.below(5)) {
@@ -202,8 +202,8 @@ void turn_way(Quarry& quarry, Random& random) {
   }
 }
 
-void turn_edits(Quarry& quarry, Random& random) {
-  auto& edits = quarry.edits;
+void turn_edits(TrialInput& trial_input, Random& random) {
+  auto& edits = trial_input.edits;
   if (!edits.empty() && (chance(random, 0.5) || edits.size() >= kMostEdits))
     edits.erase(edits.begin() + static_cast<std::ptrdiff_t>(random.below(edits.size())));
   else
@@ -233,30 +233,30 @@ void turn_hand(HandWay& hand, Random& random) {
   }
 }
 
-/// Restricts the quarry to what has a truth, at the hand's spacing.
-void suit_hand(Quarry& quarry) {
+/// Restricts the trial_input to what has a truth, at the hand's spacing.
+void suit_hand(TrialInput& trial_input) {
   constexpr double kMostNoise = 0.3;
-  quarry.edits.clear();
-  quarry.outliers = quarry.offset = quarry.friction = 0.0;
-  quarry.noise = std::min(quarry.noise, kMostNoise);
-  quarry.points = std::max(quarry.points, static_cast<int>(kFewestJudged));
-  quarry.scale = 1.0;
-  const Result<NamedOptions> named = parse_named_options(quarry.model_text());
+  trial_input.edits.clear();
+  trial_input.outliers = trial_input.offset = trial_input.friction = 0.0;
+  trial_input.noise = std::min(trial_input.noise, kMostNoise);
+  trial_input.points = std::max(trial_input.points, static_cast<int>(kFewestJudged));
+  trial_input.scale = 1.0;
+  const Result<NamedOptions> named = parse_named_options(trial_input.model_text());
   const Result<cloud::GeneratedModel> made = named ? cloud::generate(*named) : Error{};
-  if (made) quarry.scale = quarry.hand->spacing_mm / made->nominal_spacing_mm;
+  if (made) trial_input.scale = trial_input.hand->spacing_mm / made->nominal_spacing_mm;
 }
 
-/// Restricts the quarry to height fields: nothing sideways.
-void flatten(Quarry& quarry) {
+/// Restricts the trial_input to height fields: nothing sideways.
+void flatten(TrialInput& trial_input) {
   constexpr std::size_t kHeightShapes = 5;  // the first ones
-  if (std::find(kShapes.begin(), kShapes.begin() + kHeightShapes, quarry.shape) ==
+  if (std::find(kShapes.begin(), kShapes.begin() + kHeightShapes, trial_input.shape) ==
       kShapes.begin() + kHeightShapes) {
-    quarry.shape = kShapes[static_cast<std::size_t>(quarry.points) % kHeightShapes];
-    quarry.form = {};
+    trial_input.shape = kShapes[static_cast<std::size_t>(trial_input.points) % kHeightShapes];
+    trial_input.form = {};
   }
-  quarry.sampling = "grid";
-  quarry.noise = quarry.outliers = 0.0;
-  for (PointEdit& change : quarry.edits) {
+  trial_input.sampling = "grid";
+  trial_input.noise = trial_input.outliers = 0.0;
+  for (PointEdit& change : trial_input.edits) {
     change.kind = PointEdit::Kind::kMove;
     change.by.x() = change.by.y() = 0.0;
   }
@@ -281,18 +281,18 @@ Vec3 vector_of(const nlohmann::json& json) {
 
 }  // namespace
 
-bool Quarry::keeps_raster() const {
+bool TrialInput::keeps_raster() const {
   return std::all_of(edits.begin(), edits.end(), [](const PointEdit& change) {
     return change.kind == PointEdit::Kind::kMove && change.by.x() == 0.0 && change.by.y() == 0.0;
   });
 }
 
-bool Quarry::open() const {
+bool TrialInput::open() const {
   return shape == "sinusoid" || shape == "plane" || shape == "saddle" || shape == "relief" ||
          shape == "wedge" || shape == "bowl";
 }
 
-double Quarry::finest_mm() const {
+double TrialInput::finest_mm() const {
   double finest = std::numeric_limits<double>::infinity();
   const cloud::Generator* generator = cloud::find_generator(shape);
   const Result<Options> complete = generator != nullptr ? cloud::complete_options(*generator, form) : Error{};
@@ -309,7 +309,7 @@ std::string HandWay::path_text() const {
                      kHandFrames, force_n, kSlowestShare * fastest_mm_s, fastest_mm_s, seed);
 }
 
-std::string Quarry::model_text() const {
+std::string TrialInput::model_text() const {
   std::string text = fmt::format("{}:points={}:scale={:.17g}", shape, points, scale);
   for (const auto& [key, value] : form.all()) text += fmt::format(":{}={}", key, value);
   // A hand needs the faces to see where a surface ends.
@@ -323,34 +323,34 @@ std::string Quarry::model_text() const {
   return text;
 }
 
-Quarry random_quarry(Random& random, const Ground& ground) {
+TrialInput random_trial_input(Random& random, const Ground& ground) {
   constexpr int kModelTurns = 6, kHandTurns = 5;
   constexpr double kUsualForceN = 0.6, kUsualFastestMmS = 60.0, kUsualSpacingMm = 0.3;
-  Quarry quarry;
-  draw_shape(quarry, random);
-  quarry.points = static_cast<int>(log_uniform(random, kFewestPoints, kMostPoints));
-  quarry.sampling = one_of(kSamplings, random);
-  for (int k = 0; k < kModelTurns; ++k) turn_model(quarry, random);
+  TrialInput trial_input;
+  draw_shape(trial_input, random);
+  trial_input.points = static_cast<int>(log_uniform(random, kFewestPoints, kMostPoints));
+  trial_input.sampling = one_of(kSamplings, random);
+  for (int k = 0; k < kModelTurns; ++k) turn_model(trial_input, random);
   constexpr double kWithOptions = 0.4, kWithEdits = 0.4, kWithHand = 0.5;
-  if (chance(random, kWithOptions)) turn_option(quarry, random, ground.options);
+  if (chance(random, kWithOptions)) turn_option(trial_input, random, ground.options);
   if (chance(random, kWithEdits))
     for (std::uint64_t k = 1 + random.below(kMostEdits / 2); k > 0; --k)
-      quarry.edits.push_back(random_edit(random));
+      trial_input.edits.push_back(random_edit(random));
   if (chance(random, kWithHand)) {
-    quarry.hand = HandWay{kUsualForceN, kUsualFastestMmS, kUsualSpacingMm, 1};
-    for (int k = 0; k < kHandTurns; ++k) turn_hand(*quarry.hand, random);
+    trial_input.hand = HandWay{kUsualForceN, kUsualFastestMmS, kUsualSpacingMm, 1};
+    for (int k = 0; k < kHandTurns; ++k) turn_hand(*trial_input.hand, random);
   } else {
     for (std::uint64_t k = 2 + random.below(kMostWaypoints / 2); k > 0; --k)
-      quarry.way.push_back(random_waypoint(random));
+      trial_input.way.push_back(random_waypoint(random));
   }
-  if (ground.heights) flatten(quarry);
-  if (quarry.hand) suit_hand(quarry);
-  return quarry;
+  if (ground.heights) flatten(trial_input);
+  if (trial_input.hand) suit_hand(trial_input);
+  return trial_input;
 }
 
-Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground) {
+TrialInput mutated(const TrialInput& trial_input, Random& random, const Ground& ground) {
   constexpr double kWay = 0.6, kEdits = 0.2, kModel = 0.13;  // the rest varies an option
-  Quarry next = quarry;
+  TrialInput next = trial_input;
   for (std::uint64_t k = 1 + random.below(3); k > 0; --k) {
     const double what = random.uniform();
     if (what < kWay && next.hand)
@@ -369,63 +369,63 @@ Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground) {
   return next;
 }
 
-std::string to_text(const Quarry& quarry) {
+std::string to_text(const TrialInput& trial_input) {
   nlohmann::json edits = nlohmann::json::array(), way = nlohmann::json::array();
-  for (const PointEdit& e : quarry.edits)
+  for (const PointEdit& e : trial_input.edits)
     edits.push_back({{"kind", e.kind}, {"which", e.which}, {"other", e.other}, {"by", json_of(e.by)}});
-  for (const Waypoint& w : quarry.way)
+  for (const Waypoint& w : trial_input.way)
     way.push_back({{"kind", w.kind},
                    {"at", json_of(w.at)},
                    {"which", w.which},
                    {"other", w.other},
                    {"frames", w.frames}});
-  nlohmann::json text{{"shape", quarry.shape},
-                      {"form", json_of(quarry.form)},
-                      {"points", quarry.points},
-                      {"sampling", quarry.sampling},
-                      {"noise", quarry.noise},
-                      {"outliers", quarry.outliers},
-                      {"seed", quarry.model_seed},
-                      {"scale", quarry.scale},
-                      {"offset", quarry.offset},
-                      {"friction", quarry.friction},
+  nlohmann::json text{{"shape", trial_input.shape},
+                      {"form", json_of(trial_input.form)},
+                      {"points", trial_input.points},
+                      {"sampling", trial_input.sampling},
+                      {"noise", trial_input.noise},
+                      {"outliers", trial_input.outliers},
+                      {"seed", trial_input.model_seed},
+                      {"scale", trial_input.scale},
+                      {"offset", trial_input.offset},
+                      {"friction", trial_input.friction},
                       {"edits", edits},
                       {"way", way},
-                      {"options", json_of(quarry.options)}};
-  if (quarry.hand)
-    text["hand"] = {{"force_n", quarry.hand->force_n},
-                    {"fastest_mm_s", quarry.hand->fastest_mm_s},
-                    {"spacing_mm", quarry.hand->spacing_mm},
-                    {"seed", quarry.hand->seed}};
+                      {"options", json_of(trial_input.options)}};
+  if (trial_input.hand)
+    text["hand"] = {{"force_n", trial_input.hand->force_n},
+                    {"fastest_mm_s", trial_input.hand->fastest_mm_s},
+                    {"spacing_mm", trial_input.hand->spacing_mm},
+                    {"seed", trial_input.hand->seed}};
   return text.dump();
 }
 
-bool from_text(const std::string& text, Quarry& quarry) {
+bool from_text(const std::string& text, TrialInput& trial_input) {
   try {
     const nlohmann::json json = nlohmann::json::parse(text);
-    quarry = {};
-    json.at("shape").get_to(quarry.shape);
-    quarry.form = given_in(json.at("form"));
-    json.at("points").get_to(quarry.points);
-    json.at("sampling").get_to(quarry.sampling);
-    json.at("noise").get_to(quarry.noise);
-    json.at("outliers").get_to(quarry.outliers);
-    json.at("seed").get_to(quarry.model_seed);
-    json.at("scale").get_to(quarry.scale);
-    json.at("offset").get_to(quarry.offset);
-    json.at("friction").get_to(quarry.friction);
+    trial_input = {};
+    json.at("shape").get_to(trial_input.shape);
+    trial_input.form = given_in(json.at("form"));
+    json.at("points").get_to(trial_input.points);
+    json.at("sampling").get_to(trial_input.sampling);
+    json.at("noise").get_to(trial_input.noise);
+    json.at("outliers").get_to(trial_input.outliers);
+    json.at("seed").get_to(trial_input.model_seed);
+    json.at("scale").get_to(trial_input.scale);
+    json.at("offset").get_to(trial_input.offset);
+    json.at("friction").get_to(trial_input.friction);
     for (const auto& e : json.at("edits"))
-      quarry.edits.push_back({e.at("kind").get<PointEdit::Kind>(), e.at("which").get<double>(),
-                              e.at("other").get<double>(), vector_of(e.at("by"))});
+      trial_input.edits.push_back({e.at("kind").get<PointEdit::Kind>(), e.at("which").get<double>(),
+                                   e.at("other").get<double>(), vector_of(e.at("by"))});
     for (const auto& w : json.at("way"))
-      quarry.way.push_back({w.at("kind").get<Waypoint::Kind>(), vector_of(w.at("at")),
-                            w.at("which").get<double>(), w.at("other").get<double>(),
-                            w.at("frames").get<int>()});
-    quarry.options = given_in(json.at("options"));
+      trial_input.way.push_back({w.at("kind").get<Waypoint::Kind>(), vector_of(w.at("at")),
+                                 w.at("which").get<double>(), w.at("other").get<double>(),
+                                 w.at("frames").get<int>()});
+    trial_input.options = given_in(json.at("options"));
     if (json.contains("hand")) {
       const nlohmann::json& hand = json.at("hand");
-      quarry.hand = HandWay{hand.at("force_n").get<double>(), hand.at("fastest_mm_s").get<double>(),
-                            hand.at("spacing_mm").get<double>(), hand.at("seed").get<std::uint64_t>()};
+      trial_input.hand = HandWay{hand.at("force_n").get<double>(), hand.at("fastest_mm_s").get<double>(),
+                                 hand.at("spacing_mm").get<double>(), hand.at("seed").get<std::uint64_t>()};
     }
     return true;
   } catch (const nlohmann::json::exception&) {

@@ -1,5 +1,5 @@
-// What can be wrong with models, references and paths that are each fine alone: refused where nothing
-// sensible can come of them, else said as warnings, whole sentences.
+// Warnings of a result: what can be wrong with models, references and paths that are each fine alone: refused
+// where nothing sensible can come of them, else said as warnings, whole sentences.
 #pragma once
 
 #include <string>
