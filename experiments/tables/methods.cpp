@@ -236,7 +236,7 @@ void conclude_methods(const Manifest& manifest, const PublishedTimes& times,
   answer.page = manifest.id() + ".html";
   answer.says = "our approach and others: mean frames that their authors published";
   answer.printed = manifest.hardware;
-  answer.ours = fmt::format("{} of {} are met", times.met, times.all);
+  if (times.all > 0) answer.ours = fmt::format("{} of {} are met", times.met, times.all);
   const auto error = [](const R& r) {
     const Value percent = settled_score(r, &metrics::Accuracy::force_rms_percent);
     return percent ? format_number(*percent) + " %" : std::string();
