@@ -30,7 +30,9 @@ constexpr int kMeetRounds = 3;
 /// within kBeyondEnd of it.
 constexpr double kOnEdgeSpacings = 0.2;
 /// Weights of links that may be wrong: between patches that meet beyond their points, and between stacked
-/// sheets, which are many times as many.
+/// sheets, which are many times as many. Measured on seven shapes with walls of 1.3 spacings and more, clean
+/// and with noise: without either weight up to 85 of 2,400 patches are turned, and from 0.1 to 0.3 and 0.03
+/// to 0.1 at most 3 more or fewer, but where noise is wider than the wall.
 constexpr double kWeightBeyond = 0.3, kWeightStacked = 0.1;
 /// Links per patch, to the nearest.
 constexpr std::size_t kMaxLinks = 24;
