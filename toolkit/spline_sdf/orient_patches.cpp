@@ -30,9 +30,8 @@ constexpr int kMeetRounds = 3;
 /// within kBeyondEnd of it.
 constexpr double kOnEdgeSpacings = 0.2;
 /// Weights of links that may be wrong: between patches that meet beyond their points, and between stacked
-/// sheets, which are many times as many. Measured on seven shapes with walls of 1.3 spacings and more, clean
-/// and with noise: without either weight up to 85 of 2,400 patches are turned, and from 0.1 to 0.3 and 0.03
-/// to 0.1 at most 3 more or fewer, but where noise is wider than the wall.
+/// sheets, which are many times as many. Measured on seven shapes: with 0 and 1 up to 85 of 2,400 patches are
+/// turned; from 0.1 to 0.3 and from 0.03 to 0.1 at most 3, but on walls under two spacings in noise.
 constexpr double kWeightBeyond = 0.3, kWeightStacked = 0.1;
 /// Links per patch, to the nearest.
 constexpr std::size_t kMaxLinks = 24;
@@ -59,7 +58,7 @@ constexpr double kSlant = 1.0;
 constexpr std::uint32_t kAskedOfFace = 128;
 constexpr double kClearlyOpen = 0.1, kByChance = 1.2;
 /// Stacked sheets are parallel within 45 degrees, and no point lies between within this share of their
-/// distance from the middle.
+/// distance from the middle; a half would reach the sheets themselves.
 constexpr double kFacing = 0.7, kBetween = 0.35;
 constexpr std::size_t kAskGrain = 16;
 

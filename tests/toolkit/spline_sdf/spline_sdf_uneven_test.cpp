@@ -356,7 +356,7 @@ TEST(CloudSmoothSides, ComingOutOfAHoleDoesNotCatchTheProbe) {
   EXPECT_LE(caught, 2);
 }
 
-/// A vase about z with a wall of 2.5 spacings: half of its radius at a height, 0 to 1.
+/// A vase about z with a wall of 2.5 spacings: the radius of the wall's middle at a share of its height.
 constexpr double kVaseHeight = 70.0, kVaseWall = 1.8;
 double vase_radius(double height) {
   return 20.0 + 10.0 * std::sin(3.2 * height) * (1.0 - 0.3 * height);
