@@ -90,6 +90,24 @@ Result<std::size_t> InputFile::read(std::span<std::byte> out) {
   return have;
 }
 
+Status InputFile::read_at(std::uint64_t offset, std::span<std::byte> out) const {
+  std::size_t have = 0;
+  while (have < out.size()) {
+    const ssize_t got =
+        ::pread(file_.get(), out.data() + have, out.size() - have, static_cast<off_t>(offset + have));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0)
+      return Error{fmt::format("cannot read the file: {}", std::strerror(errno)),
+                   "check the disk and the path", path_};
+    if (got == 0)
+      return Error{
+          fmt::format("the file ends at byte {}, {} more are needed", offset + have, out.size() - have),
+          "the file is cut short: copy it again", path_};
+    have += static_cast<std::size_t>(got);
+  }
+  return {};
+}
+
 Result<std::string> read_file(const std::string& path, std::uint64_t most_bytes) {
   Result<InputFile> file = InputFile::open(path);
   if (!file) return std::move(file).error();

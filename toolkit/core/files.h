@@ -46,6 +46,8 @@ class InputFile {
 
   /// Fills `out`, or its front at the end of the file: 0 only at the end (or for empty `out`).
   [[nodiscard]] Result<std::size_t> read(std::span<std::byte> out);
+  /// Fills all of `out` from `offset`, or an Error; does not move where read() stands. Thread-safe.
+  [[nodiscard]] Status read_at(std::uint64_t offset, std::span<std::byte> out) const;
   /// Size of the file when opened.
   [[nodiscard]] std::uint64_t size() const noexcept { return size_; }
   [[nodiscard]] const std::string& path() const noexcept { return path_; }

@@ -65,6 +65,18 @@ class PrefixedSource final : public ByteSource {
   std::unique_ptr<ByteSource> rest_;
 };
 
+class FileAccess final : public RandomAccess {
+ public:
+  explicit FileAccess(InputFile file) : file_(std::move(file)) {}
+  std::uint64_t size() const noexcept override { return file_.size(); }
+  Status read_at(std::uint64_t offset, std::span<std::byte> out) const override {
+    return file_.read_at(offset, out);
+  }
+
+ private:
+  InputFile file_;
+};
+
 constexpr std::size_t kFirstBuffer = std::size_t{1} << 16;
 // After moving what is left to the front there is always room for the longest line to be whole.
 constexpr std::size_t kMaxBuffer = 2 * kMaxLineBytes;
@@ -85,6 +97,20 @@ double MemorySource::fraction() const {
 Result<std::unique_ptr<ByteSource>> open_file(const std::string& path) {
   PALPATE_ASSIGN(InputFile file, InputFile::open(path));
   return std::unique_ptr<ByteSource>(std::make_unique<FileSource>(std::move(file)));
+}
+
+Status MemoryAccess::read_at(std::uint64_t offset, std::span<std::byte> out) const {
+  if (offset > data_.size() || out.size() > data_.size() - offset)
+    return Error{fmt::format("the data ends at byte {}, {} bytes from {} are needed", data_.size(),
+                             out.size(), offset),
+                 "the file is cut short: copy it again"};
+  if (!out.empty()) std::memcpy(out.data(), data_.data() + offset, out.size());
+  return {};
+}
+
+Result<std::unique_ptr<RandomAccess>> open_random_access(const std::string& path) {
+  PALPATE_ASSIGN(InputFile file, InputFile::open(path));
+  return std::unique_ptr<RandomAccess>(std::make_unique<FileAccess>(std::move(file)));
 }
 
 Compression detect_compression(std::span<const std::byte> first) noexcept {

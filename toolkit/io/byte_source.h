@@ -45,6 +45,29 @@ class MemorySource final : public ByteSource {
 /// A regular file, as InputFile opens it.
 [[nodiscard]] Result<std::unique_ptr<ByteSource>> open_file(const std::string& path);
 
+/// Bytes at any place, for formats with tables at their end. Thread-safe.
+class RandomAccess {
+ public:
+  virtual ~RandomAccess() = default;
+  [[nodiscard]] virtual std::uint64_t size() const noexcept = 0;
+  /// Fills all of `out` from `offset`, or an Error.
+  [[nodiscard]] virtual Status read_at(std::uint64_t offset, std::span<std::byte> out) const = 0;
+};
+
+/// Bytes that somebody else owns and keeps alive.
+class MemoryAccess final : public RandomAccess {
+ public:
+  explicit MemoryAccess(std::span<const std::byte> data) : data_(data) {}
+  [[nodiscard]] std::uint64_t size() const noexcept override { return data_.size(); }
+  [[nodiscard]] Status read_at(std::uint64_t offset, std::span<std::byte> out) const override;
+
+ private:
+  std::span<const std::byte> data_;
+};
+
+/// A regular file, as InputFile opens it.
+[[nodiscard]] Result<std::unique_ptr<RandomAccess>> open_random_access(const std::string& path);
+
 /// How a file is compressed, by its first bytes.
 enum class Compression { kNone, kGzip, kXz };
 [[nodiscard]] Compression detect_compression(std::span<const std::byte> first_bytes) noexcept;
