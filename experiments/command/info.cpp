@@ -17,6 +17,7 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/neighbour_table.h"
+#include "toolkit/spline_sdf/surface_file.h"
 
 namespace palpate::experiments {
 namespace {
@@ -107,6 +108,17 @@ nlohmann::ordered_json to_json(const Info& info) {
                                                           {"outside", holes.outside},
                                                           {"widest_hole", holes.widest}}
                                  : nlohmann::ordered_json(nullptr);
+  if (info.model.prepared != nullptr) {
+    j["prepared"] = {{"points", info.model.prepared->points()},
+                     {"bytes", info.model.prepared->bytes()},
+                     {"surfaces", nlohmann::ordered_json::array()}};
+    for (const render::StoredSurface& s : info.model.prepared->surfaces())
+      j["prepared"]["surfaces"].push_back({{"tiles", s.keys.size()},
+                                           {"bytes", s.tile_bytes},
+                                           {"spacing_mm", s.surface.spacing_mm},
+                                           {"noise_mm", s.surface.noise_mm},
+                                           {"rms_mm", s.rms_mm}});
+  }
   // JSON has no infinity: a flat box has no volume to be dense in.
   if (!std::isfinite(s.density_per_mm3)) j["density_per_mm3"] = nullptr;
   return j;
@@ -131,6 +143,19 @@ int corner_digits(const geometry::Aabb& box) {
   if (!(extent > 0.0)) return farthest > 0.0 ? kAllOfDouble : kNearOrigin;
   const double beyond = std::max(0.0, std::ceil(std::log10(farthest / extent)));
   return std::min(kAllOfDouble, kNearOrigin + static_cast<int>(beyond));
+}
+
+void print_surfaces(const render::SurfaceFile& file) {
+  fmt::print("  prepared from      {} points, {:.3g} MB\n", file.points(),
+             static_cast<double>(file.bytes()) * 1e-6);
+  for (std::size_t level = 0; level < file.surfaces().size(); ++level) {
+    const render::StoredSurface& s = file.surfaces()[level];
+    fmt::print(
+        "  level {}            {} tiles, {:.3g} MB; spacing {:.4g} mm, noise {:.3g} mm; RMS of the sample "
+        "{:.3g} mm\n",
+        level, s.keys.size(), static_cast<double>(s.tile_bytes) * 1e-6, s.surface.spacing_mm,
+        s.surface.noise_mm, s.rms_mm);
+  }
 }
 
 void print_text(const Info& info) {
@@ -181,6 +206,7 @@ void print_text(const Info& info) {
                       ? fmt::format("{} triangles", info.model.original_mesh->triangles.size())
                       : std::string("none"));
   row("content hash", info.provenance.content_hash);
+  if (info.model.prepared != nullptr) print_surfaces(*info.model.prepared);
   for (const std::string& warning : info.warnings) fmt::print("  warning: {}\n", warning);
 }
 

@@ -13,6 +13,7 @@
   DO(devices)                   \
   DO(clean)                     \
   DO(fetch)                     \
+  DO(prepare)                   \
   DO(compare)                   \
   DO(sweep)                     \
   DO(merge)                     \
@@ -43,6 +44,7 @@ inline constexpr Verb kVerbs[] = {
     {"", "list", "renderers, paths, scans, cleaning steps, devices: what there is"},
     {"Prepare", "clean", "cleans a raw scan: outliers, smoothing, thinning, holes"},
     {"", "fetch", "downloads a known scan, checked, into the cache"},
+    {"", "prepare", "makes a file of a scan's smooth surface, felt at once and from disk"},
     {"Measure", "compare", "renderers along one path, and a report; also sweep, merge, ablate"},
     {"", "tune", "finds the cheapest setting that is accurate enough"},
     {"", "test", "suites: behaviours, stress, hunt, stability, goals"},

@@ -67,6 +67,7 @@ Result<MadeRenderer> make_live(Workshop& workshop, const LiveSetting& setting, P
   ready.renderer = control::wrap(std::move(made), workshop.around_each());
   render::PrepareContext context{workshop.threads, &progress};
   context.store = &workshop.store;
+  context.paced = workshop.paced;
   PALPATE_ASSIGN(ready.report, ready.renderer->prepare(scene, context));
   return ready;
 }

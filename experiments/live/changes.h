@@ -24,6 +24,7 @@ struct Workshop {
   const Stage& stage;
   const render::Registry& registry;
   int threads = 0;
+  bool paced = false;                         ///< see render::PrepareContext
   render::ModelStore store{};                 ///< shares built geometry between all renderers
   const render::SceneInput* other = nullptr;  ///< rendered instead of the stage's scene; null: the stage's
                                               ///< scene

@@ -158,7 +158,7 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   PALPATE_TRY(begin_run(folder, "live", context));
   context.working = false;
   begin_live(arguments, plan, *stage, context, document);
-  Workshop workshop{*stage, registry, run.load.threads};
+  Workshop workshop{*stage, registry, run.load.threads, !arguments.accelerated};
   if (const Status ran = run_session(arguments, plan, workshop, clock, device, context.progress, document);
       !ran)
     return ended_early(ran.error(), arguments, context);

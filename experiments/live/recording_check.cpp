@@ -210,8 +210,9 @@ Result<std::string> replay_named(const RunArguments& arguments, const std::strin
     return fmt::format("{} was not recorded with these options: no hashes to compare\n", request.label);
   PALPATE_ASSIGN(const scene::LoadedScene scene,
                  scene::load(checked.stage.scene, all_readers(), checked.stage.load, context.progress));
-  PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
-                 prepared_renderer(request, registry, scene, arguments.load.threads, context.progress));
+  PALPATE_ASSIGN(
+      const std::unique_ptr<render::HapticRenderer> renderer,
+      prepared_renderer(request, registry, scene, arguments.load.threads, false, context.progress));
   PALPATE_ASSIGN(device::Recording recording, device::Recording::open(arguments.path));
   PALPATE_ASSIGN(const std::vector<SegmentReplay> segments,
                  replay_segments(recording, found->label, *renderer, context.progress));

@@ -64,8 +64,8 @@ Result<Session> set_up_session(const RecordArguments& a, const CheckedRun& check
   }
   PALPATE_TRY(registry.check_supports(*registry.find(s.request.name), s.stage.scene.input));
   PALPATE_ASSIGN(s.recorded, recorded_renderer(s.request, registry));
-  PALPATE_ASSIGN(s.renderer,
-                 prepared_renderer(s.request, registry, s.stage.scene, a.load.threads, context.progress));
+  PALPATE_ASSIGN(s.renderer, prepared_renderer(s.request, registry, s.stage.scene, a.load.threads,
+                                               !a.accelerated, context.progress));
   s.header = recording_header(a.scene, checked.stage.scene, s.stage.scene, a.surface);
   return s;
 }
@@ -249,7 +249,8 @@ std::string scene_hash(const scene::SceneFile& file, const scene::LoadedScene& s
 Result<std::unique_ptr<render::HapticRenderer>> prepared_renderer(const RendererRequest& request,
                                                                   const render::Registry& registry,
                                                                   const scene::LoadedScene& scene,
-                                                                  int threads, Progress& progress) {
+                                                                  int threads, bool paced,
+                                                                  Progress& progress) {
   if (!request.clean.empty())
     return Error{"a renderer that is recorded cannot clean its points first",
                  "clean them with `palpate clean`, and record on the cleaned file", request.label};
@@ -257,7 +258,7 @@ Result<std::unique_ptr<render::HapticRenderer>> prepared_renderer(const Renderer
                  registry.make(request.name, request.options));
   renderer = control::wrap(std::move(renderer), scene.control);
   progress.report("preparing " + request.label, -1.0);
-  render::PrepareContext prepare{threads, &progress};
+  render::PrepareContext prepare{threads, &progress, nullptr, paced};
   PALPATE_TRY(renderer->prepare(scene.input, prepare));
   if (scene.input.simulation)
     renderer = std::make_unique<MovingScene>(std::move(renderer), *scene.input.simulation);

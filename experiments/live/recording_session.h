@@ -47,7 +47,7 @@ int run_record_with(const RecordArguments& arguments, const device::Drivers& dri
 /// The prepared renderer inside the session's wrappers: control, moving models.
 [[nodiscard]] Result<std::unique_ptr<render::HapticRenderer>> prepared_renderer(
     const RendererRequest& request, const render::Registry& registry, const scene::LoadedScene& scene,
-    int threads, Progress& progress);
+    int threads, bool paced, Progress& progress);
 
 /// The renderer as a recording stores it, with every option.
 [[nodiscard]] Result<device::RecordedRenderer> recorded_renderer(const RendererRequest& request,

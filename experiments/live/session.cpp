@@ -389,7 +389,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   LinkedProgress seen(progress, arguments.link);
   const std::optional<StandIn> stand_in =
       stand_in_for(arguments, plan.settings, workshop.stage.scene.input, workshop.registry);
-  Workshop coarse{workshop.stage, workshop.registry, workshop.threads};
+  Workshop coarse{workshop.stage, workshop.registry, workshop.threads, workshop.paced};
   if (stand_in) coarse.other = &stand_in->input;
   PALPATE_ASSIGN(std::vector<MadeRenderer> made,
                  stand_in ? prepare_coarse(plan, coarse, stand_in->request, seen, document)

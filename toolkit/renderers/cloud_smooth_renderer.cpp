@@ -8,6 +8,7 @@
 
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/surface_response.h"
+#include "toolkit/spline_sdf/prepared_surface.h"
 #include "toolkit/spline_sdf/spline_sdf_contact.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"
 
@@ -20,7 +21,10 @@ class SplineSdfModel {
   struct Memory {};
   static constexpr bool kTemplatedOnFeatures = true;
 
-  SplineSdfModel(SplineSdfBody body, int most_steps) : body_(std::move(body)) {
+  /// `paged`: null for a surface that is whole in memory.
+  SplineSdfModel(SplineSdfBody body, int most_steps, std::unique_ptr<PagedContact> paged)
+      : body_(std::move(body)), paged_(std::move(paged)) {
+    if (paged_ != nullptr) return;
     contact_.attach(body_.smooth->grid, body_.smooth->spacing_mm);
     contact_.bound_steps(most_steps);
   }
@@ -31,14 +35,20 @@ class SplineSdfModel {
   [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
   [[nodiscard]] unsigned features() const noexcept { return body_.surface.features; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return body_.smooth->grid.box_mm; }
-  [[nodiscard]] bool touching() const noexcept { return contact_.contact() || spread_.active(); }
+  [[nodiscard]] bool touching() const noexcept { return touched().contact() || spread_.active(); }
   void restart(const Vec3& h) noexcept {
-    contact_.restart(h);
+    if (paged_ != nullptr)
+      paged_->restart(h);
+    else
+      contact_.restart(h);
     spread_.end();
     state_.release();
   }
   void release_contact(const Vec3& h) noexcept {
-    contact_.start_from(h);
+    if (paged_ != nullptr)
+      paged_->start_from(h);
+    else
+      contact_.start_from(h);
     spread_.end();
     state_.release();
   }
@@ -47,13 +57,12 @@ class SplineSdfModel {
   template <unsigned kFeatures>
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
-    bool held = contact_.update(h, counters);
-    if (contact_.bound_hit()) status = FrameStatus::kBoundHit;
-    if (held) contact = contact_at<kFeatures>(h);
-    if (contact_.corrected_from() != nullptr || spread_.active()) [[unlikely]]
-      held = spread_.answer(h, contact_.corrected_from(), held, contact,
-                            [&] { contact = contact_at<kFeatures>(h); });
-    return held;
+    if (paged_ != nullptr) [[unlikely]] {
+      const bool held = paged_->update(h, counters);
+      return answer<kFeatures>(h, paged_->active(), paged_->corrected_from(), held, contact, status);
+    }
+    const bool held = contact_.update(h, counters);
+    return answer<kFeatures>(h, contact_, contact_.corrected_from(), held, contact, status);
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact) noexcept {
@@ -61,9 +70,23 @@ class SplineSdfModel {
   }
 
  private:
+  [[nodiscard]] const SplineSdfContact& touched() const noexcept {
+    return paged_ != nullptr ? paged_->active() : contact_;
+  }
   template <unsigned kFeatures>
-  [[nodiscard]] SurfaceContact contact_at(const Vec3& h) const noexcept {
-    SurfaceContact contact = uniform_contact(body_.surface, h, contact_.god_object_mm() - h);
+  [[nodiscard, gnu::always_inline]] bool answer(const Vec3& h, const SplineSdfContact& by,
+                                                const Vec3* corrected_from, bool held,
+                                                SurfaceContact& contact, FrameStatus& status) noexcept {
+    if (by.bound_hit()) status = FrameStatus::kBoundHit;
+    if (held) contact = contact_at<kFeatures>(h, by);
+    if (corrected_from != nullptr || spread_.active()) [[unlikely]]
+      held =
+          spread_.answer(h, corrected_from, held, contact, [&] { contact = contact_at<kFeatures>(h, by); });
+    return held;
+  }
+  template <unsigned kFeatures>
+  [[nodiscard]] SurfaceContact contact_at(const Vec3& h, const SplineSdfContact& by) const noexcept {
+    SurfaceContact contact = uniform_contact(body_.surface, h, by.god_object_mm() - h);
     if constexpr ((kFeatures & kVaried) != 0)
       if (!body_.corners.empty()) read_properties(contact);
     return contact;
@@ -100,6 +123,7 @@ class SplineSdfModel {
 
   SplineSdfBody body_;
   SplineSdfContact contact_;
+  std::unique_ptr<PagedContact> paged_;
   CorrectionRamp spread_;
   SurfaceState state_;
 };
@@ -109,6 +133,8 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
   static constexpr Features kSupportedFeatures = kAllOfRigidSurfaces | Feature::kJointContact;
   // Measured estimates (see kReferenceMachine): a torus of a million random points.
   static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
+  // A prepared file is opened, whatever its size.
+  static constexpr double kOpenMs = 50.0;
 
   explicit CloudSmooth(const Options& options) : FrameLoopRenderer(options) {}
 
@@ -129,14 +155,30 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
 
   [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
 
+  /// The surfaces of a prepared file, in place of building.
+  Result<SplineSdfBody> open_prepared(const ModelInput& input, const PrepareContext& context,
+                                      PrepareReport& report, std::unique_ptr<PagedContact>& paged) const {
+    const PagedOptions options{static_cast<std::size_t>(options_.integer("level")),
+                               static_cast<std::size_t>(options_.integer("resident_mb")) << 20, context.paced,
+                               walk_steps()};
+    if (build() != SplineSdfOptions{})
+      return Error{"detail, voxel and sides of a prepared file were chosen when it was prepared",
+                   "leave them out, or prepare the scan again", input.prepared->path()};
+    return open_prepared_body(input, options, report, paged);
+  }
+
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
-    const Result<SplineSdfDecision> decided = decide_spline_sdf(input, build(), context);
+    const Result<SplineSdfDecision> decided =
+        input.prepared != nullptr
+            ? decide_prepared(input, static_cast<std::size_t>(options_.integer("level")))
+            : decide_spline_sdf(input, build(), context);
     if (!decided) return decided.error();
     return explanation(input, *decided);
   }
   [[nodiscard]] ModelDecisions explanation(const ModelInput& input, const SplineSdfDecision& decision) const {
     ModelDecisions out;
-    out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
+    out.prepare_ms =
+        input.prepared != nullptr ? kOpenMs : kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
     out.frame_us = kFrameUs;
     describe_spline_sdf(input, build(), decision, kSupportedFeatures, out);
     return out;
@@ -144,14 +186,17 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
-      Result<SplineSdfBody> built = build_spline_sdf_body(input, build(), context, report);
+      std::unique_ptr<PagedContact> paged;
+      Result<SplineSdfBody> built = input.prepared != nullptr
+                                        ? open_prepared(input, context, report, paged)
+                                        : build_spline_sdf_body(input, build(), context, report);
       if (!built) return std::move(built).error();
       report.decisions.models.push_back(explanation(input, built->decided()));
       report.notes.push_back(note_text(report.decisions.models.back().decisions.front()));
       report.read_rounding_mm =
           std::max(report.read_rounding_mm,
                    kReadRounding * built->smooth->grid.voxel_mm / built->smooth->grid.per_voxel_of(0));
-      models_.add(std::make_unique<SplineSdfModel>(*std::move(built), walk_steps()));
+      models_.add(std::make_unique<SplineSdfModel>(*std::move(built), walk_steps(), std::move(paged)));
     }
     return Done{};
   }
@@ -195,7 +240,21 @@ RendererInfo cloud_smooth_info() {
        "steps of the god object in a frame, at most; what is left is done in the next",
        {},
        4.0,
-       256.0}};
+       256.0},
+      {"level",
+       OptionKind::kInteger,
+       "0",
+       "of a prepared file: which of its surfaces is felt; 0 is the finest, `palpate info` lists them",
+       {},
+       0.0,
+       15.0},
+      {"resident_mb",
+       OptionKind::kInteger,
+       "256",
+       "of a prepared file: MB of its surface in memory at a time",
+       {},
+       static_cast<double>(kLeastResidentBytes >> 20),
+       1048576.0}};
   info.make = [](const Options& options) { return std::make_unique<CloudSmooth>(options); };
   return info;
 }

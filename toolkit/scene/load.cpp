@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -9,8 +10,10 @@
 #include <palpate/scene.h>
 #include "toolkit/cloud/mesh_samples.h"
 #include "toolkit/cloud/statistics.h"
+#include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/spline_sdf/surface_file.h"
 
 namespace palpate::scene {
 namespace {
@@ -207,12 +210,45 @@ Status add_views(const SceneModel& model, const io::Readers& readers, const io::
   return Done{};
 }
 
+/// Opens a file of prepared surfaces: nothing of it is converted, so nothing may be asked of it that changes
+/// its points.
+Status load_prepared(const SceneModel& model, double scale, const LoadOptions& options,
+                     render::ModelInput& input, Provenance& provenance) {
+  const auto refuse = [&](std::string_view what) {
+    return Error{fmt::format("is a prepared file, which {}", what),
+                 "say it when the scan is prepared: palpate prepare SCAN --out FILE", model.cloud};
+  };
+  if (scale != 1.0) return refuse("has its scale already");
+  if (options.unit || (model.unit && *model.unit != io::Unit::kMillimetre))
+    return refuse("has its unit already");
+  if (!model.clean.empty() || model.sample || !model.views.empty()) return refuse("has its points already");
+  PALPATE_ASSIGN(const std::shared_ptr<const render::SurfaceFile> file,
+                 render::SurfaceFile::open(model.cloud));
+  provenance.source = model.cloud;
+  provenance.format = fmt::format("prepared, {} surfaces; other renderers get {} of its points",
+                                  file->surfaces().size(), file->sample()->size());
+  provenance.content_hash = hex(file->content_hash());
+  provenance.file_points = file->points();
+  input.cloud = file->sample();
+  input.prepared = file;
+  return Done{};
+}
+
+/// Whether a file begins as one of prepared surfaces; false where it cannot be read, which the reader says.
+bool is_prepared(const std::string& path) {
+  std::array<std::byte, 8> first{};
+  Result<InputFile> file = InputFile::open(path);
+  return file && file->size() >= first.size() && file->read_at(0, first) &&
+         render::SurfaceFile::begins_as_one(first);
+}
+
 Status load_file(const SceneModel& model, double scale, const io::Readers& readers,
                  const LoadOptions& options, Progress& progress, render::ModelInput& input,
                  Provenance& provenance) {
   if (model.cloud.empty())
     return Error{fmt::format("the scan '{}' is not here", model.scan),
                  fmt::format("`palpate fetch {}` brings it", model.scan)};
+  if (is_prepared(model.cloud)) return load_prepared(model, scale, options, input, provenance);
   io::ReadOptions read;
   read.unit = model.unit ? model.unit : options.unit;
   read.scale = scale;

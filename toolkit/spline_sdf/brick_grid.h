@@ -57,6 +57,8 @@ struct ClosedComponent {
   std::vector<geometry::AreaElement> parts;  ///< its surface, one part per brick, voxels
 };
 
+class TileWindow;  // tile_window.h
+
 /// All bricks of a model. Immutable and shared; local mm. The voxel is that of level `coarser`.
 struct BrickGrid {
   static constexpr std::uint32_t kNone = MortonCellTable::kNone;
@@ -88,6 +90,8 @@ struct BrickGrid {
   std::array<Level, kMaxLevels> level;
   LargePageVector<Brick> bricks;
   geometry::Aabb box_mm;  ///< of the points
+  /// Finds what is not in the tables, in a surface larger than memory; else null.
+  const TileWindow* window = nullptr;
   std::vector<ClosedComponent> closed_components;
   double min_enclosed = 1.0;  ///< 1 - the widest geometry::opening_fraction() of pieces with holes
 
@@ -112,6 +116,12 @@ struct BrickGrid {
   /// The smallest brick at a place, in voxels. If its `brick` is kNone, the level-0 cube there is empty.
   /// O(levels).
   [[nodiscard]] BrickRef find(const Vec3& at) const noexcept {
+    if (window != nullptr) [[unlikely]]
+      return find_in_window(at);
+    return find_in_tables(at);
+  }
+  [[nodiscard]] BrickRef find_in_window(const Vec3& at) const noexcept;
+  [[nodiscard]] BrickRef find_in_tables(const Vec3& at) const noexcept {
     BrickRef out;
     for (int l = 0; l < levels; ++l) {
       const double per = per_voxel_of(l) * (1.0 / kBrickCells);

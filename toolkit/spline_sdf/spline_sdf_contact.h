@@ -31,6 +31,13 @@ class SplineSdfContact {
   void restart(const Vec3& h_mm) noexcept;
   /// Free at h (local mm), clear of the surface.
   void start_from(const Vec3& h_mm) noexcept;
+  /// Begins contact at the surface nearest to another one's god object (local mm), whose normal on the HIP's
+  /// side is `outward`. False, and free, if none is near. Call after start_from().
+  bool hold_near(const Vec3& god_object_mm, const Vec3& outward) noexcept;
+  /// Begins contact if h (local mm) is behind a piece's surface. Call after start_from().
+  bool hold_if_inside(const Vec3& h_mm) noexcept;
+  /// A brick may stand now where none was: the next frame looks again.
+  void forget_clear() noexcept { clear_ = -1.0; }
   /// Moves the HIP to h. True in contact. Allocates nothing.
   [[nodiscard]] bool update(const Vec3& h_mm, FrameCounters& counters) noexcept;
 
@@ -47,6 +54,10 @@ class SplineSdfContact {
   [[nodiscard]] Vec3 god_object_mm() const noexcept { return grid_->low_mm + god_ * grid_->voxel_mm; }
   /// In contact: unit normal there, of growing distance.
   [[nodiscard]] const Vec3& normal() const noexcept { return normal_; }
+  /// In contact: the normal on the HIP's side.
+  [[nodiscard]] Vec3 outward() const noexcept { return normal_ * static_cast<double>(side_); }
+  [[nodiscard]] Vec3 god_object_voxels() const noexcept { return god_; }
+  [[nodiscard]] const BrickGrid::BrickRef& brick_ref() const noexcept { return place_; }
   [[nodiscard]] std::uint32_t brick() const noexcept { return place_.brick; }
   [[nodiscard]] int level() const noexcept { return place_.level; }
   /// The god object's place in its brick.

@@ -67,6 +67,27 @@ void SplineSdfContact::hold_on_surface_above(const Vec3& h, const BrickRef& plac
   if (may_touch(there, at)) hold_at(at, there, here, side);
 }
 
+bool SplineSdfContact::hold_near(const Vec3& god_object_mm, const Vec3& outward) noexcept {
+  const Vec3 at = grid_->in_voxels(god_object_mm);
+  const BrickRef place = grid_->find(at);
+  if (place.brick == BrickGrid::kNone) return false;
+  const Jet jet = jet_at(place, place_in(place, at));
+  const float free = free_side_[grid_->bricks[place.brick].piece];
+  const float faces = jet.gradient.cast<double>().dot(outward) < 0.0 ? -1.0f : 1.0f;
+  hold_on_surface_above(at, place, jet, free != 0.0f ? free : faces);
+  return contact_;
+}
+
+bool SplineSdfContact::hold_if_inside(const Vec3& h_mm) noexcept {
+  const Vec3 h = grid_->in_voxels(h_mm);
+  const BrickRef place = grid_->find(h);
+  if (place.brick == BrickGrid::kNone) return false;
+  const Jet jet = jet_at(place, place_in(place, h));
+  const float free = free_side_[grid_->bricks[place.brick].piece];
+  if (jet.value * free < 0.0f) hold_on_surface_above(h, place, jet, free);
+  return contact_;
+}
+
 /// Takes contact with the surface above h if h is behind it as at the held place. False, with nothing
 /// changed, if not, or if that surface ends there.
 bool SplineSdfContact::hold_if_behind(const Vec3& h) noexcept {

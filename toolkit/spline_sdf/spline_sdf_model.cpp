@@ -330,18 +330,24 @@ void describe_spline_sdf(const ModelInput& input, const SplineSdfOptions& build,
     out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
 }
 
+Result<std::shared_ptr<const SplineSdf>> build_spline_sdf(const cloud::Cloud& cloud,
+                                                          const SplineSdfOptions& build,
+                                                          const PrepareContext& context,
+                                                          PrepareReport& report) {
+  return get_or_build<SplineSdf>(
+      context, report,
+      [&] {
+        return fmt::format("smooth {:016x} {} {} {} {}", cloud::content_hash(cloud), cloud.size(),
+                           build.detail, build.voxel_spacings, build.both_sides);
+      },
+      [&](PrepareReport& to) { return build_surface(cloud, build, context, to); });
+}
+
 Result<SplineSdfBody> build_spline_sdf_body(const ModelInput& input, const SplineSdfOptions& build,
                                             const PrepareContext& context, PrepareReport& report) {
   const cloud::Cloud& cloud = *input.cloud;
   SplineSdfBody body;
-  PALPATE_ASSIGN(body.smooth,
-                 get_or_build<SplineSdf>(
-                     context, report,
-                     [&] {
-                       return fmt::format("smooth {:016x} {} {} {} {}", cloud::content_hash(cloud),
-                                          cloud.size(), build.detail, build.voxel_spacings, build.both_sides);
-                     },
-                     [&](PrepareReport& to) { return build_surface(cloud, build, context, to); }));
+  PALPATE_ASSIGN(body.smooth, build_spline_sdf(cloud, build, context, report));
   body.pose = ModelPose(input, cloud.origin_mm);
   PALPATE_TRY(prepare_properties(input, body, context, report));
   return body;

@@ -18,6 +18,8 @@ struct SplineSdfOptions {
   double detail = 2.0;           ///< standard errors from which a deviation counts as shape
   double voxel_spacings = 1.75;  ///< edge of a cell in spacings
   bool both_sides = false;       ///< pieces with holes that enclose a volume are felt from both sides
+
+  bool operator==(const SplineSdfOptions&) const = default;
 };
 
 /// Decisions from the points before building.
@@ -63,6 +65,12 @@ struct SplineSdfBody {
     return {smooth->spacing_mm, smooth->noise_mm, smooth->grid.voxel_mm, smooth->cubes, surface};
   }
 };
+
+/// The surface of a cloud, from the context's store if it has one. O(n), parallel.
+[[nodiscard]] Result<std::shared_ptr<const SplineSdf>> build_spline_sdf(const cloud::Cloud& cloud,
+                                                                        const SplineSdfOptions& build,
+                                                                        const PrepareContext& context,
+                                                                        PrepareReport& report);
 
 /// Prepares one model; takes bricks from the context's store if it has one. Errors: no stiffness.
 [[nodiscard]] Result<SplineSdfBody> build_spline_sdf_body(const ModelInput& input,

@@ -27,11 +27,15 @@
 
 namespace palpate::render {
 
+class SurfaceFile;  // toolkit/spline_sdf/surface_file.h
+
 /// A model as a renderer sees it, in the model frame except world_from_model. Parts are shared, never copied;
 /// a renderer keeps those that its frames read.
 struct ModelInput {
   std::string name;
-  std::shared_ptr<const cloud::Cloud> cloud;                    ///< never null
+  std::shared_ptr<const cloud::Cloud> cloud;  ///< never null
+  /// Surfaces on disk that were prepared before, or null. `cloud` is then a sample of their points.
+  std::shared_ptr<const SurfaceFile> prepared{};
   std::shared_ptr<const geometry::TriangleMesh> original_mesh;  ///< the file's own faces, or null
   std::shared_ptr<const geometry::AnalyticSurface> analytic;    ///< the generating formula, or null
   geometry::RigidTransform world_from_model;                    ///< pose at the start
@@ -73,6 +77,9 @@ struct PrepareContext {
   int threads = 0;               ///< 0 = all
   Progress* progress = nullptr;  ///< may be null
   ModelStore* store = nullptr;   ///< shares prepared data; null: each renderer builds its own
+  /// Frames come at a device's pace and must not wait. Otherwise, as in a replay, a frame of a prepared file
+  /// waits for what it needs, so that a replay is the same every time.
+  bool paced = false;
 };
 
 enum class FrameStatus : std::uint8_t {

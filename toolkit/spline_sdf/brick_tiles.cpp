@@ -1,0 +1,200 @@
+#include "toolkit/spline_sdf/brick_tiles.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "toolkit/core/bytes.h"
+
+namespace palpate::render {
+namespace {
+
+struct PlacedBrick {
+  std::uint64_t first_code = 0;  ///< of its node
+  int depth = 0;
+  std::uint32_t brick = 0;
+};
+
+/// By place; a node before what lies in it.
+std::vector<PlacedBrick> placed_bricks(const BrickGrid& grid) {
+  std::vector<PlacedBrick> all;
+  all.reserve(grid.bricks.size());
+  for (int l = 0; l < grid.levels; ++l) {
+    const BrickGrid::Level& level = grid.level[static_cast<std::size_t>(l)];
+    const std::vector<std::uint64_t> codes = level.table.codes(level.brick.size());
+    const int depth = depth_of_level(grid, l);
+    for (std::size_t cell = 0; cell < codes.size(); ++cell)
+      all.push_back(
+          {TileKey{codes[cell], depth}.first_code(), depth, level.brick[cell] & ~BrickGrid::kRefined});
+  }
+  std::sort(all.begin(), all.end(), [](const PlacedBrick& a, const PlacedBrick& b) {
+    return std::pair(a.first_code, a.depth) < std::pair(b.first_code, b.depth);
+  });
+  return all;
+}
+
+class TileCutter {
+ public:
+  TileCutter(const BrickGrid& grid, std::span<const PlacedBrick> all) : grid_(grid), all_(all) {}
+
+  void cut(TileKey node, std::size_t first, std::size_t past, BrickTiles& out) {
+    if (first == past) return;
+    if (past - first <= kTileBricks) {
+      out.tiles.push_back(tile_of(node, first, past));
+      return;
+    }
+    if (all_[first].depth == node.depth) {
+      out.above.push_back(node);
+      out.above_bricks.push_back(all_[first].brick);
+      ++first;
+    }
+    each_child(node, first, past,
+               [&](std::uint64_t, TileKey child, std::size_t a, std::size_t b) { cut(child, a, b, out); });
+  }
+
+ private:
+  template <class Visit>
+  void each_child(TileKey node, std::size_t first, std::size_t past, Visit&& visit) const {
+    for (std::uint64_t k = 0; k < kGroupNodes; ++k) {
+      const TileKey child{node.code << 3 | k, node.depth + 1};
+      const std::uint64_t next = TileKey{child.code + 1, child.depth}.first_code();
+      std::size_t end = first;
+      while (end < past && all_[end].first_code < next) ++end;
+      visit(k, child, first, end);
+      first = end;
+    }
+  }
+
+  BrickTile tile_of(TileKey node, std::size_t first, std::size_t past) const {
+    BrickTile tile;
+    tile.key = node;
+    tile.nodes.resize(kGroupNodes);
+    fill(node, 0, first, past, tile);
+    return tile;
+  }
+  void fill(TileKey node, std::size_t at, std::size_t first, std::size_t past, BrickTile& tile) const {
+    if (all_[first].depth == node.depth) {
+      tile.nodes[at].brick = static_cast<std::uint32_t>(tile.bricks.size());
+      tile.bricks.push_back(all_[first].brick);
+      ++first;
+    }
+    if (first == past) return;
+    const std::size_t group = tile.nodes.size() / kGroupNodes;
+    tile.nodes[at].children = static_cast<std::uint32_t>(group);
+    tile.nodes.resize(tile.nodes.size() + kGroupNodes);
+    each_child(node, first, past, [&](std::uint64_t k, TileKey child, std::size_t a, std::size_t b) {
+      if (a != b) fill(child, group * kGroupNodes + k, a, b, tile);
+    });
+  }
+
+  const BrickGrid& grid_;
+  std::span<const PlacedBrick> all_;
+};
+
+/// Walks an image's tree: each group after the one that leads to it, so that it ends.
+class TileChecker {
+ public:
+  TileChecker(std::span<const std::byte> nodes, TileSize size, const BrickGrid& grid)
+      : nodes_(nodes), size_(size), grid_(grid), brick_seen_(size.bricks), group_seen_(size.groups) {}
+
+  bool node(std::size_t at, int depth) {
+    const TileNode here = read_stored_node(nodes_.subspan(at * kStoredNodeBytes));
+    if (here.brick != BrickGrid::kNone) {
+      if (depth < depth_of_level(grid_, 0) || here.brick >= size_.bricks || brick_seen_[here.brick])
+        return false;
+      brick_seen_[here.brick] = true;
+      ++bricks_;
+    }
+    if (here.children == 0) return true;
+    const std::uint32_t group = here.children;
+    if (depth >= search::kMortonBits || group >= size_.groups || group_seen_[group]) return false;
+    // Below a largest brick's place only bricks lead on.
+    if (depth >= depth_of_level(grid_, 0) && here.brick == BrickGrid::kNone) return false;
+    group_seen_[group] = true;
+    ++groups_;
+    for (std::size_t k = 0; k < kGroupNodes; ++k)
+      if (!node(std::size_t{group} * kGroupNodes + k, depth + 1)) return false;
+    return true;
+  }
+  [[nodiscard]] bool all_seen() const { return bricks_ == size_.bricks && groups_ + 1 == size_.groups; }
+
+ private:
+  std::span<const std::byte> nodes_;
+  TileSize size_;
+  const BrickGrid& grid_;
+  std::vector<bool> brick_seen_, group_seen_;
+  std::uint32_t bricks_ = 0, groups_ = 0;
+};
+
+}  // namespace
+
+BrickTiles cut_into_tiles(const BrickGrid& grid) {
+  BrickTiles out;
+  const std::vector<PlacedBrick> all = placed_bricks(grid);
+  TileCutter(grid, all).cut({}, 0, all.size(), out);
+  return out;
+}
+
+std::vector<std::byte> tile_image(const BrickTile& tile, const BrickGrid& grid) {
+  std::vector<std::byte> image(kTileHeadBytes + tile.nodes.size() * kStoredNodeBytes +
+                               tile.bricks.size() * kStoredBrickBytes);
+  ByteWriter to{std::span(image)};
+  to.u32(static_cast<std::uint32_t>(tile.nodes.size() / kGroupNodes));
+  to.u32(static_cast<std::uint32_t>(tile.bricks.size()));
+  for (const TileNode& node : tile.nodes) {
+    to.u32(node.brick);
+    to.u32(node.children);
+  }
+  for (const std::uint32_t number : tile.bricks) {
+    const Brick& brick = grid.bricks[number];
+    for (const std::int16_t distance : brick.distance) to.u16(static_cast<std::uint16_t>(distance));
+    to.u16(brick.piece);
+    to.u64(brick.mask);
+  }
+  return image;
+}
+
+Result<TileSize> check_tile_image(std::span<const std::byte> image, TileKey key, const BrickGrid& grid) {
+  const auto damaged = [&](const char* what) {
+    return Error{fmt::format("tile {} of depth {} is damaged: {}", key.code, key.depth, what),
+                 "prepare the scan again"};
+  };
+  if (image.size() < kTileHeadBytes) return damaged("it has no head");
+  ByteReader from(image);
+  TileSize size;
+  size.groups = from.u32();
+  size.bricks = from.u32();
+  if (size.bricks == 0 || size.bricks > kTileBricks) return damaged("its number of bricks");
+  const std::uint64_t nodes = std::uint64_t{size.groups} * kGroupNodes;
+  if (size.groups == 0 ||
+      kTileHeadBytes + nodes * kStoredNodeBytes + size.bricks * kStoredBrickBytes != image.size())
+    return damaged("its size is not that of its groups and bricks");
+  TileChecker checker(image.subspan(kTileHeadBytes, static_cast<std::size_t>(nodes) * kStoredNodeBytes), size,
+                      grid);
+  if (!checker.node(0, key.depth) || !checker.all_seen()) return damaged("its tree leads astray");
+  const std::size_t first = kTileHeadBytes + static_cast<std::size_t>(nodes) * kStoredNodeBytes;
+  for (std::uint32_t b = 0; b < size.bricks; ++b) {
+    ByteReader piece(image.subspan(first + b * kStoredBrickBytes + kBrickCoefficients * 2, 2));
+    if (piece.u16() > grid.closed_components.size()) return damaged("a brick is of no piece");
+  }
+  return size;
+}
+
+void read_stored_brick(std::span<const std::byte> from, Brick& out) noexcept {
+  ByteReader reader(from.first(kStoredBrickBytes));
+  for (std::int16_t& distance : out.distance) distance = static_cast<std::int16_t>(reader.u16());
+  out.piece = reader.u16();
+  out.mask = reader.u64();
+}
+
+TileNode read_stored_node(std::span<const std::byte> from) noexcept {
+  ByteReader reader(from.first(kStoredNodeBytes));
+  TileNode node;
+  node.brick = reader.u32();
+  node.children = reader.u32();
+  return node;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,312 @@
+#include "toolkit/spline_sdf/paged_surface.h"
+
+#include <fmt/format.h>
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+namespace palpate::render {
+namespace {
+
+using std::chrono::microseconds;
+
+/// A hand at 0.5 m/s goes a tenth of a millimetre in this time: less than the smallest tile.
+constexpr microseconds kPause{200};
+/// How far ahead of the HIP the loader looks, frames: a tenth of a second, in which an SSD reads 20 MB.
+constexpr std::array<double, 3> kAheadFrames{25.0, 50.0, 100.0};
+/// Tiles loaded between two looks at the hand: some 5 ms of reading.
+constexpr int kLoadsPerPoll = 16;
+/// Tiles that are asked to leave at once.
+constexpr std::size_t kMostLeaving = TileWindow::kRing / 2;
+/// The wanted tiles fill this share of the memory; the rest lets old ones stay and new ones come.
+constexpr double kWantedShare = 0.6, kWantedLeast = 0.4;
+constexpr double kGrow = 1.2;
+/// What is wanted is chosen anew when the HIP has gone this share of the radius.
+constexpr double kChooseAgain = 0.05;
+/// A disk that does not answer in this time is taken for absent.
+constexpr std::chrono::seconds kLongestWait{5};
+/// Radius to begin with, in the edges of the largest bricks.
+constexpr double kFirstRadius = 8.0;
+/// Group 0 of the arena is the root of every damaged tile: empty.
+constexpr std::uint32_t kEmptyRoot = 0;
+/// Memory for groups over what the file's mean tile needs: parts of a surface differ.
+constexpr double kSpareGroups = 1.25;
+/// A tile that a frame looked for is worth any other that is not.
+constexpr double kAnyDistance = -1.0;
+
+}  // namespace
+
+Result<std::unique_ptr<PagedSurface>> PagedSurface::start(std::shared_ptr<const SurfaceFile> file,
+                                                          std::size_t surface, std::size_t resident_bytes) {
+  if (resident_bytes < kLeastResidentBytes)
+    return Error{fmt::format("{} bytes are too few to hold what one frame needs", resident_bytes),
+                 fmt::format("give at least {} MB", kLeastResidentBytes >> 20), file->path()};
+  const StoredSurface& stored = file->surfaces()[surface];
+  double all_bricks = 0.0, all_groups = 0.0;
+  for (const StoredSurface::Place& place : stored.places) {
+    all_bricks += place.size.bricks;
+    all_groups += place.size.groups;
+  }
+  const double groups_per_brick = all_bricks > 0.0 ? all_groups / all_bricks : 1.0;
+  const double of_brick = sizeof(Brick) + kSpareGroups * groups_per_brick * kGroupNodes * sizeof(TileNode);
+  // A surface that is smaller than the window takes only what it needs.
+  const double share =
+      std::min(static_cast<double>(resident_bytes) / of_brick / std::max(all_bricks, 1.0), 1.0);
+  const auto bricks = static_cast<std::size_t>(std::ceil(share * all_bricks));
+  const auto groups =
+      static_cast<std::size_t>(std::ceil(std::min(kSpareGroups * share, 1.0) * all_groups)) + 1;
+  const std::size_t tiles = std::min(stored.keys.size(), bricks);
+  return std::unique_ptr<PagedSurface>(new PagedSurface(std::move(file), surface, bricks, groups, tiles));
+}
+
+PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, std::size_t bricks,
+                           std::size_t groups, std::size_t tiles)
+    : file_(std::move(file)),
+      surface_(surface),
+      grid_(stored().surface.grid),
+      window_(stored().keys, tiles, groups) {
+  const std::size_t above = grid_.bricks.size();
+  grid_.bricks.resize(above + bricks);
+  grid_.window = &window_;
+  state_.assign(stored().keys.size(), State::kAbsent);
+  held_of_.assign(stored().keys.size(), 0);
+  for (std::size_t b = grid_.bricks.size(); b-- > above;)
+    free_bricks_.push_back(static_cast<std::uint32_t>(b));
+  for (std::size_t g = groups; g-- > kEmptyRoot + 1;) free_groups_.push_back(static_cast<std::uint32_t>(g));
+  radius_ = kFirstRadius * grid_.cube_edge();
+  const std::span<TileNode> nodes = window_.nodes();
+  locked_ = ::mlock(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick)) == 0 &&
+            ::mlock(nodes.data(), nodes.size_bytes()) == 0;
+  loader_ = std::jthread([this](const std::stop_token& stop) { load_until(stop); });
+}
+
+PagedSurface::~PagedSurface() {
+  loader_.request_stop();
+  loader_.join();
+  ::munlock(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick));
+  ::munlock(window_.nodes().data(), window_.nodes().size_bytes());
+}
+
+std::size_t PagedSurface::bytes() const noexcept {
+  return grid_.bytes() + window_.node_bytes() +
+         stored().keys.size() * (sizeof(TileKey) + sizeof(std::uint64_t));
+}
+
+// --- the frame's side
+
+bool PagedSurface::begin_frame(const Vec3& hip, const HeldBrick* held) noexcept {
+  const bool came = window_.take_news(grid_, held != nullptr ? &held->place : nullptr);
+  window_.publish_aim(hip, held != nullptr ? held->god_object : hip);
+  return came;
+}
+
+bool PagedSurface::wait_for_missed(const Vec3& hip, const HeldBrick* held) noexcept {
+  std::array<std::uint32_t, kNamedMissing> named{};
+  const std::span<const std::uint32_t> missing = window_.missing();
+  std::copy(missing.begin(), missing.end(), named.begin());
+  const auto tiles = std::span<const std::uint32_t>(named).first(missing.size());
+  const auto until = std::chrono::steady_clock::now() + kLongestWait;
+  for (;;) {
+    window_.ask_for(tiles);
+    begin_frame(hip, held);
+    if (window_.all_here(tiles)) return true;
+    if (std::chrono::steady_clock::now() > until) return false;
+    std::this_thread::sleep_for(kPause / 4);
+  }
+}
+
+void PagedSurface::wait_around(const Vec3& hip) noexcept {
+  const auto until = std::chrono::steady_clock::now() + kLongestWait;
+  settled_.store(false);
+  for (int seen = 0; seen < 2 && std::chrono::steady_clock::now() < until;) {
+    begin_frame(hip, nullptr);
+    std::this_thread::sleep_for(kPause);
+    // Settled twice: the first time may be from before the aim arrived.
+    if (settled_.exchange(false)) ++seen;
+  }
+  for (int i = 0; i < static_cast<int>(TileWindow::kRing); ++i) begin_frame(hip, nullptr);
+}
+
+LoaderCounts PagedSurface::counts() const noexcept {
+  return {loaded_.load(), forgotten_.load(), damaged_.load(), bytes_read_.load()};
+}
+
+std::string PagedSurface::damage() const {
+  const std::lock_guard lock(damage_mutex_);
+  return damage_;
+}
+
+// --- the loader's side
+
+void PagedSurface::load_until(const std::stop_token& stop) {
+  while (!stop.stop_requested())
+    if (!poll()) std::this_thread::sleep_for(kPause);
+}
+
+bool PagedSurface::poll() {
+  take_forgotten();
+  const bool moved = window_.aim.acquire();
+  if (moved) {
+    aim_ = window_.aim.front();
+    for (int i = 0; i < aim_.missing_count; ++i) {
+      const std::uint32_t tile = aim_.missing[static_cast<std::size_t>(i)];
+      if (state_[tile] == State::kAbsent) static_cast<void>(load(tile, kAnyDistance));
+    }
+    if (!chosen_ || (aim_.hip - chosen_at_).norm() > kChooseAgain * radius_) choose_wanted();
+  }
+  if (!chosen_) return false;
+  int loads = 0;
+  while (wanted_at_ < wanted_.size() && loads < kLoadsPerPoll) {
+    const Wanted& next = wanted_[wanted_at_];
+    if (state_[next.tile] == State::kAbsent) {
+      if (!load(next.tile, next.distance)) break;
+      ++loads;
+    }
+    ++wanted_at_;
+  }
+  if (wanted_at_ == wanted_.size()) settled_.store(true);
+  return loads > 0;
+}
+
+void PagedSurface::take_forgotten() {
+  TileForgotten one;
+  while (window_.forgotten.pop(one)) {
+    if (state_[one.tile] == State::kLeaving) --leaving_;
+    if (one.kept)
+      state_[one.tile] = State::kHere;
+    else
+      release(one.tile);
+  }
+}
+
+void PagedSurface::release(std::uint32_t tile) {
+  const std::uint32_t at = held_of_[tile];
+  Held& held = held_[at];
+  free_groups_.insert(free_groups_.end(), held.groups.begin(), held.groups.end());
+  free_bricks_.insert(free_bricks_.end(), held.bricks.begin(), held.bricks.end());
+  if (at + 1 != held_.size()) {
+    held = std::move(held_.back());
+    held_of_[held.tile] = at;
+  }
+  held_.pop_back();
+  state_[tile] = State::kAbsent;
+  forgotten_.fetch_add(1, std::memory_order_relaxed);
+}
+
+double PagedSurface::distance_to(TileKey node) const noexcept {
+  const BrickGrid::Coordinate cube = coordinate_of_code(node.code);
+  const double edge = node_edge(grid_, node.depth);
+  const Vec3 low = edge * Vec3(cube[0], cube[1], cube[2]), high = low + Vec3::Constant(edge);
+  double least_sq = std::numeric_limits<double>::max();
+  for (const Vec3& goal : goals_)
+    least_sq = std::min(least_sq, (goal.cwiseMax(low).cwiseMin(high) - goal).squaredNorm());
+  return std::sqrt(least_sq);
+}
+
+void PagedSurface::collect(TileKey node, std::size_t first, std::size_t past) {
+  if (first == past) return;
+  const double distance = distance_to(node);
+  if (distance > radius_) return;
+  const std::vector<TileKey>& keys = window_.keys();
+  if (past - first == 1) {
+    const double own = distance_to(keys[first]);
+    if (own <= radius_) wanted_.push_back({static_cast<std::uint32_t>(first), own});
+    return;
+  }
+  for (std::uint64_t k = 0; k < kGroupNodes; ++k) {
+    const TileKey child{node.code << 3 | k, node.depth + 1};
+    const std::uint64_t next = TileKey{child.code + 1, child.depth}.first_code();
+    const auto end = std::lower_bound(
+        keys.begin() + static_cast<std::ptrdiff_t>(first), keys.begin() + static_cast<std::ptrdiff_t>(past),
+        next, [](const TileKey& key, std::uint64_t code) { return key.first_code() < code; });
+    const auto at = static_cast<std::size_t>(end - keys.begin());
+    collect(child, first, at);
+    first = at;
+  }
+}
+
+void PagedSurface::choose_wanted() {
+  goals_ = {aim_.hip, aim_.god_object};
+  for (const double frames : kAheadFrames) goals_.push_back(aim_.hip + frames * aim_.per_frame);
+  chosen_at_ = aim_.hip;
+  chosen_ = true;
+  wanted_at_ = 0;
+  const double all = static_cast<double>(grid_.bricks.size() - stored().surface.grid.bricks.size());
+  const double whole = node_edge(grid_, 0);
+  for (int tries = 0;; ++tries) {
+    wanted_.clear();
+    collect({}, 0, window_.keys().size());
+    double bricks = 0.0;
+    for (const Wanted& one : wanted_)
+      bricks += static_cast<double>(stored().places[one.tile].bytes) / static_cast<double>(kStoredBrickBytes);
+    // The radius follows the memory, a step at a time; far too large it is made smaller at once.
+    if (bricks > kWantedShare * all && wanted_.size() > 1) {
+      radius_ /= kGrow;
+      constexpr int kTries = 64;
+      if (tries < kTries) continue;
+    } else if (bricks < kWantedLeast * all && radius_ < whole) {
+      radius_ *= kGrow;
+    }
+    break;
+  }
+  std::sort(wanted_.begin(), wanted_.end(), [](const Wanted& a, const Wanted& b) {
+    return std::pair(a.distance, a.tile) < std::pair(b.distance, b.tile);
+  });
+}
+
+bool PagedSurface::make_room(const TileSize& size, double distance) {
+  if (free_groups_.size() >= size.groups && free_bricks_.size() >= size.bricks &&
+      held_.size() < window_.most_tiles())
+    return true;
+  // The farthest go; memory comes back when frames have answered.
+  std::vector<Wanted> far;
+  for (const Held& held : held_)
+    if (state_[held.tile] == State::kHere) {
+      const double away = distance_to(window_.keys()[held.tile]);
+      if (away > distance) far.push_back({held.tile, away});
+    }
+  const std::size_t most = std::min(far.size(), static_cast<std::size_t>(kLoadsPerPoll));
+  std::partial_sort(far.begin(), far.begin() + static_cast<std::ptrdiff_t>(most), far.end(),
+                    [](const Wanted& a, const Wanted& b) { return a.distance > b.distance; });
+  for (std::size_t i = 0; i < most && leaving_ < kMostLeaving; ++i) {
+    if (!window_.news.push({far[i].tile, TileNews::kForget})) break;
+    state_[far[i].tile] = State::kLeaving;
+    ++leaving_;
+  }
+  return false;
+}
+
+bool PagedSurface::load(std::uint32_t tile, double distance) {
+  const StoredSurface::Place& place = stored().places[tile];
+  if (!make_room(place.size, distance)) return false;
+  const Result<TileSize> size = file_->read_tile(surface_, tile, image_);
+  bytes_read_.fetch_add(place.bytes, std::memory_order_relaxed);
+  Held held;
+  held.tile = tile;
+  std::uint32_t root = kEmptyRoot;
+  if (!size) {
+    damaged_.fetch_add(1, std::memory_order_relaxed);
+    const std::lock_guard lock(damage_mutex_);
+    if (damage_.empty()) damage_ = size.error().message();
+  } else {
+    held.groups.assign(free_groups_.end() - size->groups, free_groups_.end());
+    held.bricks.assign(free_bricks_.end() - size->bricks, free_bricks_.end());
+    unpack_tile(
+        image_, window_.nodes(), grid_.bricks, [&](std::uint32_t group) { return held.groups[group]; },
+        [&](std::uint32_t brick) { return held.bricks[brick]; });
+    root = held.groups.front();
+  }
+  if (!window_.news.push({tile, root})) return false;
+  free_groups_.resize(free_groups_.size() - held.groups.size());
+  free_bricks_.resize(free_bricks_.size() - held.bricks.size());
+  state_[tile] = State::kHere;
+  held_of_[tile] = static_cast<std::uint32_t>(held_.size());
+  held_.push_back(std::move(held));
+  loaded_.fetch_add(1, std::memory_order_relaxed);
+  return true;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,121 @@
+// A surface of which only the tiles near the hand are in memory. A loader thread reads them ahead of the
+// HIP's motion into memory that was allocated before; frames never wait, but for replays that ask for it.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "toolkit/spline_sdf/surface_file.h"
+#include "toolkit/spline_sdf/tile_window.h"
+
+namespace palpate::render {
+
+/// Bytes below which a window is refused: some ninety full tiles, so that those of one frame always fit.
+inline constexpr std::size_t kLeastResidentBytes = std::size_t{16} << 20;
+
+/// What contact holds: its tile must stay.
+struct HeldBrick {
+  Vec3 god_object = Vec3::Zero();  ///< voxels
+  BrickGrid::BrickRef place;
+};
+
+/// Counters of the loader, for reports. Each is read without order among them.
+struct LoaderCounts {
+  std::uint64_t loaded = 0, forgotten = 0, damaged = 0, bytes_read = 0;
+};
+
+/// Frame calls from one thread. The grid has the window in it; it looks up like one that is whole in memory.
+class PagedSurface {
+ public:
+  /// Starts the loader. `resident_bytes` bounds bricks and nodes in memory, which are written once here, so
+  /// that no frame meets a page for the first time. Errors: less than kLeastResidentBytes.
+  [[nodiscard]] static Result<std::unique_ptr<PagedSurface>> start(std::shared_ptr<const SurfaceFile> file,
+                                                                   std::size_t surface,
+                                                                   std::size_t resident_bytes);
+  ~PagedSurface();
+  PagedSurface(const PagedSurface&) = delete;
+  PagedSurface& operator=(const PagedSurface&) = delete;
+
+  [[nodiscard]] const BrickGrid& grid() const noexcept { return grid_; }
+  [[nodiscard]] double spacing_mm() const noexcept { return stored().surface.spacing_mm; }
+  [[nodiscard]] const StoredSurface& stored() const noexcept { return file_->surfaces()[surface_]; }
+  [[nodiscard]] std::size_t bytes() const noexcept;
+  /// Whether the memory is locked: else a page may have been swapped out.
+  [[nodiscard]] bool locked() const noexcept { return locked_; }
+
+  /// Before a frame: takes news and tells the loader where the hand is, voxels. `held`: null when free.
+  /// True if a tile came. Bounded, wait-free.
+  bool begin_frame(const Vec3& hip, const HeldBrick* held) noexcept;
+  /// Whether a look-up since the last call missed a tile of the file.
+  [[nodiscard]] bool take_missed() noexcept { return window_.take_missed(); }
+  [[nodiscard]] bool covers(const Vec3& at, double reach) const noexcept {
+    return window_.covers(grid_, at, reach);
+  }
+  [[nodiscard]] std::size_t resident() const noexcept { return window_.resident(); }
+  /// For replays: waits until the tiles that were missed are here, or damaged. False after kLongestWait.
+  bool wait_for_missed(const Vec3& hip, const HeldBrick* held) noexcept;
+  /// Waits until all around a place is here that the window can hold, or kLongestWait is over. For starts.
+  void wait_around(const Vec3& hip) noexcept;
+
+  [[nodiscard]] LoaderCounts counts() const noexcept;
+  /// The first damage that was met, or empty.
+  [[nodiscard]] std::string damage() const;
+
+ private:
+  PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, std::size_t bricks,
+               std::size_t groups, std::size_t tiles);
+  void load_until(const std::stop_token& stop);
+  bool poll();
+  void take_forgotten();
+  void choose_wanted();
+  void collect(TileKey node, std::size_t first, std::size_t past);
+  [[nodiscard]] double distance_to(TileKey node) const noexcept;
+  /// False if there is no room yet. `distance`: of the tile from the hand.
+  bool load(std::uint32_t tile, double distance);
+  /// Asks tiles farther away than `distance` to leave where memory is short. True if there is room now.
+  bool make_room(const TileSize& size, double distance);
+  void release(std::uint32_t tile);
+
+  std::shared_ptr<const SurfaceFile> file_;
+  std::size_t surface_;
+  BrickGrid grid_;
+  TileWindow window_;
+  bool locked_ = false;
+
+  // The loader's own.
+  enum class State : std::uint8_t { kAbsent, kHere, kLeaving };
+  struct Wanted {
+    std::uint32_t tile = 0;
+    double distance = 0.0;
+  };
+  struct Held {
+    std::uint32_t tile = 0;
+    std::vector<std::uint32_t> groups, bricks;
+  };
+  std::vector<State> state_;
+  std::vector<std::uint32_t> held_of_;  ///< by tile: its place in held_
+  std::vector<Held> held_;
+  std::vector<std::uint32_t> free_groups_, free_bricks_;
+  std::vector<Wanted> wanted_;
+  std::vector<Vec3> goals_;
+  LoaderAim aim_;
+  Vec3 chosen_at_ = Vec3::Zero();
+  bool chosen_ = false;
+  double radius_ = 0.0;
+  std::size_t leaving_ = 0, wanted_at_ = 0;
+  std::vector<std::byte> image_;
+
+  std::atomic<std::uint64_t> loaded_{0}, forgotten_{0}, damaged_{0}, bytes_read_{0};
+  std::atomic<bool> settled_{false};  ///< all that is wanted is here
+  mutable std::mutex damage_mutex_;
+  std::string damage_;
+  std::jthread loader_;  ///< last: it uses all above
+};
+
+}  // namespace palpate::render

@@ -1,0 +1,32 @@
+// Making a file of prepared surfaces from a cloud, and feeling one.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "toolkit/spline_sdf/paged_contact.h"
+
+namespace palpate::render {
+
+/// Makes the surface and coarser ones, each of a sixteenth of the points, until one is small, and writes them
+/// to `path`. Properties of points are not kept. O(n), parallel.
+Status prepare_surface_file(const std::shared_ptr<const cloud::Cloud>& cloud, const SplineSdfOptions& build,
+                            const PrepareContext& context, PrepareReport& report, const std::string& path);
+
+struct PagedOptions {
+  std::size_t level = 0;           ///< which of the file's surfaces
+  std::size_t resident_bytes = 0;  ///< of its bricks and nodes in memory
+  bool paced = false;              ///< frames must not wait
+  int most_steps = kMaxNewtonSteps;
+};
+
+/// What was decided when the file was prepared. Errors as open_prepared_body().
+[[nodiscard]] Result<SplineSdfDecision> decide_prepared(const ModelInput& input, std::size_t level);
+
+/// `paged` receives the contact. Errors: values by point, a level that the file does not have, no stiffness.
+[[nodiscard]] Result<SplineSdfBody> open_prepared_body(const ModelInput& input, const PagedOptions& options,
+                                                       PrepareReport& report,
+                                                       std::unique_ptr<PagedContact>& paged);
+
+}  // namespace palpate::render

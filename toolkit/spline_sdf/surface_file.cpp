@@ -1,0 +1,458 @@
+#include "toolkit/spline_sdf/surface_file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <utility>
+
+#include "toolkit/core/bytes.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/spline_sdf/spline.h"
+
+namespace palpate::render {
+namespace {
+
+constexpr std::array<char, 8> kMagic{'P', 'A', 'L', 'P', 'S', 'U', 'R', 'F'};
+constexpr std::uint32_t kVersion = 1;
+constexpr std::size_t kFileHeadBytes = 16;  // magic, version, a spare number
+constexpr std::size_t kFileEndBytes = 32;   // the index's offset, bytes and checksum; the magic
+constexpr std::size_t kTileRowBytes = 40;   // code, depth, a spare number, offset, checksum, bytes, bricks
+constexpr std::size_t kPartBytes = 24;
+constexpr const char* kPrepareAgain = "prepare the scan again: palpate prepare SCAN --out FILE";
+
+std::uint64_t checksum_of(std::span<const std::byte> bytes) noexcept {
+  Hash64 hash;
+  hash.bytes(bytes);
+  return hash.value();
+}
+
+/// A ByteWriter over memory that grows.
+class Index {
+ public:
+  template <class Write>
+  void put(std::size_t bytes, Write&& write) {
+    const std::size_t at = bytes_.size();
+    bytes_.resize(at + bytes);
+    ByteWriter to(std::span<std::byte>(bytes_).subspan(at));
+    write(to);
+  }
+  [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return bytes_; }
+
+ private:
+  std::vector<std::byte> bytes_;
+};
+
+void put_geometry(const SplineSdf& surface, double rms_mm, Index& index) {
+  const BrickGrid& grid = surface.grid;
+  index.put(200, [&](ByteWriter& to) {
+    to.vec(grid.low_mm);
+    to.vec(grid.box_mm.low_mm);
+    to.vec(grid.box_mm.high_mm);
+    to.real(grid.voxel_mm);
+    to.real(grid.min_enclosed);
+    to.real(surface.spacing_mm);
+    to.real(surface.noise_mm);
+    to.real(rms_mm);
+    to.i32(grid.coarser);
+    to.i32(grid.levels);
+    to.i64(grid.last_brick);
+    to.u64(surface.cubes);
+    to.u64(surface.patches);
+    to.u64(surface.isolated_points);
+    while (to.size() < 200) to.u64(0);
+  });
+}
+
+bool get_geometry(ByteReader& from, StoredSurface& out) {
+  SplineSdf& surface = out.surface;
+  BrickGrid& grid = surface.grid;
+  const std::size_t start = from.at();
+  grid.low_mm = from.vec();
+  grid.box_mm.low_mm = from.vec();
+  grid.box_mm.high_mm = from.vec();
+  grid.voxel_mm = from.real();
+  grid.min_enclosed = from.real();
+  surface.spacing_mm = from.real();
+  surface.noise_mm = from.real();
+  out.rms_mm = from.real();
+  grid.coarser = from.i32();
+  grid.levels = from.i32();
+  grid.last_brick = from.i64();
+  surface.cubes = from.u64();
+  surface.patches = static_cast<std::size_t>(from.u64());
+  surface.isolated_points = static_cast<std::size_t>(from.u64());
+  static_cast<void>(from.raw(200 - (from.at() - start)));
+  grid.per_voxel = 1.0 / grid.voxel_mm;
+  const std::int64_t most = (std::int64_t{1} << (search::kMortonBits - grid.levels + 1)) - 1;
+  return from.good() && is_finite(grid.low_mm) && is_finite(grid.box_mm.low_mm) &&
+         is_finite(grid.box_mm.high_mm) && grid.voxel_mm > 0.0 && std::isfinite(grid.voxel_mm) &&
+         std::isfinite(grid.per_voxel) && surface.spacing_mm >= 0.0 && std::isfinite(surface.spacing_mm) &&
+         grid.coarser >= 0 && grid.coarser <= BrickGrid::kMaxCoarser && grid.levels >= 1 &&
+         grid.levels <= grid.coarser + BrickGrid::kFineLevels && grid.last_brick >= 0 &&
+         grid.last_brick <= most;
+}
+
+/// The pieces, with their parts joined within tiles: seen from afar the same.
+void put_pieces(const BrickGrid& grid, std::span<const BrickTile> tiles, Index& index) {
+  index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(grid.closed_components.size())); });
+  const double per = grid.per_voxel_of(grid.levels - 1) / kBrickCells;
+  for (const ClosedComponent& piece : grid.closed_components) {
+    struct Sum {
+      Vec3 area = Vec3::Zero(), middle = Vec3::Zero();
+      double weight = 0.0;
+    };
+    std::map<std::size_t, Sum> by_tile;
+    for (const geometry::AreaElement& part : piece.parts) {
+      std::array<std::uint32_t, 3> cube{};
+      for (std::size_t a = 0; a < 3; ++a)
+        cube[a] = static_cast<std::uint32_t>(std::clamp(
+            static_cast<double>(part.middle[static_cast<Eigen::Index>(a)]) * per, 0.0, 0x1p21 - 1.0));
+      const std::uint64_t code = search::morton_code(cube[0], cube[1], cube[2]);
+      const auto after =
+          std::upper_bound(tiles.begin(), tiles.end(), code,
+                           [](std::uint64_t c, const BrickTile& t) { return c < t.key.first_code(); });
+      Sum& sum = by_tile[after == tiles.begin() ? 0 : static_cast<std::size_t>(after - tiles.begin()) - 1];
+      const Vec3 area = part.area.cast<double>();
+      const double weight = area.norm();
+      sum.area += area;
+      sum.middle += weight * part.middle.cast<double>();
+      sum.weight += weight;
+    }
+    index.put(9 + by_tile.size() * kPartBytes, [&](ByteWriter& to) {
+      to.single(piece.normal_orientation);
+      to.u8(piece.tight ? 1 : 0);
+      to.u32(static_cast<std::uint32_t>(by_tile.size()));
+      for (const auto& [tile, sum] : by_tile) {
+        const Vec3 middle = sum.weight > 0.0 ? Vec3(sum.middle / sum.weight) : Vec3(Vec3::Zero());
+        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(middle[a]));
+        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(sum.area[a]));
+      }
+    });
+  }
+}
+
+bool get_pieces(ByteReader& from, BrickGrid& grid) {
+  const std::uint32_t pieces = from.u32();
+  if (pieces > 0xffffu) return false;  // Brick::piece has sixteen bits
+  for (std::uint32_t p = 0; p < pieces && from.good(); ++p) {
+    ClosedComponent piece;
+    piece.normal_orientation = from.single();
+    piece.tight = from.u8() != 0;
+    const std::uint32_t parts = from.u32();
+    if (from.left() / kPartBytes < parts) return false;
+    piece.parts.resize(parts);
+    for (geometry::AreaElement& part : piece.parts) {
+      for (int a = 0; a < 3; ++a) part.middle[a] = from.single();
+      for (int a = 0; a < 3; ++a) part.area[a] = from.single();
+    }
+    grid.closed_components.push_back(std::move(piece));
+  }
+  return from.good();
+}
+
+/// Adds bricks at their keys to a grid without any: its levels' tables. `bricks[i]` stands at `keys[i]`; keys
+/// of a level ascend.
+void build_tables(std::span<const TileKey> keys, std::span<const std::uint32_t> bricks,
+                  std::span<const bool> refined, BrickGrid& grid) {
+  for (int l = 0; l < grid.levels; ++l) {
+    std::vector<std::uint64_t> codes;
+    BrickGrid::Level& level = grid.level[static_cast<std::size_t>(l)];
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+      if (keys[i].depth != depth_of_level(grid, l)) continue;
+      codes.push_back(keys[i].code);
+      level.brick.push_back(bricks[i] | (refined[i] ? BrickGrid::kRefined : 0u));
+    }
+    level.table.build(codes);
+  }
+}
+
+Error damaged(const std::string& path, std::string_view what) {
+  return {fmt::format("the prepared file is damaged: {}", what), kPrepareAgain, path};
+}
+
+/// RMS distance of the sample's points from a surface: values of the field, where it has one.
+double rms_of(const SplineSdf& surface, const cloud::Cloud& sample) {
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < sample.size(); ++i) {
+    const Vec3 at = surface.grid.in_voxels(sample.local_mm(i));
+    const BrickGrid::BrickRef place = surface.grid.find(at);
+    if (place.brick == BrickGrid::kNone) continue;
+    const double per = surface.grid.per_voxel_of(place.level);
+    BrickPosition in;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double cells =
+          at[static_cast<Eigen::Index>(a)] * per - kBrickCells * static_cast<double>(place.cube[a]);
+      in.cell[a] = std::clamp(static_cast<int>(std::floor(cells)), 0, kBrickCells - 1);
+      in.t[a] = static_cast<float>(cells - in.cell[a]);
+    }
+    const double mm =
+        static_cast<double>(spline_value(surface.grid.bricks[place.brick], in)) / per * surface.grid.voxel_mm;
+    sum += mm * mm;
+    ++count;
+  }
+  return count == 0 ? 0.0 : std::sqrt(sum / static_cast<double>(count));
+}
+
+Status write_surface(AtomicFile& file, std::uint64_t& at, const SplineSdf& surface,
+                     const cloud::Cloud& sample, Index& index) {
+  const BrickTiles cut = cut_into_tiles(surface.grid);
+  put_geometry(surface, rms_of(surface, sample), index);
+  put_pieces(surface.grid, cut.tiles, index);
+  index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(cut.tiles.size())); });
+  for (const BrickTile& tile : cut.tiles) {
+    const std::vector<std::byte> image = tile_image(tile, surface.grid);
+    PALPATE_TRY(file.write(image));
+    index.put(kTileRowBytes, [&](ByteWriter& to) {
+      to.u64(tile.key.code);
+      to.i32(tile.key.depth);
+      to.u32(0);
+      to.u64(at);
+      to.u64(checksum_of(image));
+      to.u32(static_cast<std::uint32_t>(image.size()));
+      to.u32(static_cast<std::uint32_t>(tile.bricks.size()));
+    });
+    at += image.size();
+  }
+  index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(cut.above.size())); });
+  for (std::size_t i = 0; i < cut.above.size(); ++i) {
+    BrickTile one;
+    one.bricks = {cut.above_bricks[i]};
+    const std::vector<std::byte> image = tile_image(one, surface.grid);
+    index.put(12 + kStoredBrickBytes, [&](ByteWriter& to) {
+      to.u64(cut.above[i].code);
+      to.i32(cut.above[i].depth);
+      to.raw(std::span(image).subspan(kTileHeadBytes));
+    });
+  }
+  return Done{};
+}
+
+/// The index's part on one surface; false where it makes no sense.
+bool get_surface(ByteReader& from, std::uint64_t tiles_end, StoredSurface& out) {
+  BrickGrid& grid = out.surface.grid;
+  if (!get_geometry(from, out) || !get_pieces(from, grid)) return false;
+  const std::uint32_t tiles = from.u32();
+  if (from.left() / kTileRowBytes < tiles) return false;
+  std::uint64_t next = 0;
+  for (std::uint32_t i = 0; i < tiles; ++i) {
+    const TileKey key{from.u64(), from.i32()};
+    static_cast<void>(from.u32());
+    StoredSurface::Place place;
+    place.offset = from.u64();
+    place.checksum = from.u64();
+    place.bytes = from.u32();
+    place.size.bricks = from.u32();
+    const std::uint64_t tree = kTileHeadBytes + std::uint64_t{place.size.bricks} * kStoredBrickBytes;
+    if (place.size.bricks > kTileBricks || place.bytes <= tree) return false;
+    place.size.groups = static_cast<std::uint32_t>((place.bytes - tree) / (kGroupNodes * kStoredNodeBytes));
+    if (key.depth < 0 || key.depth > search::kMortonBits || key.code >> (3 * key.depth) != 0) return false;
+    if (i > 0 && key.first_code() < next) return false;  // tiles overlap
+    next = TileKey{key.code + 1, key.depth}.first_code();
+    if (place.offset < kFileHeadBytes || place.offset > tiles_end || place.bytes > tiles_end - place.offset)
+      return false;
+    out.keys.push_back(key);
+    out.places.push_back(place);
+    out.tile_bytes += place.bytes;
+  }
+  const std::uint32_t above = from.u32();
+  if (from.left() / (12 + kStoredBrickBytes) < above) return false;
+  std::vector<TileKey> keys(above);
+  std::vector<std::uint32_t> numbers(above);
+  const auto refined = std::make_unique<bool[]>(above);
+  grid.bricks.resize(above);
+  for (std::uint32_t i = 0; i < above; ++i) {
+    keys[i] = {from.u64(), from.i32()};
+    if (keys[i].depth < depth_of_level(grid, 0) || keys[i].depth > search::kMortonBits) return false;
+    read_stored_brick(from.raw(kStoredBrickBytes), grid.bricks[i]);
+    if (grid.bricks[i].piece > grid.closed_components.size()) return false;
+    numbers[i] = i;
+    refined[i] = true;
+  }
+  // Within a level keys must ascend, as their tables want it.
+  std::map<int, std::uint64_t> last;
+  for (const TileKey& key : keys) {
+    const auto [at, first] = last.try_emplace(key.depth, key.code);
+    if (!first && key.code <= at->second) return false;
+    at->second = key.code;
+  }
+  build_tables(keys, numbers, {refined.get(), above}, grid);
+  return from.good();
+}
+
+/// A tile's bricks with their keys, by walking its nodes.
+void collect_keys(std::span<const TileNode> nodes, std::size_t at, TileKey key, std::vector<TileKey>& keys,
+                  std::vector<std::uint32_t>& bricks, std::vector<std::uint8_t>& refined) {
+  const TileNode& node = nodes[at];
+  if (node.brick != BrickGrid::kNone) {
+    keys.push_back(key);
+    bricks.push_back(node.brick);
+    refined.push_back(node.children != 0 ? 1 : 0);
+  }
+  if (node.children == 0) return;
+  for (std::uint64_t k = 0; k < kGroupNodes; ++k)
+    collect_keys(nodes, std::size_t{node.children} * kGroupNodes + k, {key.code << 3 | k, key.depth + 1},
+                 keys, bricks, refined);
+}
+
+}  // namespace
+
+Status write_surface_file(const std::string& path, const SurfaceFileContent& content) {
+  PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
+  std::array<std::byte, kFileHeadBytes> head{};
+  ByteWriter to{std::span<std::byte>(head)};
+  to.raw(std::as_bytes(std::span(kMagic)));
+  to.u32(kVersion);
+  to.u32(0);
+  PALPATE_TRY(file.write(head));
+  std::uint64_t at = kFileHeadBytes;
+  Index index;
+  const cloud::Cloud& sample = *content.sample;
+  index.put(36 + sample.size() * 12, [&](ByteWriter& out) {
+    out.u64(content.cloud->size());
+    out.vec(sample.origin_mm);
+    out.u32(static_cast<std::uint32_t>(sample.size()));
+    for (std::size_t i = 0; i < sample.size(); ++i) {
+      out.single(sample.x_mm[i]);
+      out.single(sample.y_mm[i]);
+      out.single(sample.z_mm[i]);
+    }
+  });
+  index.put(4, [&](ByteWriter& out) { out.u32(static_cast<std::uint32_t>(content.surfaces.size())); });
+  for (const std::shared_ptr<const SplineSdf>& surface : content.surfaces)
+    PALPATE_TRY(write_surface(file, at, *surface, sample, index));
+  PALPATE_TRY(file.write(index.bytes()));
+  std::array<std::byte, kFileEndBytes> end{};
+  ByteWriter last{std::span<std::byte>(end)};
+  last.u64(at);
+  last.u64(index.bytes().size());
+  last.u64(checksum_of(index.bytes()));
+  last.raw(std::as_bytes(std::span(kMagic)));
+  PALPATE_TRY(file.write(end));
+  return file.commit();
+}
+
+bool SurfaceFile::begins_as_one(std::span<const std::byte> first_bytes) noexcept {
+  return first_bytes.size() >= kMagic.size() &&
+         std::memcmp(first_bytes.data(), kMagic.data(), kMagic.size()) == 0;
+}
+
+Result<std::shared_ptr<const SurfaceFile>> SurfaceFile::open(const std::string& path) {
+  PALPATE_ASSIGN(InputFile input, InputFile::open(path));
+  std::shared_ptr<SurfaceFile> file(new SurfaceFile(std::move(input)));
+  PALPATE_TRY(file->read_index());
+  return std::shared_ptr<const SurfaceFile>(std::move(file));
+}
+
+Status SurfaceFile::read_index() {
+  const std::uint64_t size = file_.size();
+  if (size < kFileHeadBytes + kFileEndBytes) return damaged(path(), "it is too short");
+  std::array<std::byte, kFileHeadBytes> head{};
+  PALPATE_TRY(file_.read_at(0, head));
+  if (!begins_as_one(head)) return Error{"this is no prepared file", kPrepareAgain, path()};
+  ByteReader version(std::span<const std::byte>(head).subspan(kMagic.size()));
+  if (const std::uint32_t is = version.u32(); is != kVersion)
+    return Error{fmt::format("the prepared file has version {}, this Palpate reads {}", is, kVersion),
+                 kPrepareAgain, path()};
+  std::array<std::byte, kFileEndBytes> end{};
+  PALPATE_TRY(file_.read_at(size - kFileEndBytes, end));
+  ByteReader tail{std::span<const std::byte>(end)};
+  const std::uint64_t offset = tail.u64(), bytes = tail.u64();
+  content_hash_ = tail.u64();
+  if (!begins_as_one(std::span<const std::byte>(end).subspan(24)) || bytes > kMaxIndexBytes ||
+      offset < kFileHeadBytes || offset > size || bytes != size - kFileEndBytes - offset)
+    return damaged(path(), "its end is not where its index says");
+  std::vector<std::byte> index(static_cast<std::size_t>(bytes));
+  PALPATE_TRY(file_.read_at(offset, index));
+  if (checksum_of(index) != content_hash_) return damaged(path(), "the checksum of its index");
+  ByteReader from{std::span<const std::byte>(index)};
+  points_ = from.u64();
+  auto sample = std::make_shared<cloud::Cloud>();
+  sample->origin_mm = from.vec();
+  const std::uint32_t count = from.u32();
+  if (!is_finite(sample->origin_mm) || count == 0 || from.left() / 12 < count)
+    return damaged(path(), "its sample of points");
+  for (std::uint32_t i = 0; i < count; ++i) {
+    sample->x_mm.push_back(from.single());
+    sample->y_mm.push_back(from.single());
+    sample->z_mm.push_back(from.single());
+    if (!is_finite(sample->local_mm(i))) return damaged(path(), "its sample of points");
+  }
+  sample_ = std::move(sample);
+  // Each surface takes some bytes, so that a large number ends soon.
+  const std::uint32_t surfaces = from.u32();
+  for (std::uint32_t i = 0; i < surfaces; ++i) {
+    surfaces_.emplace_back();
+    if (!get_surface(from, offset, surfaces_.back()))
+      return damaged(path(), fmt::format("its index, surface {}", i));
+  }
+  if (surfaces_.empty() || from.left() != 0) return damaged(path(), "its index has another length");
+  return Done{};
+}
+
+Result<TileSize> SurfaceFile::read_tile(std::size_t surface, std::size_t tile,
+                                        std::vector<std::byte>& buffer) const {
+  const StoredSurface& of = surfaces_[surface];
+  const StoredSurface::Place& place = of.places[tile];
+  buffer.resize(place.bytes);
+  PALPATE_TRY(file_.read_at(place.offset, buffer));
+  if (checksum_of(buffer) != place.checksum)
+    return damaged(path(), fmt::format("tile {} of surface {} has another checksum", tile, surface));
+  Result<TileSize> size = check_tile_image(buffer, of.keys[tile], of.surface.grid);
+  if (size && (size->bricks != place.size.bricks || size->groups != place.size.groups))
+    return damaged(path(), fmt::format("tile {} of surface {} has another size", tile, surface));
+  if (!size) return damaged(path(), size.error().what);
+  return size;
+}
+
+Result<std::shared_ptr<const SplineSdf>> SurfaceFile::load(std::size_t surface) const {
+  const StoredSurface& of = surfaces_[surface];
+  auto out = std::make_shared<SplineSdf>(of.surface);
+  BrickGrid& grid = out->grid;
+  std::vector<TileKey> keys;
+  std::vector<std::uint32_t> numbers;
+  std::vector<std::uint8_t> refined;
+  for (int l = 0; l < grid.levels; ++l) {
+    const BrickGrid::Level& level = of.surface.grid.level[static_cast<std::size_t>(l)];
+    const std::vector<std::uint64_t> codes = level.table.codes(level.brick.size());
+    for (std::size_t cell = 0; cell < codes.size(); ++cell) {
+      keys.push_back({codes[cell], depth_of_level(grid, l)});
+      numbers.push_back(level.brick[cell] & ~BrickGrid::kRefined);
+      refined.push_back(1);
+    }
+  }
+  std::vector<std::byte> image;
+  std::vector<TileNode> nodes;
+  for (std::size_t tile = 0; tile < of.keys.size(); ++tile) {
+    PALPATE_ASSIGN(const TileSize size, read_tile(surface, tile, image));
+    const auto first = static_cast<std::uint32_t>(grid.bricks.size());
+    grid.bricks.resize(first + size.bricks);
+    nodes.resize(std::size_t{size.groups} * kGroupNodes);
+    unpack_tile(
+        image, nodes, grid.bricks, [](std::uint32_t group) { return group; },
+        [first](std::uint32_t brick) { return first + brick; });
+    collect_keys(nodes, 0, of.keys[tile], keys, numbers, refined);
+  }
+  std::vector<std::size_t> order(keys.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return std::pair(keys[a].depth, keys[a].code) < std::pair(keys[b].depth, keys[b].code);
+  });
+  std::vector<TileKey> sorted_keys;
+  std::vector<std::uint32_t> sorted_numbers;
+  const auto sorted_refined = std::make_unique<bool[]>(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    sorted_keys.push_back(keys[order[i]]);
+    sorted_numbers.push_back(numbers[order[i]]);
+    sorted_refined[i] = refined[order[i]] != 0;
+  }
+  for (BrickGrid::Level& level : grid.level) level = {};
+  build_tables(sorted_keys, sorted_numbers, {sorted_refined.get(), order.size()}, grid);
+  return std::shared_ptr<const SplineSdf>(std::move(out));
+}
+
+}  // namespace palpate::render

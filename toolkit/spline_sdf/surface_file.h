@@ -1,0 +1,85 @@
+// A smooth surface in a file, for clouds whose surface is larger than memory or shall be felt at once: tiles
+// of bricks, coarser surfaces of the same points, and a sample of the points. The index is small and stays in
+// memory; tiles are read where the hand goes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <palpate/cloud.h>
+#include <palpate/result.h>
+#include "toolkit/core/files.h"
+#include "toolkit/spline_sdf/brick_tiles.h"
+#include "toolkit/spline_sdf/spline_sdf_model.h"
+
+namespace palpate::render {
+
+/// Bytes of the index, at most: forty million tiles, ten billion points.
+inline constexpr std::uint64_t kMaxIndexBytes = std::uint64_t{1} << 31;
+
+/// A surface as the index has it.
+struct StoredSurface {
+  /// Geometry and pieces; `bricks` and the levels' tables hold only the bricks above the tiles. A piece has a
+  /// part per tile.
+  SplineSdf surface;
+  std::vector<TileKey> keys;  ///< of the tiles, by first_code()
+  struct Place {
+    std::uint64_t offset = 0, checksum = 0;
+    std::uint32_t bytes = 0;
+    TileSize size;
+  };
+  std::vector<Place> places;  ///< of the tiles in the file
+  /// RMS distance of the sample from this surface, mm.
+  double rms_mm = 0.0;
+  std::uint64_t tile_bytes = 0;  ///< of all tiles
+};
+
+/// What a file is made of; shared, not copied.
+struct SurfaceFileContent {
+  std::vector<std::shared_ptr<const SplineSdf>> surfaces;  ///< the finest first; at least one
+  std::shared_ptr<const cloud::Cloud> cloud;               ///< the points of the finest
+  std::shared_ptr<const cloud::Cloud> sample;              ///< some of them, in the same origin
+};
+
+/// Replaces `path` when all is written, and only then. Thread-safe but for the path. O(bricks).
+Status write_surface_file(const std::string& path, const SurfaceFileContent& content);
+
+/// Immutable once opened; thread-safe.
+class SurfaceFile {
+ public:
+  /// Reads and checks the index. Errors name the file and what to do.
+  [[nodiscard]] static Result<std::shared_ptr<const SurfaceFile>> open(const std::string& path);
+
+  [[nodiscard]] const std::string& path() const noexcept { return file_.path(); }
+  [[nodiscard]] std::uint64_t points() const noexcept { return points_; }
+  [[nodiscard]] std::uint64_t bytes() const noexcept { return file_.size(); }
+  /// A hash of the index, which holds the checksums of all tiles.
+  [[nodiscard]] std::uint64_t content_hash() const noexcept { return content_hash_; }
+  /// Points for boxes, paths and other renderers; its origin is that of the whole cloud.
+  [[nodiscard]] const std::shared_ptr<const cloud::Cloud>& sample() const noexcept { return sample_; }
+  /// The finest first.
+  [[nodiscard]] const std::vector<StoredSurface>& surfaces() const noexcept { return surfaces_; }
+
+  /// Reads and checks a tile's image into `buffer`. Thread-safe.
+  [[nodiscard]] Result<TileSize> read_tile(std::size_t surface, std::size_t tile,
+                                           std::vector<std::byte>& buffer) const;
+  /// A surface whole in memory. O(bricks).
+  [[nodiscard]] Result<std::shared_ptr<const SplineSdf>> load(std::size_t surface) const;
+
+  /// Whether a file begins as one.
+  [[nodiscard]] static bool begins_as_one(std::span<const std::byte> first_bytes) noexcept;
+
+ private:
+  explicit SurfaceFile(InputFile file) : file_(std::move(file)) {}
+  Status read_index();
+
+  InputFile file_;
+  std::uint64_t points_ = 0, content_hash_ = 0;
+  std::shared_ptr<const cloud::Cloud> sample_;
+  std::vector<StoredSurface> surfaces_;
+};
+
+}  // namespace palpate::render

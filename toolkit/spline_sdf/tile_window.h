@@ -1,0 +1,133 @@
+// The tiles of a large surface that are in memory, as frames see them. A loader thread fills places of the
+// arenas and says so through a ring; the frame's thread alone changes what can be found. Nothing waits.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <palpate/triple_buffer.h>
+#include "toolkit/core/spsc_ring.h"
+#include "toolkit/spline_sdf/brick_tiles.h"
+
+namespace palpate::render {
+
+/// Tiles of which a frame is told, at most; the rest is told to the next ones.
+inline constexpr int kNewsPerFrame = 4;
+/// Tiles that a frame misses by name; a frame that misses more asks again.
+inline constexpr int kNamedMissing = 16;
+/// Slots of the hash table that a look-up passes, at most; it is at most half full, where longer runs than
+/// some twenty are not seen.
+inline constexpr std::size_t kMaxSlotsPassed = 128;
+
+/// Where the hand is, for the loader.
+struct LoaderAim {
+  Vec3 hip = Vec3::Zero();                             ///< voxels
+  Vec3 god_object = Vec3::Zero();                      ///< voxels; the HIP when free
+  Vec3 per_frame = Vec3::Zero();                       ///< the HIP's motion in a frame, smoothed
+  std::array<std::uint32_t, kNamedMissing> missing{};  ///< numbers of tiles that a frame looked for
+  int missing_count = 0;
+};
+
+/// What the loader tells a frame: a tile is at this group now, or shall be forgotten.
+struct TileNews {
+  std::uint32_t tile = 0;
+  std::uint32_t root = 0;  ///< its group in the arena; kForget: forget it
+  static constexpr std::uint32_t kForget = 0xffffffffu;
+};
+/// The frame's answer to kForget.
+struct TileForgotten {
+  std::uint32_t tile = 0;
+  bool kept = false;  ///< the god object is in it
+};
+
+/// The frame's thread owns it, but for `nodes()`, the rings and the aim, which it shares with one loader.
+class TileWindow {
+ public:
+  static constexpr std::size_t kRing = 256;
+
+  /// `keys` of all tiles by first_code(), and the bricks above them in a grid of their own (see above()).
+  /// Allocates all that frames need: `most_tiles` at once and `groups` of nodes.
+  TileWindow(std::vector<TileKey> keys, std::size_t most_tiles, std::size_t groups);
+
+  /// As BrickGrid::find; `above`: the brick above the tiles at the place, or none. Notes a tile that exists
+  /// and is not here. At most search::kMortonBits nodes and depths_ slots.
+  [[nodiscard]] BrickGrid::BrickRef find(const BrickGrid& grid, const Vec3& at,
+                                         BrickGrid::BrickRef above) const noexcept;
+
+  /// Takes news, at most kNewsPerFrame. True if a tile came. `held`: the brick of the god object, or null;
+  /// its tile stays.
+  bool take_news(const BrickGrid& grid, const BrickGrid::BrickRef* held) noexcept;
+  /// Tells the loader where the hand is, and what was missed since the last call.
+  void publish_aim(const Vec3& hip, const Vec3& god_object) noexcept;
+  /// Whether find() missed a tile since the last call.
+  [[nodiscard]] bool take_missed() noexcept {
+    const bool missed = missed_;
+    missed_ = false;
+    return missed;
+  }
+  /// Whether every tile that a place and its 26 neighbours at `reach` voxels lie in is here or does not
+  /// exist.
+  [[nodiscard]] bool covers(const BrickGrid& grid, const Vec3& at, double reach) const noexcept;
+  [[nodiscard]] std::size_t resident() const noexcept { return resident_; }
+  /// The tiles that find() missed since the last publish_aim().
+  [[nodiscard]] std::span<const std::uint32_t> missing() const noexcept {
+    return std::span(next_.missing).first(static_cast<std::size_t>(next_.missing_count));
+  }
+  /// Names tiles as missed, at most kNamedMissing.
+  void ask_for(std::span<const std::uint32_t> tiles) noexcept {
+    for (const std::uint32_t tile : tiles) note_missing(tile);
+    missed_ = false;
+  }
+  [[nodiscard]] bool all_here(std::span<const std::uint32_t> tiles) const noexcept {
+    for (const std::uint32_t tile : tiles)
+      if (root_of(tile) == TileNews::kForget) return false;
+    return true;
+  }
+
+  // For the loader.
+  [[nodiscard]] const std::vector<TileKey>& keys() const noexcept { return keys_; }
+  [[nodiscard]] std::span<TileNode> nodes() noexcept { return nodes_; }
+  [[nodiscard]] std::size_t node_bytes() const noexcept { return nodes_.capacity() * sizeof(TileNode); }
+  [[nodiscard]] std::size_t most_tiles() const noexcept { return most_; }
+  SpscRing<TileNews, kRing> news;
+  SpscRing<TileForgotten, kRing> forgotten;
+  TripleBuffer<LoaderAim> aim;
+
+  static constexpr std::uint32_t kNoTile = 0xffffffffu;
+  /// The tile of a place of depth kMortonBits, or kNoTile. O(log tiles); allocates nothing.
+  [[nodiscard]] std::uint32_t tile_of(std::uint64_t first_code) const noexcept;
+
+ private:
+  struct Slot {
+    std::uint32_t tile = kNoTile;
+    std::uint32_t root = 0;
+  };
+  [[nodiscard]] std::size_t home(std::uint32_t tile) const noexcept {
+    return static_cast<std::size_t>(fibonacci_hash(tile) >> shift_);
+  }
+  /// The tile's root group, or kForget if it is not here.
+  [[nodiscard]] std::uint32_t root_of(std::uint32_t tile) const noexcept;
+  bool insert(std::uint32_t tile, std::uint32_t root) noexcept;
+  void erase(std::uint32_t tile) noexcept;
+  void note_missing(std::uint32_t tile) const noexcept;
+
+  std::vector<TileKey> keys_;
+  std::vector<std::uint64_t> first_codes_;
+  std::vector<TileNode> nodes_;
+  std::vector<Slot> slots_;
+  std::size_t mask_ = 0;
+  int shift_ = 0;
+  std::size_t resident_ = 0, most_ = 0;
+  // The tile found last, in which most look-ups end.
+  mutable std::uint64_t last_first_ = 1, last_past_ = 0;
+  mutable std::uint32_t last_tile_ = kNoTile, last_root_ = 0;
+  mutable bool missed_ = false;
+  mutable LoaderAim next_;
+  Vec3 last_hip_ = Vec3::Zero();
+};
+
+}  // namespace palpate::render
