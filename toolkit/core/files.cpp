@@ -105,7 +105,7 @@ Status InputFile::read_at(std::uint64_t offset, std::span<std::byte> out) const 
           "the file is cut short: copy it again", path_};
     have += static_cast<std::size_t>(got);
   }
-  return {};
+  return Done{};
 }
 
 Result<std::string> read_file(const std::string& path, std::uint64_t most_bytes) {

@@ -105,7 +105,7 @@ Status MemoryAccess::read_at(std::uint64_t offset, std::span<std::byte> out) con
                              out.size(), offset),
                  "the file is cut short: copy it again"};
   if (!out.empty()) std::memcpy(out.data(), data_.data() + offset, out.size());
-  return {};
+  return Done{};
 }
 
 Result<std::unique_ptr<RandomAccess>> open_random_access(const std::string& path) {
