@@ -439,6 +439,11 @@ void Mixer::show(double t_s) noexcept {
   }
 }
 
+render::FrameCounters Mixer::counters_of(std::uint8_t lane) const noexcept {
+  const std::size_t at = in_lane(lane);
+  return at == kNobody ? render::FrameCounters{} : places_[at].tracked.renderer().counters();
+}
+
 render::FrameCounters Mixer::counters() const noexcept {
   return felt_ == kNobody ? render::FrameCounters{} : places_[felt_].tracked.renderer().counters();
 }

@@ -119,6 +119,9 @@ class Mixer final : public render::HapticRenderer {
   [[nodiscard]] render::FrameCounters counters() const noexcept override;
   [[nodiscard]] render::Description describe() const override;
 
+  /// Of a lane's renderer, after the session; zeros for a lane without one.
+  [[nodiscard]] render::FrameCounters counters_of(std::uint8_t lane) const noexcept;
+
   /// Any thread; wait-free. The newest request counts.
   void request(const SwitchRequest& request) noexcept { slot_.post(request); }
   /// One worker thread: hands over a renderer, prepared and restarted at a free place, to replace that of

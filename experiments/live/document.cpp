@@ -52,6 +52,8 @@ DocumentJson renderer_json(const LiveRenderer& r) {
           {"frames", r.frames},
           {"contact_frames", r.contact_frames},
           {"felt_frames", r.felt_frames},
+          {"late_frames", r.late_frames},
+          {"coarse_frames", r.coarse_frames},
           {"step_us", durations_json(r.step)},
           {"largest_step_n", r.largest_step_n},
           {"felt_steps", steps_json(r.felt_steps)},
@@ -123,6 +125,11 @@ Table renderers_table(const LiveDocument& document) {
                           {format_count(r.made)},
                           {format_bytes(static_cast<double>(r.bytes))},
                           {format_bytes(static_cast<double>(r.shared_bytes))}});
+    if (r.coarse_frames > 0)
+      table.notes.push_back(
+          fmt::format("{}: {} frames looked for a part of the surface that was not in memory; a coarser one "
+                      "answered {} frames.",
+                      r.label, r.late_frames, r.coarse_frames));
     if (!r.disqualified.empty())
       table.notes.push_back(fmt::format("{} was disqualified: {}.", r.label, r.disqualified));
   }

@@ -58,6 +58,7 @@ struct LiveRenderer {
   double prepare_ms = 0.0;
   std::uint64_t bytes = 0, shared_bytes = 0;
   std::uint64_t frames = 0, contact_frames = 0, felt_frames = 0;
+  std::uint64_t late_frames = 0, coarse_frames = 0;  ///< of a prepared file: render::FrameCounters
   device::DurationStatistics step;
   double largest_step_n = 0.0;     ///< of its own force between frames, felt or not
   metrics::ForceSteps felt_steps;  ///< of its own force while felt

@@ -442,6 +442,11 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   document.resident_before_bytes = end->settled_bytes;
   tell_end(*end, document);
   watch.tell(document);
+  for (std::size_t i = 0; i < document.renderers.size(); ++i) {
+    const render::FrameCounters counted = felt.mixer->counters_of(static_cast<std::uint8_t>(i));
+    document.renderers[i].late_frames = counted.late_frames;
+    document.renderers[i].coarse_frames = counted.coarse_frames;
+  }
   if (notes) notes->tell(document);
   if (recorded) end_recording(arguments.record, *felt.recording.recorder(), document);
   for (const std::string& failure : tasks.failures()) document.warnings.push_back(failure);

@@ -37,7 +37,6 @@ bool PagedContact::without_missing(const Vec3& h_mm, const HeldBrick* held, Act&
 }
 
 void PagedContact::restart(const Vec3& h_mm) noexcept {
-  frames_ = {};
   coarse_on_ = corrected_ = false;
   last_h_mm_ = h_mm;
   coarse_.restart(h_mm);
@@ -82,10 +81,10 @@ bool PagedContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
       last_h_mm_ = h_mm;
       return contact;
     }
-    ++frames_.late;
+    ++counters.late_frames;
     go_coarse(before_, h_mm);
   }
-  ++frames_.coarse;
+  ++counters.coarse_frames;
   bool contact = coarse_.update(h_mm, counters);
   last_h_mm_ = h_mm;
   if (!here(h_mm) || (contact && !here(coarse_.god_object_mm()))) return contact;

@@ -11,12 +11,6 @@
 
 namespace palpate::render {
 
-/// Frames since the last restart that were answered from less than the finest surface.
-struct PagedFrames {
-  std::uint64_t late = 0;    ///< frames that looked for a tile that was not here
-  std::uint64_t coarse = 0;  ///< frames that the coarser surface answered
-};
-
 /// Belongs to one thread.
 class PagedContact {
  public:
@@ -36,7 +30,6 @@ class PagedContact {
   [[nodiscard]] const Vec3* corrected_from() const noexcept {
     return corrected_ ? &uncorrected_mm_ : active().corrected_from();
   }
-  [[nodiscard]] const PagedFrames& frames() const noexcept { return frames_; }
   [[nodiscard]] const PagedSurface& surface() const noexcept { return *surface_; }
 
  private:
@@ -56,7 +49,6 @@ class PagedContact {
   bool coarse_on_ = false, corrected_ = false;
   Vec3 uncorrected_mm_ = Vec3::Zero();
   Vec3 last_h_mm_ = Vec3::Zero();
-  PagedFrames frames_;
 };
 
 }  // namespace palpate::render

@@ -1,0 +1,347 @@
+// Surfaces in a file: felt from disk as in memory, with little of them in memory, late, damaged.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
+#include "toolkit/spline_sdf/prepared_surface.h"
+
+namespace palpate::render {
+namespace {
+
+using cloud::Cloud;
+
+std::shared_ptr<const Cloud> torus_cloud(std::size_t points) {
+  TorusSpec torus;
+  torus.points = points;
+  return cloud_of(torus_points(torus)).models.front().cloud;
+}
+
+/// Edges and parts of different density: bricks of several sizes.
+std::shared_ptr<const Cloud> block_cloud() {
+  Random random(5);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 30000; ++i) {
+    Vec3 p(20.0 * random.uniform(), 20.0 * random.uniform(), 20.0 * random.uniform());
+    const int face = static_cast<int>(6.0 * random.uniform());
+    p[face / 2] = face % 2 == 0 ? 0.0 : 20.0;
+    // A quarter of the points on one half.
+    if (p.x() > 10.0 && random.uniform() > 0.25) continue;
+    points.push_back(p);
+  }
+  return cloud_of(points).models.front().cloud;
+}
+
+/// A folder of its own, for files that tests share too.
+class Folder {
+ public:
+  Folder() {
+    static int made = 0;
+    at_ = std::filesystem::path(testing::TempDir()) / fmt::format("palsurf-{}-{}", ::getpid(), made++);
+    std::filesystem::create_directories(at_);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  ~Folder() { std::filesystem::remove_all(at_); }
+  [[nodiscard]] std::string in(const std::string& name) const { return (at_ / name).string(); }
+
+ private:
+  std::filesystem::path at_;
+};
+
+struct PreparedFile {
+  Folder folder;
+  std::string path = folder.in("scan.palsurf");
+  std::shared_ptr<const SurfaceFile> file;
+
+  explicit PreparedFile(const std::shared_ptr<const Cloud>& cloud) {
+    PrepareReport report;
+    const Status made = prepare_surface_file(cloud, {}, {2, nullptr}, report, path);
+    EXPECT_TRUE(made) << (made ? "" : made.error().message());
+    Result<std::shared_ptr<const SurfaceFile>> opened = SurfaceFile::open(path);
+    EXPECT_TRUE(opened) << (opened ? "" : opened.error().message());
+    if (opened) file = *opened;
+  }
+  [[nodiscard]] SceneInput scene() const {
+    SceneInput scene;
+    ModelInput input;
+    input.name = "prepared";
+    input.cloud = file->sample();
+    input.prepared = file;
+    scene.models.push_back(input);
+    return scene;
+  }
+};
+
+std::shared_ptr<const SplineSdf> surface_of(const std::shared_ptr<const Cloud>& cloud) {
+  PrepareReport report;
+  return build_spline_sdf(*cloud, {}, {2, nullptr}, report).value();
+}
+
+std::vector<Vec3> places_near(const BrickGrid& grid, int count) {
+  Random random(11);
+  const Vec3 extent = grid.box_mm.extent_mm();
+  std::vector<Vec3> places;
+  for (int i = 0; i < count; ++i)
+    places.push_back(grid.in_voxels(
+        grid.box_mm.low_mm - 0.1 * extent +
+        1.2 * extent.cwiseProduct(Vec3(random.uniform(), random.uniform(), random.uniform()))));
+  // Half of them near a brick, where there is something to find.
+  const std::vector<BrickGrid::BrickRef> bricks = grid.places();
+  for (int i = 0; i < count; ++i) {
+    const BrickGrid::BrickRef& b =
+        bricks[static_cast<std::size_t>(random.uniform() * static_cast<double>(bricks.size()))];
+    const double edge = kBrickCells / grid.per_voxel_of(b.level);
+    places.push_back(edge * (Vec3(b.cube[0], b.cube[1], b.cube[2]) +
+                             Vec3(random.uniform(), random.uniform(), random.uniform())));
+  }
+  return places;
+}
+
+void expect_same_brick(const BrickGrid& a, const BrickGrid& b, const Vec3& at) {
+  const BrickGrid::BrickRef x = a.find(at), y = b.find(at);
+  ASSERT_EQ(x.brick == BrickGrid::kNone, y.brick == BrickGrid::kNone) << at.transpose();
+  if (x.brick == BrickGrid::kNone) return;
+  EXPECT_EQ(x.level, y.level);
+  EXPECT_EQ(x.cube, y.cube);
+  // A grid may say that smaller bricks follow where the build dropped them all; a tile knows.
+  EXPECT_TRUE(y.whole || !x.whole);
+  EXPECT_EQ(a.bricks[x.brick].distance, b.bricks[y.brick].distance);
+  EXPECT_EQ(a.bricks[x.brick].mask, b.bricks[y.brick].mask);
+  EXPECT_EQ(a.bricks[x.brick].piece, b.bricks[y.brick].piece);
+}
+
+TEST(BrickTiles, HoldEveryBrickOnce) {
+  const std::shared_ptr<const SplineSdf> surface = surface_of(block_cloud());
+  const BrickTiles cut = cut_into_tiles(surface->grid);
+  std::multiset<std::uint32_t> seen(cut.above_bricks.begin(), cut.above_bricks.end());
+  std::uint64_t past = 0;
+  for (const BrickTile& tile : cut.tiles) {
+    EXPECT_LE(tile.bricks.size(), kTileBricks);
+    EXPECT_GE(tile.key.first_code(), past);
+    past = TileKey{tile.key.code + 1, tile.key.depth}.first_code();
+    seen.insert(tile.bricks.begin(), tile.bricks.end());
+    const std::vector<std::byte> image = tile_image(tile, surface->grid);
+    EXPECT_TRUE(check_tile_image(image, tile.key, surface->grid));
+  }
+  EXPECT_GT(cut.tiles.size(), 3u);
+  ASSERT_EQ(seen.size(), surface->grid.bricks.size());
+  for (std::uint32_t b = 0; b < seen.size(); ++b) EXPECT_EQ(seen.count(b), 1u) << b;
+}
+
+TEST(SurfaceFile, GivesTheGridBack) {
+  for (const std::shared_ptr<const Cloud>& cloud : {torus_cloud(40000), block_cloud()}) {
+    const PreparedFile made(cloud);
+    const std::shared_ptr<const SplineSdf> own = surface_of(cloud), read = made.file->load(0).value();
+    ASSERT_EQ(own->grid.bricks.size(), read->grid.bricks.size());
+    EXPECT_EQ(made.file->points(), cloud->size());
+    for (const Vec3& at : places_near(own->grid, 4000)) expect_same_brick(own->grid, read->grid, at);
+  }
+}
+
+TEST(PagedSurface, FindsWhatIsHereAndNotesWhatIsNot) {
+  const std::shared_ptr<const Cloud> cloud = block_cloud();
+  const PreparedFile made(cloud);
+  const std::shared_ptr<const SplineSdf> own = surface_of(cloud);
+  const auto paged = PagedSurface::start(made.file, 0, kLeastResidentBytes).value();
+  int missed = 0;
+  for (const Vec3& at : places_near(own->grid, 2000)) {
+    static_cast<void>(paged->grid().find(at));
+    if (paged->take_missed()) {
+      ++missed;
+      ASSERT_TRUE(paged->wait_for_missed(at, nullptr));
+    }
+    expect_same_brick(own->grid, paged->grid(), at);
+    EXPECT_FALSE(paged->take_missed());
+  }
+  EXPECT_GT(missed, 0);
+  EXPECT_EQ(paged->counts().damaged, 0u);
+}
+
+std::vector<Vec3> rounds(std::size_t frames) {
+  std::vector<Vec3> path = torus_path({}, frames);
+  // Lifts off far and comes back elsewhere, so that tiles leave and come.
+  for (std::size_t k = 0; k < path.size(); ++k)
+    if (k / 700 % 5 == 4)
+      path[k] *= 1.0 + 0.8 * std::sin(std::numbers::pi * static_cast<double>(k % 700) / 700.0);
+  return path;
+}
+
+TEST(PreparedCloudSmooth, IsFeltAsInMemory) {
+  for (const std::shared_ptr<const Cloud>& cloud : {torus_cloud(40000), block_cloud()}) {
+    const PreparedFile made(cloud);
+    SceneInput whole;
+    whole.models.emplace_back();
+    whole.models.front().cloud = cloud;
+    test::Stepped in_memory = prepared(whole, "cloud-smooth", 2),
+                  from_disk = prepared(made.scene(), "cloud-smooth", 2);
+    const geometry::Aabb box = cloud->box_mm();
+    const Vec3 middle = 0.5 * (box.low_mm + box.high_mm);
+    in_memory->restart(middle + Vec3(0, 0, 100));
+    from_disk->restart(middle + Vec3(0, 0, 100));
+    int contacts = 0;
+    for (const Vec3& h : rounds(9000)) {
+      const Frame a = in_memory->step(middle + h, 0.001), b = from_disk->step(middle + h, 0.001);
+      contacts += a.contact;
+      ASSERT_EQ(a.contact, b.contact);
+      ASSERT_EQ(a.force_n, b.force_n);
+      ASSERT_EQ(a.god_object_mm, b.god_object_mm);
+    }
+    EXPECT_GT(contacts, 1000);
+  }
+}
+
+/// A surface several times as large as the least window.
+const PreparedFile& large_file() {
+  static const PreparedFile made(torus_cloud(700'000));
+  return made;
+}
+
+TEST(PagedSurface, StaysWithinItsMemory) {
+  const PreparedFile& made = large_file();
+  ASSERT_GT(made.file->surfaces().front().tile_bytes, kLeastResidentBytes);
+  const auto paged = PagedSurface::start(made.file, 0, kLeastResidentBytes).value();
+  EXPECT_LT(paged->bytes(), kLeastResidentBytes + kLeastResidentBytes / 8);
+  const std::shared_ptr<const SplineSdf> whole = made.file->load(0).value();
+  // All around, so that every tile comes and the first ones leave.
+  std::size_t most = 0;
+  for (int round = 0; round < 2; ++round)
+    for (int k = 0; k < 200; ++k) {
+      const double a = 2.0 * std::numbers::pi * k / 200.0;
+      const Vec3 at =
+          whole->grid.in_voxels(Vec3((kRing + kTube) * std::cos(a), (kRing + kTube) * std::sin(a), 0.0) -
+                                made.file->sample()->origin_mm);
+      paged->wait_around(at);
+      expect_same_brick(whole->grid, paged->grid(), at);
+      EXPECT_FALSE(paged->take_missed());
+      most = std::max(most, paged->resident());
+    }
+  EXPECT_GT(paged->counts().forgotten, 0u);
+  EXPECT_LT(most, made.file->surfaces().front().keys.size());
+}
+
+/// In a paced session nothing waits: what is late is felt coarsely, and no force leaps.
+TEST(PreparedCloudSmooth, LateTilesAreFeltCoarselyAndWithoutAStep) {
+  const PreparedFile& made = large_file();
+  test::Stepped renderer = renderer_of("cloud-smooth:resident_mb=16");
+  PrepareContext context{2, nullptr};
+  context.paced = true;
+  ASSERT_TRUE(renderer->prepare(made.scene(), context));
+  const Truth truth = torus_truth({});
+  const std::vector<Vec3> path = torus_path({}, 4000);
+  renderer->restart(path.front());
+  Vec3 last = Vec3::Zero(), last_h = path.front();
+  double largest_excess = 0.0;
+  int lost = 0;
+  for (const Vec3& h : path) {
+    const Frame frame = renderer->step(h, 0.001);
+    Vec3 foot;
+    lost += truth(h, foot) < -0.5 && !frame.contact;
+    largest_excess =
+        std::max(largest_excess, (frame.force_n - last).norm() - kTestStiffness * (h - last_h).norm());
+    last = frame.force_n;
+    last_h = h;
+  }
+  // A coarser surface is right within its error, and a step between the two is spread over twenty frames.
+  EXPECT_LT(largest_excess, 0.05);
+  EXPECT_LT(lost, 20);
+  // At hundreds of metres a second no loader keeps up, and still every frame is answered.
+  renderer->restart(path.front());
+  int contacts = 0;
+  for (std::size_t k = 0; k < path.size(); k += 20) {
+    const Frame frame = renderer->step(path[k], 0.001);
+    contacts += frame.contact;
+    EXPECT_LT(frame.force_n.norm(), 3.0 * kTestStiffness);
+  }
+  EXPECT_GT(contacts, 100);
+  EXPECT_GT(renderer->counters().coarse_frames, 0u);
+}
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+void put_bytes(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+TEST(SurfaceFile, DamageIsNamedAndNothingCrashes) {
+  const PreparedFile made(torus_cloud(3000));
+  const std::string whole = bytes_of(made.path), other = made.folder.in("damaged.palsurf");
+  std::size_t opened = 0, refused = 0;
+  Random random(3);
+  for (int k = 0; k < 400; ++k) {
+    std::string bytes = whole;
+    const auto at = static_cast<std::size_t>(random.uniform() * static_cast<double>(bytes.size()));
+    if (k % 4 == 0)
+      bytes.resize(at);
+    else
+      bytes[at] = static_cast<char>(bytes[at] ^ (1 << (k % 8)));
+    put_bytes(other, bytes);
+    Result<std::shared_ptr<const SurfaceFile>> file = SurfaceFile::open(other);
+    if (!file) {
+      ++refused;
+      EXPECT_NE(file.error().message().find("damaged.palsurf"), std::string::npos);
+      EXPECT_FALSE(file.error().remedy.empty());
+      continue;
+    }
+    ++opened;
+    const auto read = (*file)->load(0);
+    const auto coarse = (*file)->load((*file)->surfaces().size() - 1);
+    EXPECT_TRUE(!read || !coarse || at < 16) << "byte " << at << " is covered by no checksum";
+  }
+  EXPECT_GT(opened, 10u);
+  EXPECT_GT(refused, 10u);
+}
+
+TEST(PagedSurface, ADamagedTileIsAbsentAndNamed) {
+  const std::shared_ptr<const Cloud> cloud = torus_cloud(40000);
+  const PreparedFile made(cloud);
+  const StoredSurface& stored = made.file->surfaces().front();
+  std::string bytes = bytes_of(made.path);
+  bytes[stored.places[1].offset + 500] ^= 1;
+  const std::string other = made.folder.in("damaged.palsurf");
+  put_bytes(other, bytes);
+  const auto paged = PagedSurface::start(SurfaceFile::open(other).value(), 0, kLeastResidentBytes).value();
+  const std::shared_ptr<const SplineSdf> whole = made.file->load(0).value();
+  std::size_t absent = 0, here = 0;
+  for (const BrickGrid::BrickRef& b : whole->grid.places()) {
+    const double edge = kBrickCells / whole->grid.per_voxel_of(b.level);
+    const Vec3 at = edge * (Vec3(b.cube[0], b.cube[1], b.cube[2]) + Vec3::Constant(0.5));
+    BrickGrid::BrickRef found = paged->grid().find(at);
+    if (paged->take_missed()) {
+      ASSERT_TRUE(paged->wait_for_missed(at, nullptr));
+      found = paged->grid().find(at);
+    }
+    found.brick == BrickGrid::kNone ? ++absent : ++here;
+  }
+  EXPECT_EQ(absent, stored.places[1].size.bricks);
+  EXPECT_GT(here, absent);
+  EXPECT_EQ(paged->counts().damaged, 1u);
+  EXPECT_NE(paged->damage().find("tile 1"), std::string::npos) << paged->damage();
+}
+
+TEST(PreparedCloudSmooth, RefusesWhatTheFileCannotGive) {
+  const PreparedFile made(torus_cloud(3000));
+  const auto refused = [&](const std::string& spec, const std::string& word) {
+    const Result<PrepareReport> report = prepare_report(made.scene(), spec);
+    ASSERT_FALSE(report) << spec;
+    EXPECT_NE(report.error().message().find(word), std::string::npos) << report.error().message();
+  };
+  refused("cloud-smooth:detail=3", "detail");
+  refused("cloud-smooth:level=9", "level 9");
+  EXPECT_TRUE(prepare_report(made.scene(), "cloud-smooth:level=1"));
+}
+
+}  // namespace
+}  // namespace palpate::render
