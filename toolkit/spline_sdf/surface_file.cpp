@@ -30,6 +30,17 @@ std::uint64_t checksum_of(std::span<const std::byte> bytes) noexcept {
   return hash.value();
 }
 
+/// Fuzzing gets past checksums.
+bool is_right(std::uint64_t checksum, std::uint64_t stored) noexcept {
+#ifdef PALPATE_FUZZING
+  static_cast<void>(checksum);
+  static_cast<void>(stored);
+  return true;
+#else
+  return checksum == stored;
+#endif
+}
+
 /// A ByteWriter over memory that grows.
 class Index {
  public:
@@ -368,7 +379,7 @@ Status SurfaceFile::read_index() {
     return damaged(path(), "its end is not where its index says");
   std::vector<std::byte> index(static_cast<std::size_t>(bytes));
   PALPATE_TRY(file_.read_at(offset, index));
-  if (checksum_of(index) != content_hash_) return damaged(path(), "the checksum of its index");
+  if (!is_right(checksum_of(index), content_hash_)) return damaged(path(), "the checksum of its index");
   ByteReader from{std::span<const std::byte>(index)};
   points_ = from.u64();
   auto sample = std::make_shared<cloud::Cloud>();
@@ -400,7 +411,7 @@ Result<TileSize> SurfaceFile::read_tile(std::size_t surface, std::size_t tile,
   const StoredSurface::Place& place = of.places[tile];
   buffer.resize(place.bytes);
   PALPATE_TRY(file_.read_at(place.offset, buffer));
-  if (checksum_of(buffer) != place.checksum)
+  if (!is_right(checksum_of(buffer), place.checksum))
     return damaged(path(), fmt::format("tile {} of surface {} has another checksum", tile, surface));
   Result<TileSize> size = check_tile_image(buffer, of.keys[tile], of.surface.grid);
   if (size && (size->bricks != place.size.bricks || size->groups != place.size.groups))
