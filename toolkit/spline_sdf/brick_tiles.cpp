@@ -37,7 +37,7 @@ std::vector<PlacedBrick> placed_bricks(const BrickGrid& grid) {
 
 class TileCutter {
  public:
-  TileCutter(const BrickGrid& grid, std::span<const PlacedBrick> all) : grid_(grid), all_(all) {}
+  explicit TileCutter(std::span<const PlacedBrick> all) : all_(all) {}
 
   void cut(TileKey node, std::size_t first, std::size_t past, BrickTiles& out) {
     if (first == past) return;
@@ -89,7 +89,6 @@ class TileCutter {
     });
   }
 
-  const BrickGrid& grid_;
   std::span<const PlacedBrick> all_;
 };
 
@@ -133,7 +132,7 @@ class TileChecker {
 BrickTiles cut_into_tiles(const BrickGrid& grid) {
   BrickTiles out;
   const std::vector<PlacedBrick> all = placed_bricks(grid);
-  TileCutter(grid, all).cut({}, 0, all.size(), out);
+  TileCutter(all).cut({}, 0, all.size(), out);
   return out;
 }
 
