@@ -150,19 +150,6 @@ void say_what_is_run(const RunArguments& arguments, const std::vector<RendererRe
        folder.path().string());
 }
 
-/// What was left open is chosen now that the models are known.
-void choose_renderers(bool one, const render::Registry& registry, CheckedRun& prepared, StagedStudy& study) {
-  if (!prepared.renderers.empty()) return;
-  if (one && prepared.own) {
-    prepared.renderers = {*prepared.own};
-    return;
-  }
-  Chosen chosen = usual_renderers(study.stage.scene.input, prepared.own, registry);
-  if (one) chosen.renderers.resize(1);
-  prepared.renderers = std::move(chosen.renderers);
-  for (std::string& note : chosen.notes) study.stage.notes.push_back(std::move(note));
-}
-
 int report_failures(const StagedStudy& study) {
   int status = kExitOk;
   for (const Run& run : study.runs) {
@@ -232,6 +219,20 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
   return prepared;
 }
 
+Status choose_renderers(bool one, const render::Registry& registry, const render::SceneInput& scene,
+                        CheckedRun& checked, std::vector<std::string>& notes) {
+  if (checked.renderers.empty() && one && checked.own) checked.renderers = {*checked.own};
+  if (checked.renderers.empty()) {
+    Chosen chosen = usual_renderers(scene, checked.own, registry);
+    if (one) chosen.renderers.resize(1);
+    checked.renderers = std::move(chosen.renderers);
+    for (std::string& note : chosen.notes) notes.push_back(std::move(note));
+  }
+  for (const RendererRequest& request : checked.renderers)
+    PALPATE_TRY(registry.check_supports(*registry.find(request.name), scene));
+  return Done{};
+}
+
 Result<int> run_study(const RunArguments& arguments, Context& context, const AfterStudy& after) {
   const render::Registry registry = all_renderers();
   PALPATE_ASSIGN(CheckedRun prepared, check_run(arguments, registry, context.progress));
@@ -244,15 +245,13 @@ Result<int> run_study(const RunArguments& arguments, Context& context, const Aft
   StagedStudy study;
   study.document = new_document(context.command_line);
   PALPATE_ASSIGN(study.stage, set_up(prepared.stage, all_readers(), context.progress));
-  choose_renderers(arguments.one, registry, prepared, study);
-  if (!arguments.allow_missing)
-    for (const RendererRequest& request : prepared.renderers)
-      if (Status able = registry.check_supports(*registry.find(request.name), study.stage.scene.input);
-          !able) {
-        Error error = std::move(able).error();
-        error.remedy += ", or --allow-missing to run it as it is";
-        return error;
-      }
+  if (const Status able =
+          choose_renderers(arguments.one, registry, study.stage.scene.input, prepared, study.stage.notes);
+      !able && !arguments.allow_missing) {
+    Error error = able.error();
+    error.remedy += ", or --allow-missing to run it as it is";
+    return error;
+  }
   const std::string& path = study.stage.path.name;
   study.document.title = fmt::format("{}, along {}", study.stage.scene_name, path.substr(0, path.find(':')));
   RunOptions options;

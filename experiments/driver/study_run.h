@@ -40,6 +40,12 @@ struct CheckedRun {
 [[nodiscard]] Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
                                            Progress& progress);
 
+/// What was left open is chosen now that the models are known (choices.h), `one` or several; notes say why.
+/// Error: one lacks what the scene asks for.
+[[nodiscard]] Status choose_renderers(bool one, const render::Registry& registry,
+                                      const render::SceneInput& scene, CheckedRun& checked,
+                                      std::vector<std::string>& notes);
+
 /// Everything that the results of every renderer depend on.
 [[nodiscard]] RunKey key_of(const RunArguments& arguments, const StageRequest& stage);
 

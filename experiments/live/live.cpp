@@ -60,20 +60,6 @@ Status check_live(const LiveArguments& arguments) {
                                   : check_recording_file(arguments.record, arguments.replace);
 }
 
-/// Chooses the renderers of `compare` if none was named.
-Result<LivePlan> choose_and_plan(const LiveArguments& arguments, CheckedRun& checked, const Stage& stage,
-                                 const render::Registry& registry, const device::Drivers& drivers,
-                                 LiveDocument& document) {
-  if (checked.renderers.empty()) {
-    Chosen chosen = usual_renderers(stage.scene.input, checked.own, registry);
-    checked.renderers = std::move(chosen.renderers);
-    for (std::string& note : chosen.notes) document.notes.push_back(std::move(note));
-  }
-  for (const RendererRequest& request : checked.renderers)
-    PALPATE_TRY(registry.check_supports(*registry.find(request.name), stage.scene.input));
-  return plan_live(arguments, checked.renderers, registry, drivers);
-}
-
 /// Reports argument errors before a large model is loaded or a device touched.
 Result<DeviceChoice> check_early(const LiveArguments& arguments, const CheckedRun& checked,
                                  const render::Registry& registry, const device::Drivers& drivers) {
@@ -124,7 +110,8 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   const Result<Stage> stage = set_up(checked.stage, all_readers(), seen);
   if (!stage) return ended_early(stage.error(), arguments, context);
   show_stage(arguments, *stage);
-  PALPATE_ASSIGN(LivePlan plan, choose_and_plan(arguments, checked, *stage, registry, drivers, document));
+  PALPATE_TRY(choose_renderers(false, registry, stage->scene.input, checked, document.notes));
+  PALPATE_ASSIGN(LivePlan plan, plan_live(arguments, checked.renderers, registry, drivers));
   if (!arguments.record.empty())
     plan.header = recording_header(run.scene, checked.stage.scene, stage->scene, run.surface);
   PALPATE_TRY(suite.begin(RunKey().add("live")));

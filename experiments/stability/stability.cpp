@@ -244,13 +244,7 @@ Result<int> run_stability(const StabilityArguments& arguments, Context& context)
   PALPATE_ASSIGN(const Places places, places_on(stage));
   StabilityDocument document;
   begin_document(arguments, stage, context, document);
-  if (checked.renderers.empty()) {
-    Chosen chosen = usual_renderers(stage.scene.input, checked.own, registry);
-    checked.renderers = std::move(chosen.renderers);
-    for (std::string& note : chosen.notes) document.notes.push_back(std::move(note));
-  }
-  for (const RendererRequest& request : checked.renderers)
-    PALPATE_TRY(registry.check_supports(*registry.find(request.name), stage.scene.input));
+  PALPATE_TRY(choose_renderers(false, registry, stage.scene.input, checked, document.notes));
   RunKey key = key_of(arguments.run, checked.stage);
   for (const std::string& text :
        {arguments.device, arguments.hand, arguments.rates, arguments.delays, arguments.dampings})
