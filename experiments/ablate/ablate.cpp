@@ -272,8 +272,7 @@ Result<int> run_ablate(const AblateArguments& arguments, Context& context) {
     count_frame_instructions(plan, registry, threads, suite.progress());
     return kExitOk;
   }
-  PALPATE_TRY(suite.open(run.out.empty() ? usual_folder("ablate", run.scene) : run.out,
-                         files_read(plan.checked.stage)));
+  PALPATE_TRY(open_folder(run, "ablate", plan.checked.stage, suite));
   PALPATE_TRY(set_up_variants(registry, threads, suite.progress(), plan));
   AblateDocument document;
   document.head = new_head(context.command_line);

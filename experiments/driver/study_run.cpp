@@ -8,7 +8,6 @@
 #include <palpate/result.h>
 #include <palpate/write_mesh.h>
 #include "experiments/data/scans.h"
-#include "experiments/driver/suite.h"
 #include "experiments/report/findings.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
@@ -219,6 +218,12 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
   return prepared;
 }
 
+Status open_folder(const RunArguments& arguments, const char* command, const StageRequest& stage,
+                   Suite& suite) {
+  return suite.open(arguments.out.empty() ? usual_folder(command, arguments.scene) : arguments.out,
+                    files_read(stage));
+}
+
 Status choose_renderers(bool one, const render::Registry& registry, const render::SceneInput& scene,
                         CheckedRun& checked, std::vector<std::string>& notes) {
   if (checked.renderers.empty() && one && checked.own) checked.renderers = {*checked.own};
@@ -237,10 +242,7 @@ Result<int> run_study(const RunArguments& arguments, Context& context, const Aft
   const render::Registry registry = all_renderers();
   PALPATE_ASSIGN(CheckedRun prepared, check_run(arguments, registry, context.progress));
   Suite suite(context);
-  PALPATE_TRY(suite.open(arguments.out.empty()
-                             ? usual_folder(arguments.one ? "compare-one" : "compare", arguments.scene)
-                             : arguments.out,
-                         files_read(prepared.stage)));
+  PALPATE_TRY(open_folder(arguments, arguments.one ? "compare-one" : "compare", prepared.stage, suite));
   PALPATE_TRY(check_outputs(arguments, prepared.stage));
   StagedStudy study;
   study.document = new_document(context.command_line);

@@ -11,7 +11,6 @@
 #include "experiments/live/recording_session.h"
 #include "experiments/live/session.h"
 #include "experiments/live/window_hooks.h"
-#include "experiments/run/choices.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
@@ -99,8 +98,7 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   checked.stage.usual_frames =
       static_cast<int>(std::lround(std::min(arguments.seconds, kLongestPathS) * kPathHz));
   Suite suite(context);
-  PALPATE_TRY(
-      suite.open(run.out.empty() ? usual_folder("live", run.scene) : run.out, files_read(checked.stage)));
+  PALPATE_TRY(open_folder(run, "live", checked.stage, suite));
   LiveDocument document;
   SessionClock clock(arguments.accelerated);
   // The guard is forked, so it comes before threads and a large scene.

@@ -8,7 +8,6 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
-#include "experiments/run/choices.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/messages.h"
@@ -86,9 +85,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   StageRequest& request = sweep->checked_.stage;
   request.usual_frames = kSweepFrames;
   Suite& suite = sweep->suite_;
-  PALPATE_TRY(
-      suite.open(arguments.run.out.empty() ? usual_folder("sweep", arguments.run.scene) : arguments.run.out,
-                 files_read(request)));
+  PALPATE_TRY(open_folder(arguments.run, "sweep", request, suite));
   const std::string rows = suite.folder().file(kRowsFile).string();
   if (std::error_code code; std::filesystem::exists(rows, code)) {
     PALPATE_ASSIGN(sweep->document_.rows, read_rows(rows));
