@@ -22,7 +22,8 @@ namespace palpate::experiments {
 class RunKey {
  public:
   RunKey();
-  /// Of every program and machine: for what people answered, which none of them would change.
+  /// Of every program and machine: for a record whose rows hold whatever program and machine wrote them, or
+  /// say which (a study that lasts weeks, a sweep that goes on at another machine).
   [[nodiscard]] static RunKey of_any_program() { return RunKey(Hash64()); }
   RunKey& add(std::string_view text);
   RunKey& add(double value);

@@ -122,7 +122,8 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   document.shard = arguments.shard;
   document.warnings = sweep->stage_.warnings;
   document.notes = sweep->stage_.notes;
-  PALPATE_TRY(suite.begin(RunKey().add(document.experiment).add(arguments.run.passes), kRowsFile));
+  PALPATE_TRY(
+      suite.begin(RunKey::of_any_program().add(document.experiment).add(arguments.run.passes), kRowsFile));
   return sweep;
 }
 
