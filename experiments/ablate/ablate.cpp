@@ -127,12 +127,7 @@ Result<Run> measure_whole(const Stage& stage, const Variant& variant, const rend
   Run run;
   const OutputFolder& folder = suite.folder();
   const std::string name = "whole";
-  const auto use = [&](const std::string& text) {
-    Result<Run> kept = run_from_text(stage, text, folder);
-    if (kept) run = *std::move(kept);
-    return kept.ok();
-  };
-  if (folder.take_over(name, name, use)) return run;
+  if (take_run(folder, name, name, stage, run)) return run;
   PALPATE_ASSIGN(run, run_renderer(stage, variant.request, registry, options, suite.progress()));
   if (run.result.status != metrics::RunStatus::kOk)
     return Error{run.result.reason, "mend the scene, or take another renderer"};
@@ -277,8 +272,7 @@ Result<int> run_ablate(const AblateArguments& arguments, Context& context) {
     count_frame_instructions(plan, registry, threads, suite.progress());
     return kExitOk;
   }
-  PALPATE_TRY(suite.open(run.out.empty() ? usual_folder("ablate", run.scene) : run.out,
-                         files_read(plan.checked.stage)));
+  PALPATE_TRY(open_folder(run, "ablate", plan.checked.stage, suite));
   PALPATE_TRY(set_up_variants(registry, threads, suite.progress(), plan));
   AblateDocument document;
   document.head = new_head(context.command_line);

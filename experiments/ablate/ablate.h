@@ -10,9 +10,9 @@
 #include <palpate/decision.h>
 #include <palpate/registry.h>
 #include <palpate/scene.h>
+#include "experiments/driver/study_run.h"
 #include "experiments/report/page.h"
 #include "experiments/run/arguments.h"
-#include "experiments/session/study_run.h"
 
 namespace palpate::experiments {
 

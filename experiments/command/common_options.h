@@ -9,8 +9,8 @@
 #include <palpate/options.h>
 #include <palpate/result.h>
 #include "experiments/command/subcommand.h"
+#include "experiments/driver/study_run.h"
 #include "experiments/live/session_device.h"
-#include "experiments/session/study_run.h"
 #include "experiments/trade/sweep.h"
 
 namespace palpate::experiments {

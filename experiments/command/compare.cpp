@@ -54,9 +54,9 @@ void declare_compare(const Declaration& declare, CompareArguments& a) {
   declare_scene_run(declare, run);
 }
 
-/// Compares what was just written with the earlier run. The text to print; `status` is raised where something
-/// became worse.
-Result<std::string> say_against(const metrics::ResultDocument& before, const OutputFolder& folder,
+/// Compares what was just written with the earlier run. The text to print, with `whole` every number;
+/// `status` is raised where something became worse.
+Result<std::string> say_against(const metrics::ResultDocument& before, const OutputFolder& folder, bool whole,
                                 int& status) {
   PALPATE_ASSIGN(const metrics::ResultDocument after, read_earlier(folder.path().string()));
   const Result<Changes> changes = changes_between(before, after);
@@ -66,7 +66,9 @@ Result<std::string> say_against(const metrics::ResultDocument& before, const Out
   }
   PALPATE_TRY(folder.write(kAgainstFile, to_json(*changes, before, after)));
   if (changes->worse_for_sure()) status = kExitFellShort;
-  return to_text(changes_table(*changes), terminal_columns(STDOUT_FILENO)) + "\n";
+  const std::size_t columns = terminal_columns(STDOUT_FILENO);
+  if (whole) return to_text(changes_table(*changes), columns) + "\n";
+  return joined(wrapped(changes_text(*changes, columns), columns), "\n") + "\n";
 }
 
 Result<int> run_compare(const CompareArguments& arguments, Context& context) {
@@ -90,7 +92,7 @@ Result<int> run_compare(const CompareArguments& arguments, Context& context) {
     context.progress.clear();
     path = folder.path().string();
     if (before) {
-      PALPATE_ASSIGN(text, say_against(*before, folder, against));
+      PALPATE_ASSIGN(text, say_against(*before, folder, context.verbose, against));
     }
     return text + fmt::format("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   };

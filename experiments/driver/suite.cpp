@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cstddef>
 #include <cstdio>
 
 #include "experiments/driver/json_document.h"
@@ -9,6 +10,13 @@
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
+namespace {
+
+// Of warnings and faults: with the table's kBriefLines, the line on what it leaves out and the report's they
+// are fifteen at most.
+constexpr std::size_t kToldLines = 3;
+
+}  // namespace
 
 DocumentJson begin_json(const char* schema, const metrics::DocumentHead& head) {
   DocumentJson json = {{"schema", schema}};
@@ -29,22 +37,36 @@ Status Suite::open(const std::string& out, std::span<const std::string> read) {
   return folder_->check_not_read(read);
 }
 
-Status Suite::begin(const RunKey& key) {
+Status Suite::begin(const RunKey& key, const std::string& record) {
+  PALPATE_ASSIGN(const OutputFolder::Begun begun, folder_->begin(key.word(), record));
   context_.working = true;
-  return begin_run(*folder_, key.word(), context_);
+  if (begun != OutputFolder::Begun::kGoesOn) return Done{};
+  progress().clear();
+  tell("palpate: {}: going on from an interrupted run\n", folder_->path().string());
+  return Done{};
+}
+
+Status Suite::write(const SuiteResults& results, const Page& page) const {
+  PALPATE_TRY(folder_->write(results.file, results.json));
+  PALPATE_TRY(write_page(page, *folder_));
+  return folder_->complete();
 }
 
 Status Suite::publish(const SuiteResults& results, const Page& page, bool json) const {
-  PALPATE_TRY(folder_->write(results.file, results.json));
-  PALPATE_TRY(write_page(page, *folder_));
-  PALPATE_TRY(folder_->complete());
+  PALPATE_TRY(write(results, page));
   progress().clear();
   if (json)
     fmt::print("{}", results.json);
   else
     print_tables(results.tables, context_.verbose);
   std::fflush(stdout);
-  for (const std::string& warning : results.warnings) tell("palpate: warning: {}\n", warning);
+  std::vector<std::string> told;
+  for (const std::string& fault : results.faults) told.push_back("fault: " + fault);
+  for (const std::string& warning : results.warnings) told.push_back("warning: " + warning);
+  const std::size_t all = told.size();
+  if (all > kToldLines && !json && !context_.verbose) told.resize(kToldLines - 1);
+  for (const std::string& line : told) tell("palpate: {}\n", line);
+  if (told.size() < all) tell("palpate: {} more: --verbose, or the report\n", all - told.size());
   if (!json) fmt::print("report: {}\n", std::filesystem::absolute(folder_->file(kReportFile)).string());
   return Done{};
 }

@@ -1,5 +1,6 @@
-// A measuring command: checks its arguments, does its cases one after the other, each once whatever
-// interrupts it, and writes a document and a page.
+// A command that takes long: checks its arguments, does its cases one after the other, each once whatever
+// interrupts it, and writes a document and a page. Cases are kept as parts (once), or in a file that grows
+// case by case and is a result itself (the record of begin).
 //
 //   Suite suite(context);
 //   PALPATE_TRY(suite.open(arguments.out));
@@ -24,6 +25,7 @@ struct SuiteResults {
   std::string json;                     ///< its text
   std::vector<Table> tables;            ///< printed, where the document is not
   std::vector<std::string> warnings{};  ///< told on standard error
+  std::vector<std::string> faults{};    ///< the same, before the warnings
 };
 
 class Suite {
@@ -32,9 +34,9 @@ class Suite {
 
   /// Opens the result folder (OutputFolder::open). Error too: it is one of the files `read`.
   [[nodiscard]] Status open(const std::string& out, std::span<const std::string> read = {});
-  /// Begins, or goes on from an interrupted run with the same key. From here on an Error is a run that fell
-  /// short, before it one of bad input (Context::working).
-  [[nodiscard]] Status begin(const RunKey& key);
+  /// Begins, or goes on from an earlier run (OutputFolder::begin), and says so where that was interrupted.
+  /// From here on an Error is a run that fell short, before it one of bad input (Context::working).
+  [[nodiscard]] Status begin(const RunKey& key, const std::string& record = {});
 
   [[nodiscard]] Context& context() const { return context_; }
   [[nodiscard]] ProgressBar& progress() const { return context_.progress; }
@@ -66,8 +68,10 @@ class Suite {
     return value;
   }
 
-  /// Writes document and page, completes the folder, and prints: the document with `json`, else the tables
-  /// and where the page is.
+  /// Writes document and page, and completes the folder.
+  [[nodiscard]] Status write(const SuiteResults& results, const Page& page) const;
+  /// Writes, and prints: the document with `json`, else what a screen of fifteen lines holds of tables and
+  /// warnings (Context::verbose: all of them), and where the page is.
   [[nodiscard]] Status publish(const SuiteResults& results, const Page& page, bool json) const;
 
  private:

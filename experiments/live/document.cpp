@@ -234,30 +234,6 @@ Chart lateness_chart(const LiveDocument& document) {
   return chart;
 }
 
-Page live_page(const LiveDocument& document, const OutputFolder& folder) {
-  Page page = begin_page("Renderers under one hand", document.head);
-  add_known(page, {{}, document.warnings, document.notes});
-  Section section;
-  section.id = "live";
-  section.title = fmt::format("{} on {}", document.scene, document.device);
-  section.paragraphs.emplace_back(
-      document.grip.empty()
-          ? "A person holds the device. All renderers follow it in every tick; one is felt at a time."
-          : "A simulated hand holds a simulated device. All renderers follow it in every tick; one is felt "
-            "at a "
-            "time. No device and no person was measured.");
-  if (const Result<OutputFolder> figures = folder.inside("figures")) {
-    const Chart chart = force_chart(document);
-    if (has_points(chart)) section.figures.push_back(draw(chart, *figures));
-    // Ticks on a virtual clock are never late.
-    if (!document.accelerated) section.figures.push_back(draw(lateness_chart(document), *figures));
-  }
-  section.tables = live_tables(document);
-  section.facts.push_back({"path of the hand", {document.path}});
-  page.sections.push_back(std::move(section));
-  return page;
-}
-
 }  // namespace
 
 std::string to_json(const LiveDocument& document) {
@@ -328,9 +304,28 @@ std::vector<Table> live_tables(const LiveDocument& document) {
   return {session_table(document), renderers_table(document), steps_table(document)};
 }
 
-Status write_live(const LiveDocument& document, const OutputFolder& folder) {
-  PALPATE_TRY(write_page(live_page(document, folder), folder));
-  return folder.write(kLiveFile, to_json(document));
+Page live_page(const LiveDocument& document, const OutputFolder& folder) {
+  Page page = begin_page("Renderers under one hand", document.head);
+  add_known(page, {{}, document.warnings, document.notes});
+  Section section;
+  section.id = "live";
+  section.title = fmt::format("{} on {}", document.scene, document.device);
+  section.paragraphs.emplace_back(
+      document.grip.empty()
+          ? "A person holds the device. All renderers follow it in every tick; one is felt at a time."
+          : "A simulated hand holds a simulated device. All renderers follow it in every tick; one is felt "
+            "at a "
+            "time. No device and no person was measured.");
+  if (const Result<OutputFolder> figures = folder.inside("figures")) {
+    const Chart chart = force_chart(document);
+    if (has_points(chart)) section.figures.push_back(draw(chart, *figures));
+    // Ticks on a virtual clock are never late.
+    if (!document.accelerated) section.figures.push_back(draw(lateness_chart(document), *figures));
+  }
+  section.tables = live_tables(document);
+  section.facts.push_back({"path of the hand", {document.path}});
+  page.sections.push_back(std::move(section));
+  return page;
 }
 
 }  // namespace palpate::experiments

@@ -4,16 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include <palpate/result.h>
+#include "experiments/driver/suite.h"
 #include "experiments/live/hand.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/live/session.h"
 #include "experiments/live/window_hooks.h"
-#include "experiments/report/tables.h"
-#include "experiments/run/choices.h"
-#include "experiments/session/terminal.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
@@ -42,26 +39,6 @@ void begin_live(const LiveArguments& arguments, const LivePlan& plan, const Stag
   document.notes.insert(document.notes.end(), stage.notes.begin(), stage.notes.end());
 }
 
-/// Returns the exit status.
-Result<int> finish_live(const LiveDocument& document, const OutputFolder& folder, bool json,
-                        Context& context) {
-  context.progress.report("drawing the report", -1.0);
-  PALPATE_TRY(write_live(document, folder));
-  PALPATE_TRY(folder.complete());
-  context.progress.clear();
-  const int status = document.faults > document.rearmed ? kExitFellShort : kExitOk;
-  if (json) {
-    fmt::print("{}", to_json(document));
-    return status;
-  }
-  print_tables(live_tables(document), context.verbose);
-  std::fflush(stdout);
-  for (const std::string& warning : document.warnings) tell("palpate: warning: {}\n", warning);
-  for (const std::string& fault : document.fault_names) tell("palpate: fault: {}\n", fault);
-  fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
-  return status;
-}
-
 Status check_window(const LiveArguments& arguments) {
   if (!arguments.accelerated) return Done{};
   return Error{"--window and --accelerated exclude each other", "leave one of them out"};
@@ -80,20 +57,6 @@ Status check_live(const LiveArguments& arguments) {
     return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz"};
   return arguments.record.empty() ? Status(Done{})
                                   : check_recording_file(arguments.record, arguments.replace);
-}
-
-/// Chooses the renderers of `compare` if none was named.
-Result<LivePlan> choose_and_plan(const LiveArguments& arguments, CheckedRun& checked, const Stage& stage,
-                                 const render::Registry& registry, const device::Drivers& drivers,
-                                 LiveDocument& document) {
-  if (checked.renderers.empty()) {
-    Chosen chosen = usual_renderers(stage.scene.input, checked.own, registry);
-    checked.renderers = std::move(chosen.renderers);
-    for (std::string& note : chosen.notes) document.notes.push_back(std::move(note));
-  }
-  for (const RendererRequest& request : checked.renderers)
-    PALPATE_TRY(registry.check_supports(*registry.find(request.name), stage.scene.input));
-  return plan_live(arguments, checked.renderers, registry, drivers);
 }
 
 /// Reports argument errors before a large model is loaded or a device touched.
@@ -125,13 +88,6 @@ Result<int> ended_early(const Error& error, const LiveArguments& arguments, Cont
   return kExitOk;
 }
 
-Result<OutputFolder> open_folder(const RunArguments& run, const StageRequest& stage) {
-  PALPATE_ASSIGN(OutputFolder folder,
-                 OutputFolder::open(run.out.empty() ? usual_folder("live", run.scene) : run.out));
-  PALPATE_TRY(folder.check_not_read(files_read(stage)));
-  return folder;
-}
-
 Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers, Context& context) {
   const render::Registry registry = all_renderers();
   PALPATE_TRY(check_live(arguments));
@@ -141,7 +97,8 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   PALPATE_ASSIGN(const DeviceChoice choice, check_early(arguments, checked, registry, drivers));
   checked.stage.usual_frames =
       static_cast<int>(std::lround(std::min(arguments.seconds, kLongestPathS) * kPathHz));
-  PALPATE_ASSIGN(const OutputFolder folder, open_folder(run, checked.stage));
+  Suite suite(context);
+  PALPATE_TRY(open_folder(run, "live", checked.stage, suite));
   LiveDocument document;
   SessionClock clock(arguments.accelerated);
   // The guard is forked, so it comes before threads and a large scene.
@@ -151,11 +108,11 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   const Result<Stage> stage = set_up(checked.stage, all_readers(), seen);
   if (!stage) return ended_early(stage.error(), arguments, context);
   show_stage(arguments, *stage);
-  PALPATE_ASSIGN(LivePlan plan, choose_and_plan(arguments, checked, *stage, registry, drivers, document));
+  PALPATE_TRY(choose_renderers(false, registry, stage->scene.input, checked, document.notes));
+  PALPATE_ASSIGN(LivePlan plan, plan_live(arguments, checked.renderers, registry, drivers));
   if (!arguments.record.empty())
     plan.header = recording_header(run.scene, checked.stage.scene, stage->scene, run.surface);
-  context.working = true;
-  PALPATE_TRY(begin_run(folder, "live", context));
+  PALPATE_TRY(suite.begin(RunKey().add("live")));
   context.working = false;
   begin_live(arguments, plan, *stage, context, document);
   Workshop workshop{*stage, registry, run.load.threads, !arguments.accelerated};
@@ -163,7 +120,11 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
       !ran)
     return ended_early(ran.error(), arguments, context);
   context.working = true;
-  return finish_live(document, folder, run.json, context);
+  context.progress.report("drawing the report", -1.0);
+  PALPATE_TRY(suite.publish(
+      {kLiveFile, to_json(document), live_tables(document), document.warnings, document.fault_names},
+      live_page(document, suite.folder()), run.json));
+  return document.faults > document.rearmed ? kExitFellShort : kExitOk;
 }
 
 }  // namespace

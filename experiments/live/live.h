@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "device/live/mixer.h"
+#include "experiments/driver/study_run.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/remote.h"
 #include "experiments/report/page.h"
-#include "experiments/session/study_run.h"
 #include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments {
@@ -117,8 +117,8 @@ struct LiveDocument {
 
 [[nodiscard]] std::string to_json(const LiveDocument& document);
 [[nodiscard]] std::vector<Table> live_tables(const LiveDocument& document);
-/// Writes live.json and report.html with its figures.
-[[nodiscard]] Status write_live(const LiveDocument& document, const OutputFolder& folder);
+/// Draws the figures into the folder.
+[[nodiscard]] Page live_page(const LiveDocument& document, const OutputFolder& folder);
 
 /// Returns the exit status: 1 if the session ended with a latched fault.
 int run_live(const LiveArguments& arguments, Context& context);

@@ -10,8 +10,8 @@
 #include <palpate/result.h>
 #include "device/record/recording.h"
 #include "device/record/recording_header.h"
+#include "experiments/driver/study_run.h"
 #include "experiments/live/session_device.h"
-#include "experiments/session/study_run.h"
 
 namespace palpate::experiments {
 

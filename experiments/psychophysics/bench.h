@@ -8,12 +8,12 @@
 #include <utility>
 
 #include <palpate/renderer.h>
+#include "experiments/driver/study_run.h"
 #include "experiments/live/changes.h"
 #include "experiments/live/session_device.h"
 #include "experiments/psychophysics/conductor.h"
 #include "experiments/psychophysics/plan.h"
 #include "experiments/psychophysics/trials.h"
-#include "experiments/session/study_run.h"
 #include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments::psychophysics {

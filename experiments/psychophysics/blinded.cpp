@@ -9,6 +9,7 @@
 #include <optional>
 
 #include <palpate/result.h>
+#include "experiments/driver/suite.h"
 #include "experiments/psychophysics/ledger.h"
 #include "experiments/psychophysics/machine.h"
 #include "experiments/psychophysics/person.h"
@@ -62,38 +63,37 @@ Status check_use(const BlindedArguments& arguments, const ObserverSpec& observer
   return Done{};
 }
 
-struct Opened {
-  OutputFolder folder;
-  std::vector<Row> rows;
-  std::uint64_t whole_bytes = 0;
-  std::vector<SessionRecord> sessions{};  ///< a person's, the present one included once over
+/// What the folder holds of the study: trials.csv is the suite's record, the present session's included once
+/// over.
+struct Held {
+  std::vector<Row> rows{};
+  std::uint64_t whole_bytes = csv_head().size();
+  std::vector<SessionRecord> sessions{};  ///< a person's
 };
 
-/// Opens a folder of the same study's earlier session, or a new one.
-Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::string& observer) {
+/// Begins in a new folder, or goes on in that of the same study's earlier session.
+Result<Held> begin_in(Suite& suite, const Plan& plan, const std::string& observer) {
+  const RunKey key = RunKey::of_any_program().add("study");
+  const OutputFolder& folder = suite.folder();
+  const std::string trials = folder.file(kTrialsFile).string(), beside = folder.file(kPlanFile).string();
+  Held held;
   std::error_code code;
-  const fs::path root(out);
-  if (fs::exists(root / kFolderMark, code)) {
-    if (!fs::exists(root / kTrialsFile, code))
-      return Error{fmt::format("the folder holds other results, and no {}", kTrialsFile),
-                   "give --out a new folder, or that of a session of this study", out};
-    PALPATE_ASSIGN(OutputFolder folder, OutputFolder::reopen(out));
-    PALPATE_ASSIGN(const std::string earlier, read_file(folder.file(kPlanFile).string(), kMostPlanBytes));
-    if (earlier != plan.text)
-      return Error{"the trials in this folder follow another plan",
-                   "take the plan.toml beside them, or give --out a new folder",
-                   folder.file(kPlanFile).string()};
-    PALPATE_ASSIGN(ReadTrials read, read_trials(folder.file(kTrialsFile).string(), plan, observer));
-    PALPATE_ASSIGN(std::vector<SessionRecord> sessions, read_sessions(folder));
-    return Opened{std::move(folder), std::move(read.rows), read.whole_bytes, std::move(sessions)};
+  if (!fs::exists(trials, code)) {
+    PALPATE_TRY(suite.begin(key, kTrialsFile));
+    PALPATE_TRY(folder.write(kPlanFile, plan.text));
+    PALPATE_TRY(folder.write(kTrialsFile, csv_head()));
+    return held;
   }
-  PALPATE_ASSIGN(OutputFolder folder, OutputFolder::open(out));
-  // The folder is complete from the start, so rows survive any stop.
-  PALPATE_TRY(folder.begin("study"));
-  PALPATE_TRY(folder.write(kPlanFile, plan.text));
-  PALPATE_TRY(folder.write(kTrialsFile, csv_head()));
-  PALPATE_TRY(folder.complete());
-  return Opened{std::move(folder), {}, csv_head().size()};
+  PALPATE_ASSIGN(const std::string earlier, read_file(beside, kMostPlanBytes));
+  if (earlier != plan.text)
+    return Error{"the trials in this folder follow another plan",
+                 "take the plan.toml beside them, or give --out a new folder", beside};
+  PALPATE_ASSIGN(ReadTrials read, read_trials(trials, plan, observer));
+  held.rows = std::move(read.rows);
+  held.whole_bytes = read.whole_bytes;
+  PALPATE_ASSIGN(held.sessions, read_sessions(folder));
+  PALPATE_TRY(suite.begin(key, kTrialsFile));
+  return held;
 }
 
 /// Everything for rendering forces, made and checked before anything is written. Unused by a simulated
@@ -135,8 +135,8 @@ struct Asking {
   const ObserverSpec& observer;
   const DeviceChoice& device;
   Feeling& feeling;
-  Opened& opened;
-  Context& context;
+  Held& held;
+  const Suite& suite;
   std::vector<std::string>& notes;
 };
 
@@ -150,7 +150,7 @@ Result<bool> ask_each(Asking& asking, Ledger& ledger, AnswerOf&& answer_to) {
     if (ledger.session_over()) return false;
     PALPATE_ASSIGN(const Answer answer, answer_to(*trial));
     PALPATE_TRY(ledger.enter(*trial, answer));
-    asking.context.progress.report(fmt::format("trial {}", trial->number), -1.0);
+    asking.suite.progress().report(fmt::format("trial {}", trial->number), -1.0);
   }
 }
 
@@ -167,7 +167,7 @@ void take_warnings(Asking& asking) {
 }
 
 Result<bool> ask_machine(Asking& asking, Ledger& ledger) {
-  ProgressBar& progress = asking.context.progress;
+  ProgressBar& progress = asking.suite.progress();
   take_warnings(asking);
   Machine machine(asking.plan, asking.observer, *asking.feeling.bench, asking.device);
   PALPATE_TRY(machine.learn(progress));
@@ -181,7 +181,7 @@ Result<bool> ask_machine(Asking& asking, Ledger& ledger) {
   return ask_each(asking, ledger, [&](const Trial& trial) -> Result<Answer> {
     FeltTrial felt;
     PALPATE_ASSIGN(const Answer answer, machine.answer(trial, felt, progress));
-    PALPATE_TRY(write_trace(asking.opened.folder, trial.number, felt));
+    PALPATE_TRY(write_trace(asking.suite.folder(), trial.number, felt));
     return answer;
   });
 }
@@ -191,19 +191,19 @@ Result<bool> ask_at_device(Asking& asking, Ledger& ledger) {
   Feeling& feeling = asking.feeling;
   PALPATE_ASSIGN(const PersonSession session,
                  ask_person(asking.plan, *feeling.bench, *feeling.clock, *feeling.device, ledger,
-                            asking.opened.folder, *feeling.markers, asking.context.progress));
+                            asking.suite.folder(), *feeling.markers, asking.suite.progress()));
   if (session.sat) {
-    asking.opened.sessions.push_back(session.record);
-    PALPATE_TRY(write_sessions(asking.opened.folder, asking.opened.sessions));
+    asking.held.sessions.push_back(session.record);
+    PALPATE_TRY(write_sessions(asking.suite.folder(), asking.held.sessions));
   }
   return session.complete;
 }
 
 /// Asks until course or session ends. Returns true if the study is complete.
 Result<bool> ask(Asking& asking) {
-  const std::string rows = asking.opened.folder.file(kTrialsFile).string();
-  PALPATE_ASSIGN(TrialFile file, TrialFile::append_to(rows, asking.opened.whole_bytes));
-  Ledger ledger(asking.plan, asking.observer.text, asking.opened.rows, std::move(file),
+  const std::string rows = asking.suite.folder().file(kTrialsFile).string();
+  PALPATE_ASSIGN(TrialFile file, TrialFile::append_to(rows, asking.held.whole_bytes));
+  Ledger ledger(asking.plan, asking.observer.text, asking.held.rows, std::move(file),
                 asking.arguments.stop_after);
   switch (asking.observer.kind) {
     case ObserverKind::kSimulated:
@@ -230,12 +230,14 @@ Status save_plan(const PlanText& plan, const std::string& file) {
   return Done{};
 }
 
-Status finish(const BlindedArguments& arguments, ObservedDocument& document, const OutputFolder& folder,
-              Context& context) {
+Status finish(const BlindedArguments& arguments, ObservedDocument& document, const Suite& suite) {
   PALPATE_ASSIGN(document.analysis, analyse(document.plan, document.rows));
-  context.progress.report("drawing the report", -1.0);
-  PALPATE_TRY(write_observed(document, folder));
-  context.progress.clear();
+  const OutputFolder& folder = suite.folder();
+  suite.progress().report("drawing the report", -1.0);
+  PALPATE_TRY(folder.write("read.R", r_snippet(document.plan)));
+  PALPATE_TRY(folder.write("read.py", python_snippet(document.plan)));
+  PALPATE_TRY(suite.write({kObservedFile, to_json(document), {}}, observed_page(document, folder)));
+  suite.progress().clear();
   if (arguments.json) {
     fmt::print("{}", to_json(document));
     return Done{};
@@ -276,29 +278,29 @@ Status run_checked(const BlindedArguments& arguments, Plan plan, const ObserverS
                    const DeviceChoice& device, Context& context) {
   PALPATE_ASSIGN(Feeling feeling, feeling_for(arguments, plan, observer, device, context.progress));
   const std::string name = fs::path(plan.name).stem().string();
-  PALPATE_ASSIGN(Opened opened, open_folder(arguments.out.empty() ? "out/study-" + name : arguments.out, plan,
-                                            observer.text));
-  if (!opened.rows.empty() && !arguments.json)
-    fmt::print("goes on behind {} trials that are answered\n", opened.rows.size());
+  Suite suite(context);
+  PALPATE_TRY(suite.open(arguments.out.empty() ? "out/study-" + name : arguments.out));
+  PALPATE_ASSIGN(Held held, begin_in(suite, plan, observer.text));
+  if (!held.rows.empty() && !arguments.json)
+    fmt::print("goes on behind {} trials that are answered\n", held.rows.size());
   std::fflush(stdout);
-  context.working = true;
   ObservedDocument document;
-  Asking asking{arguments, plan, observer, device, feeling, opened, context, document.notes};
+  Asking asking{arguments, plan, observer, device, feeling, held, suite, document.notes};
   PALPATE_ASSIGN(const bool complete, ask(asking));
   context.progress.clear();
   if (!complete) {
-    fmt::print("{} trials are answered and kept in {}; the same command goes on\n", opened.rows.size(),
-               opened.folder.file(kTrialsFile).string());
-    return Done{};
+    fmt::print("{} trials are answered and kept in {}; the same command goes on\n", held.rows.size(),
+               suite.folder().file(kTrialsFile).string());
+    return suite.folder().complete();
   }
   document.head = new_head(context.command_line);
   document.plan = std::move(plan);
   document.observer = observer;
   document.device = observer.kind == ObserverKind::kSimulated ? "" : device.name();
-  document.rows = std::move(opened.rows);
-  document.sessions = std::move(opened.sessions);
+  document.rows = std::move(held.rows);
+  document.sessions = std::move(held.sessions);
   document.notes.insert(document.notes.begin(), told_of(observer.kind));
-  return finish(arguments, document, opened.folder, context);
+  return finish(arguments, document, suite);
 }
 
 }  // namespace

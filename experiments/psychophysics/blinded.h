@@ -49,8 +49,9 @@ struct ObservedDocument {
 [[nodiscard]] Table power_table(const Plan& plan);
 /// Results for terminal and page.
 [[nodiscard]] std::vector<Table> observed_tables(const ObservedDocument& document);
-/// Writes study.json, report.html with its figures, and the scripts read.R and read.py for trials.csv.
-[[nodiscard]] Status write_observed(const ObservedDocument& document, const OutputFolder& folder);
+/// Draws the figures into the folder.
+[[nodiscard]] Page observed_page(const ObservedDocument& document, const OutputFolder& folder);
+/// The scripts read.R and read.py for trials.csv.
 [[nodiscard]] std::string r_snippet(const Plan& plan);
 [[nodiscard]] std::string python_snippet(const Plan& plan);
 

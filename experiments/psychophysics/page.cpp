@@ -255,33 +255,6 @@ std::vector<Chart> charts_of(const ObservedDocument& document) {
   return charts;
 }
 
-Page observed_page(const ObservedDocument& document, const OutputFolder& folder) {
-  Page page = begin_page(document.plan.title, document.head);
-  add_known(page, {{}, document.analysis.warnings, document.notes});
-  Section section;
-  section.id = "found";
-  section.title = "What was found";
-  section.paragraphs.push_back(described(document));
-  section.tables = observed_tables(document);
-  section.tables.push_back(power_table(document.plan));
-  if (const Result<OutputFolder> figures = folder.inside("figures"))
-    for (const Chart& chart : charts_of(document)) section.figures.push_back(draw(chart, *figures));
-  page.sections.push_back(std::move(section));
-  Section reading;
-  reading.id = "read";
-  reading.title = "Read the trials";
-  reading.opening =
-      "<p>trials.csv holds a row for each trial, study.json units and meaning of its columns. read.R and "
-      "read.py "
-      "stand beside them:</p>\n";
-  // Line breaks of the scripts are kept.
-  for (const auto& [name, text] :
-       {std::pair{"read.R", r_snippet(document.plan)}, {"read.py", python_snippet(document.plan)}})
-    reading.opening += fmt::format("<h3>{}</h3>\n<pre>{}</pre>\n", name, html_escaped(text));
-  page.sections.push_back(std::move(reading));
-  return page;
-}
-
 }  // namespace
 
 Table power_table(const Plan& plan) {
@@ -347,11 +320,31 @@ std::string python_snippet(const Plan& plan) {
          "    print(level, sum(right), \"right of\", len(right))\n";
 }
 
-Status write_observed(const ObservedDocument& document, const OutputFolder& folder) {
-  PALPATE_TRY(folder.write("read.R", r_snippet(document.plan)));
-  PALPATE_TRY(folder.write("read.py", python_snippet(document.plan)));
-  PALPATE_TRY(write_page(observed_page(document, folder), folder));
-  return folder.write(kObservedFile, to_json(document));
+Page observed_page(const ObservedDocument& document, const OutputFolder& folder) {
+  Page page = begin_page(document.plan.title, document.head);
+  add_known(page, {{}, document.analysis.warnings, document.notes});
+  Section section;
+  section.id = "found";
+  section.title = "What was found";
+  section.paragraphs.push_back(described(document));
+  section.tables = observed_tables(document);
+  section.tables.push_back(power_table(document.plan));
+  if (const Result<OutputFolder> figures = folder.inside("figures"))
+    for (const Chart& chart : charts_of(document)) section.figures.push_back(draw(chart, *figures));
+  page.sections.push_back(std::move(section));
+  Section reading;
+  reading.id = "read";
+  reading.title = "Read the trials";
+  reading.opening =
+      "<p>trials.csv holds a row for each trial, study.json units and meaning of its columns. read.R and "
+      "read.py "
+      "stand beside them:</p>\n";
+  // Line breaks of the scripts are kept.
+  for (const auto& [name, text] :
+       {std::pair{"read.R", r_snippet(document.plan)}, {"read.py", python_snippet(document.plan)}})
+    reading.opening += fmt::format("<h3>{}</h3>\n<pre>{}</pre>\n", name, html_escaped(text));
+  page.sections.push_back(std::move(reading));
+  return page;
 }
 
 }  // namespace palpate::experiments::psychophysics

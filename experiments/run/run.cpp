@@ -76,18 +76,19 @@ metrics::RendererResult unfinished(const Stage& stage, const RendererRequest& re
   return result;
 }
 
-Result<Run> run_from_text(const Stage& stage, const std::string& text, const OutputFolder& folder) {
-  Result<Run> kept = run_of(text);
-  if (!kept || kept->result.trace_hash.empty()) return kept;  // it failed before it had one
-  Run run = *std::move(kept);
-  const std::string trace_file = folder.file(run.result.trace_file).string();
-  Result<trace::PathAndTrace> read = trace::read_trace_csv(trace_file);
-  if (!read) return std::move(read).error();
-  run.trace = std::move(read->trace);
-  run.trace.label = run.result.label;
-  if (trace::trace_hash(run.trace) != run.result.trace_hash || read->path.t_s != stage.path.t_s)
-    return Error{"is not the trace of the run that was kept", {}, trace_file};
-  return run;
+bool take_run(const OutputFolder& folder, const std::string& name, const std::string& key, const Stage& stage,
+              Run& run) {
+  return folder.take_over(name, key, [&](const std::string& text) {
+    Result<Run> kept = run_of(text);
+    if (!kept) return false;
+    run = *std::move(kept);
+    if (run.result.trace_hash.empty()) return true;  // it failed before it had one
+    Result<trace::PathAndTrace> read = trace::read_trace_csv(folder.file(run.result.trace_file).string());
+    if (!read) return false;
+    run.trace = std::move(read->trace);
+    run.trace.label = run.result.label;
+    return trace::trace_hash(run.trace) == run.result.trace_hash && read->path.t_s == stage.path.t_s;
+  });
 }
 
 Status write_stage(StagedStudy& study, const OutputFolder& folder) {

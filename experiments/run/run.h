@@ -76,9 +76,10 @@ struct StagedStudy {
 [[nodiscard]] metrics::RendererResult unfinished(const Stage& stage, const RendererRequest& request,
                                                  const render::Registry& registry, int threads);
 
-/// A run from its text (result_text) and its trace; an Error where that is another one, or of another stage.
-[[nodiscard]] Result<Run> run_from_text(const Stage& stage, const std::string& text,
-                                        const OutputFolder& folder);
+/// The run that an interrupted one has kept in the folder (OutputFolder::keep of result_text), with its
+/// trace; false where there is none, or its trace is another one or of another stage.
+[[nodiscard]] bool take_run(const OutputFolder& folder, const std::string& name, const std::string& key,
+                            const Stage& stage, Run& run);
 
 /// Fills scene and path of the document and takes over the runs' results.
 void finish_document(StagedStudy& study);

@@ -63,18 +63,6 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
   return options;
 }
 
-Status begin_run(const OutputFolder& folder, const std::string& key, Context& context) {
-  const Result<OutputFolder::Begun> begun = folder.begin(key);
-  if (!begun) return begun.error();
-  if (*begun == OutputFolder::Begun::kAnew) return Done{};
-  context.progress.clear();
-  tell("palpate: {}: {}\n", folder.path().string(),
-       *begun == OutputFolder::Begun::kGoesOn
-           ? "going on from an interrupted run"
-           : "an interrupted run was of something else (scene, path, options or program): begun anew");
-  return Done{};
-}
-
 metrics::DocumentHead new_head(const std::string& command_line) {
   return {version_text(), kCommit, build_text(), metrics::machine_info(), metrics::utc_now(), command_line};
 }

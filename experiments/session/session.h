@@ -12,7 +12,6 @@
 #include <palpate/scene.h>
 #include "experiments/run/arguments.h"
 #include "experiments/session/terminal.h"
-#include "experiments/study/output_folder.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/metrics/result_json.h"
 
@@ -23,6 +22,9 @@ namespace palpate::experiments {
 class RunKey {
  public:
   RunKey();
+  /// Of every program and machine: for a record whose rows hold whatever program and machine wrote them, or
+  /// say which (a study that lasts weeks, a sweep that goes on at another machine).
+  [[nodiscard]] static RunKey of_any_program() { return RunKey(Hash64()); }
   RunKey& add(std::string_view text);
   RunKey& add(double value);
   RunKey& add(std::uint64_t value);
@@ -31,6 +33,7 @@ class RunKey {
   [[nodiscard]] std::string word() const { return hash_.hex(); }
 
  private:
+  explicit RunKey(Hash64 hash) : hash_(hash) {}
   Hash64 hash_;
 };
 
@@ -70,9 +73,6 @@ struct ModelArguments {
 [[nodiscard]] render::Registry all_renderers();
 [[nodiscard]] io::Readers all_readers();
 [[nodiscard]] Result<scene::LoadOptions> load_options(const ModelArguments& arguments);
-
-/// Begins a run in `folder`, and says where it goes on from an interrupted one, or drops one.
-[[nodiscard]] Status begin_run(const OutputFolder& folder, const std::string& key, Context& context);
 
 /// Everything about program, machine and time.
 [[nodiscard]] metrics::DocumentHead new_head(const std::string& command_line);

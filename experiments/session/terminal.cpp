@@ -49,8 +49,8 @@ void print_scores(const metrics::ResultDocument& document, bool whole) {
   constexpr std::size_t kMostRows = 6;
   const std::size_t rows = table.rows.size(), shown = std::min(rows, kMostRows);
   if (!whole) table.rows.resize(shown);
-  fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
-  if (!whole && shown < rows) fmt::print("{} more: --verbose, or the report\n", rows - shown);
+  fmt::print("{}{}\n", to_text(table, terminal_columns(STDOUT_FILENO)),
+             shown < rows && !whole ? fmt::format("{} more: --verbose, or the report", rows - shown) : "");
   const Headline answer = answer_of(document);
   for (const std::string& line : wrapped(answer.lead + (answer.lead == "Take" ? " " : ": ") + answer.text,
                                          terminal_columns(STDOUT_FILENO)))

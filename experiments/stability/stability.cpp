@@ -7,7 +7,6 @@
 
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
-#include "experiments/run/choices.h"
 #include "toolkit/control/control_stages.h"
 #include "toolkit/core/messages.h"
 
@@ -237,20 +236,12 @@ Result<int> run_stability(const StabilityArguments& arguments, Context& context)
   PALPATE_ASSIGN(const AskedLoop asked, asked_of(arguments));
   PALPATE_ASSIGN(CheckedRun checked, check_run(arguments.run, registry, progress));
   checked.stage.usual_frames = kStabilityFrames;
-  PALPATE_TRY(suite.open(
-      arguments.run.out.empty() ? usual_folder("stability", arguments.run.scene) : arguments.run.out,
-      files_read(checked.stage)));
+  PALPATE_TRY(open_folder(arguments.run, "stability", checked.stage, suite));
   PALPATE_ASSIGN(const Stage stage, set_up(checked.stage, all_readers(), progress));
   PALPATE_ASSIGN(const Places places, places_on(stage));
   StabilityDocument document;
   begin_document(arguments, stage, context, document);
-  if (checked.renderers.empty()) {
-    Chosen chosen = usual_renderers(stage.scene.input, checked.own, registry);
-    checked.renderers = std::move(chosen.renderers);
-    for (std::string& note : chosen.notes) document.notes.push_back(std::move(note));
-  }
-  for (const RendererRequest& request : checked.renderers)
-    PALPATE_TRY(registry.check_supports(*registry.find(request.name), stage.scene.input));
+  PALPATE_TRY(choose_renderers(false, registry, stage.scene.input, checked, document.notes));
   RunKey key = key_of(arguments.run, checked.stage);
   for (const std::string& text :
        {arguments.device, arguments.hand, arguments.rates, arguments.delays, arguments.dampings})

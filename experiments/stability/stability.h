@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "device/simulated/closed_loop.h"
+#include "experiments/driver/study_run.h"
 #include "experiments/report/figures.h"
 #include "experiments/report/page.h"
-#include "experiments/session/study_run.h"
 #include "experiments/stability/bench.h"
 
 namespace palpate::experiments {

@@ -25,7 +25,7 @@ namespace {
 
 constexpr const char* kMarkText = "Results of Palpate: the files below are replaced by the next run.";
 constexpr const char* kProcess = "process ";
-constexpr const char* kUnfinished = "unfinished ";  // followed by the run's key
+constexpr const char* kUnfinished = "unfinished ";  // followed by the run's key, a blank and its record
 constexpr const char* kFile = "file ";
 constexpr const char* kParts = ".palpate-parts/";
 
@@ -45,6 +45,12 @@ std::string hash_of(const fs::path& path) {
 bool is_inside(const std::string& name) {
   const fs::path path = name;
   return !name.empty() && path.is_relative() && std::find(path.begin(), path.end(), "..") == path.end();
+}
+
+/// The record that stands behind an incomplete run's key; empty: it has none.
+std::string record_in(const std::string& unfinished) {
+  const std::size_t blank = unfinished.find(' ');
+  return blank == std::string::npos ? std::string() : unfinished.substr(blank + 1);
 }
 
 Status write_all(int fd, std::string_view text) {
@@ -68,13 +74,14 @@ struct OutputFolder::State {
   bool made_mark = false;      ///< the mark is new
   bool no_list = false;        ///< the mark is of a version without a file list
   std::vector<fs::path> made;  ///< created folders, outermost first
-  std::string unfinished;      ///< key of an incomplete last run
+  std::string unfinished;      ///< key and record of an incomplete last run
+  std::string record;          ///< a file that is a part from its first case on
   bool begun = false, resumed = false, completed = false;
   bool amended = false;            ///< reopened
   std::set<std::string> ours;      ///< files of this and earlier runs
   std::set<std::string> claimed;   ///< files of this run
   std::vector<std::string> since;  ///< claimed since the part started
-  std::set<std::string> parts;     ///< completed parts
+  std::set<std::string> parts;     ///< completed parts, and the record
   StopCallback stop_callback;
 
   State() = default;
@@ -227,22 +234,39 @@ Status OutputFolder::check_not_read(std::span<const std::string> files) const {
   return Done{};
 }
 
-Result<OutputFolder::Begun> OutputFolder::begin(const std::string& key) const {
+Result<OutputFolder::Begun> OutputFolder::begin(const std::string& key, const std::string& record) const {
   const auto hold = block_stop();
   State& s = *state_;
+  const std::string own = record.empty() ? key : key + " " + record;
+  const bool interrupted = !s.unfinished.empty();
+  if (!record.empty() && !interrupted && !s.ours.empty() && !s.ours.contains(record))
+    return s.wrong(fmt::format("the folder holds other results, and no {}", record),
+                   "give --out a new folder, or that of an earlier run of this command");
+  const std::string left = interrupted ? record_in(s.unfinished) : record;
+  std::set<std::string> parts;
+  std::error_code code;
+  for (const std::string& name : s.ours) {
+    if (interrupted && name.starts_with(kParts)) parts.insert(name.substr(std::strlen(kParts)));
+    if (name == left && fs::exists(s.root / name, code)) parts.insert(name);
+  }
+  if (interrupted && !parts.empty() && s.unfinished != own)
+    return s.wrong("an interrupted run in it was of something else (scene, path, options or program)",
+                   "give that run's command to go on with it, or --out another folder; to begin anew, remove "
+                   "this folder");
   s.begun = true;
-  for (const std::string& name : s.ours)
-    if (!s.unfinished.empty() && name.starts_with(kParts)) s.parts.insert(name.substr(std::strlen(kParts)));
-  s.resumed = !s.parts.empty() && s.unfinished == key;
-  const Begun begun = s.resumed ? Begun::kGoesOn : s.parts.empty() ? Begun::kAnew : Begun::kOtherDropped;
+  s.parts = std::move(parts);
+  s.resumed = !s.parts.empty();
+  s.record = record;
   if (!s.resumed) {
     for (const std::string& name : s.ours) s.remove(name);
     s.ours.clear();
-    s.parts.clear();
+  } else if (!record.empty()) {
+    s.claimed = s.ours;
+    std::erase_if(s.claimed, [](const std::string& name) { return name.starts_with(kParts); });
   }
-  s.unfinished = key;
+  s.unfinished = own;
   PALPATE_TRY(s.write_mark());
-  return begun;
+  return !s.resumed ? Begun::kAnew : interrupted ? Begun::kGoesOn : Begun::kGoesOnFromComplete;
 }
 
 void OutputFolder::start_part() const {
@@ -310,6 +334,10 @@ Result<std::string> OutputFolder::claim(const std::string& name) const {
     s.ours.insert(own);
   }
   if (s.claimed.insert(own).second) s.since.push_back(own);
+  if (own == s.record) {
+    const auto hold = block_stop();
+    s.parts.insert(own);
+  }
   return (s.root / own).string();
 }
 

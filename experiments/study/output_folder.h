@@ -33,10 +33,13 @@ class OutputFolder {
   /// Error: one of `files`, which the run reads, is one of our files here and would be replaced.
   [[nodiscard]] Status check_not_read(std::span<const std::string> files) const;
 
-  /// Begins a run with this key (one line: what its results depend on). Removes earlier runs' files, except
-  /// those of an incomplete run with the same key, for take_over().
-  enum class Begun { kAnew, kGoesOn, kOtherDropped };  ///< kOtherDropped: an incomplete run had another key
-  [[nodiscard]] Result<Begun> begin(const std::string& key) const;
+  /// Begins a run with this key (one word: what its results depend on), or goes on from an incomplete one
+  /// with the same key: its parts are there for take_over(). `record`: a file that grows case by case; the
+  /// run goes on from whatever run left it, complete or not, and every file there becomes this run's. Other
+  /// files of earlier runs are removed. Errors, and nothing changes: parts or record are of an incomplete run
+  /// with another key; a complete run left no such record.
+  enum class Begun { kAnew, kGoesOn, kGoesOnFromComplete };
+  [[nodiscard]] Result<Begun> begin(const std::string& key, const std::string& record = {}) const;
 
   /// Starts a part: files claimed from here on belong to the next part kept.
   void start_part() const;
@@ -54,8 +57,8 @@ class OutputFolder {
   /// A file's path, for reading and display.
   [[nodiscard]] std::filesystem::path file(const std::string& name) const { return path() / name; }
   [[nodiscard]] std::filesystem::path path() const;
-  /// A file's path for writing by the caller; the file becomes ours. Error: the name is of a file that is not
-  /// ours.
+  /// A file's path for writing by the caller; the file becomes ours, and a record outlasts the run from here
+  /// on. Error: the name is of a file that is not ours.
   [[nodiscard]] Result<std::string> claim(const std::string& name) const;
   /// Writes a claimed file completely or not at all.
   [[nodiscard]] Status write(const std::string& name, std::string_view text) const;

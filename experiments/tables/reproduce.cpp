@@ -30,10 +30,8 @@ int finish(Reproduction& r) {
   r.context.progress.report("writing the report", -1.0);
   const Page page = page_of(r.head, parts_of(r.steps));
   bool fell_short = false;
-  Status written = r.folder.write(kReproductionFile, reproduction_json(r.head, r.steps));
-  if (written) written = write_page(page, r.folder);
-  if (written) written = r.folder.complete();
-  if (!written) {
+  if (const Status written = r.suite.write({kReproductionFile, reproduction_json(r.head, r.steps), {}}, page);
+      !written) {
     fail(written.error(), kExitFellShort, &r.context.progress);
     fell_short = true;
   }
@@ -123,7 +121,7 @@ void reproduce_behaviours(const Manifest& manifest, Reproduction& r) {
 }
 
 /// Everything that affects any step's results; scans by name, size and time.
-std::string key_of(const ReproduceArguments& arguments) {
+RunKey key_of(const ReproduceArguments& arguments) {
   [[maybe_unused]] const auto& [tables, out, threads, full, no_cache, mesh_limit_s, quick] = arguments;
   RunKey key;
   key.add(static_cast<std::uint64_t>(threads)).add(mesh_limit_s);
@@ -136,7 +134,7 @@ std::string key_of(const ReproduceArguments& arguments) {
     key.add(std::uint64_t{std::filesystem::file_size(*file, code)})
         .add(static_cast<double>(std::filesystem::last_write_time(*file, code).time_since_epoch().count()));
   }
-  return key.word();
+  return key;
 }
 
 void reproduce_part(const Manifest& manifest, Reproduction& r) {
@@ -299,12 +297,18 @@ int reproduce(const ReproduceArguments& arguments, Context& context) {
     });
   if (const Status acts = check_mesh_arguments(arguments, *manifests, all_renderers()); !acts)
     return fail(acts.error(), kExitBadInput);
-  const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
-  if (!folder) return fail(folder.error(), kExitBadInput);
-  if (const Status begun = begin_run(*folder, key_of(arguments), context); !begun)
-    return fail(begun.error(), kExitFellShort);
+  Suite suite(context);
+  Status begun = suite.open(arguments.out);
+  if (begun) begun = suite.begin(key_of(arguments));
+  if (!begun) return fail(begun.error(), kExitBadInput);
   if (arguments.no_cache) ::setenv("PALPATE_MESH_CACHE", "off", 1);  // also for the renderers
-  Reproduction r{arguments, context, *folder, all_renderers(), all_readers(), new_head(context.command_line),
+  Reproduction r{arguments,
+                 context,
+                 suite,
+                 suite.folder(),
+                 all_renderers(),
+                 all_readers(),
+                 new_head(context.command_line),
                  {}};
   std::size_t step = 0;
   for (const Manifest& manifest : *manifests) {

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include <palpate/clock.h>
+#include "experiments/driver/suite.h"
 #include "experiments/report/page.h"
 #include "experiments/run/run.h"
 #include "experiments/session/session.h"
@@ -47,6 +48,9 @@ struct Part {
   bool fell_short = false;           ///< something requested failed
 };
 
+[[nodiscard]] std::string to_text(const Part& part);
+[[nodiscard]] bool from_text(const std::string& text, Part& part);
+
 struct Step {
   Manifest manifest;
   Part part;
@@ -56,6 +60,7 @@ struct Step {
 struct Reproduction {
   const ReproduceArguments& arguments;
   Context& context;
+  const Suite& suite;
   const OutputFolder& folder;
   render::Registry registry;
   io::Readers readers;

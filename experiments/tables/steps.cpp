@@ -2,10 +2,8 @@
 // drawn again from storage.
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
 #include <palpate/result.h>
-#include "experiments/session/session.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/files.h"
 #include "toolkit/metrics/result_keys.h"
@@ -42,28 +40,28 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Answer, table, page, says, printed, literal, 
                                    mesh_error, status, reproduced, as_fast, literal_right, ours_right, take)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Part, known, sections, answers, missing, fell_short)
 
+std::string to_text(const Part& part) {
+  return to_line(part);
+}
+bool from_text(const std::string& text, Part& part) {
+  return from_line(text, part);
+}
+
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 constexpr const char* kSchema = "palpate-reproduction/1";
-
-template <class J>
-std::string text_of(const J& json, int indent) {
-  return json.dump(indent, ' ', false, J::error_handler_t::replace);
-}
 
 /// True if the step's part is drawn from its study.
 bool has_study(const Step& step) {
   return step.manifest.kind == Manifest::Kind::kFrames && !step.part.sections.empty();
 }
 
-metrics::DocumentHead head_from(const Json& document) {
+metrics::DocumentHead head_from(const DocumentJson& document) {
   metrics::DocumentHead head;
   document.at("version").get_to(head.version);
   document.at("commit").get_to(head.commit);
   document.at("build").get_to(head.build);
-  const Json& machine = document.at("machine");
+  const DocumentJson& machine = document.at("machine");
   metrics::visit_machine([&](const char* key, auto& value) { machine.at(key).get_to(value); }, head.machine);
   document.at("started_utc").get_to(head.started_utc);
   document.at("command").get_to(head.command);
@@ -71,7 +69,7 @@ metrics::DocumentHead head_from(const Json& document) {
 }
 
 /// A step's part again: from its study, or from storage and the figures' scripts.
-Result<Part> part_again(const Json& step, const OutputFolder& folder) {
+Result<Part> part_again(const DocumentJson& step, const OutputFolder& folder) {
   Part part = step.at("page").get<Part>();
   if (!step.at("study").get<bool>()) {
     PALPATE_ASSIGN(const OutputFolder figures, folder.inside("figures"));
@@ -91,10 +89,9 @@ Result<Part> part_again(const Json& step, const OutputFolder& folder) {
 }  // namespace
 
 std::string reproduction_json(const metrics::DocumentHead& head, const std::vector<Step>& steps) {
-  Json document = {{"schema", kSchema}};
-  document.update(Json::parse(metrics::head_json(head)));
+  DocumentJson document = begin_json(kSchema, head);
   document["title"] = kReproductionTitle;
-  document["steps"] = Json::array();
+  document["steps"] = DocumentJson::array();
   for (const Step& step : steps) {
     Part part = step.part;
     // Files in the folder provide these parts.
@@ -105,20 +102,20 @@ std::string reproduction_json(const metrics::DocumentHead& head, const std::vect
     document["steps"].push_back({{"id", step.manifest.id()},
                                  {"manifest", step.manifest.source},
                                  {"study", has_study(step)},
-                                 {"page", Json(nlohmann::json(part))}});
+                                 {"page", DocumentJson(nlohmann::json(part))}});
   }
-  return text_of(document, 1) + "\n";
+  return document_text(document);
 }
 
 Status draw_reproduction(const OutputFolder& folder) {
   const std::string file = folder.file(kReproductionFile).string();
   PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
   try {
-    const Json document = Json::parse(text);
+    const DocumentJson document = DocumentJson::parse(text);
     if (document.at("schema") != kSchema)
       return Error{"is not of the schema " + std::string(kSchema), "run reproduce again", file};
     std::vector<Part> parts;
-    for (const Json& step : document.at("steps")) {
+    for (const DocumentJson& step : document.at("steps")) {
       PALPATE_ASSIGN(Part part, part_again(step, folder));
       parts.push_back(std::move(part));
     }
@@ -130,24 +127,16 @@ Status draw_reproduction(const OutputFolder& folder) {
 
 void do_step(Reproduction& r, const Manifest& manifest, const std::function<void()>& work) {
   const std::string name = manifest.id(), key = RunKey().add(manifest.source).word();
-  const auto take = [&](const std::string& text) {
-    const nlohmann::json kept = nlohmann::json::parse(text, nullptr, false);
-    if (!kept.is_object()) return false;
-    try {
-      r.steps.push_back({manifest, kept.get<Part>()});
-    } catch (const nlohmann::json::exception&) {
-      return false;
-    }
-    return true;
-  };
-  if (r.folder.take_over(name, key, take)) return;
   r.part = {};
+  if (r.suite.take(name, key, r.part)) {
+    r.steps.push_back({manifest, std::move(r.part)});
+    return;
+  }
   r.folder.start_part();
   work();
   const bool came = !r.part.sections.empty();  // else the next run retries
   if (came)
-    if (const Status kept = r.folder.keep(name, key, text_of(nlohmann::json(r.part), -1)); !kept)
-      give_up(r, name, kept.error());
+    if (const Status kept = r.suite.keep(name, key, r.part); !kept) give_up(r, name, kept.error());
   r.steps.push_back({manifest, std::move(r.part)});
 }
 

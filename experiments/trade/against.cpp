@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -11,12 +12,16 @@
 #include "experiments/study/study.h"
 #include "experiments/trade/dominance.h"
 #include "toolkit/core/files.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {
 
 using metrics::RendererResult;
 using metrics::ResultDocument;
+
+// What compare prints beside its table of six renderers, and where the report is, leaves so many of fifteen.
+constexpr std::size_t kMostLines = 2;
 
 /// A number of a result, its accessor, and its better direction.
 struct Looked {
@@ -186,6 +191,30 @@ Table changes_table(const Changes& changes) {
          {verdict_text(c.verdict)}});
   table.notes = changes.notes;
   return table;
+}
+
+std::string changes_text(const Changes& changes, std::size_t columns) {
+  std::array<std::size_t, 3> counts{};
+  std::vector<std::string> changed;
+  for (const Change& c : changes.all) ++counts[static_cast<std::size_t>(c.verdict)];
+  for (const bool time : {false, true})
+    for (const ChangeVerdict verdict : {ChangeVerdict::kWorse, ChangeVerdict::kBetter})
+      for (const Change& c : changes.all)
+        if (c.verdict == verdict && c.is_time == time)
+          changed.push_back(fmt::format("{} {} {}", c.label, c.number, verdict_text(verdict)));
+  const auto count = [&](ChangeVerdict verdict) { return counts[static_cast<std::size_t>(verdict)]; };
+  std::string text =
+      fmt::format("Against the earlier run ({}): {} worse, {} better, {} the same", kAgainstFile,
+                  count(ChangeVerdict::kWorse), count(ChangeVerdict::kBetter), count(ChangeVerdict::kSame));
+  if (!changes.notes.empty()) text += fmt::format(", {} notes", changes.notes.size());
+  const char* between = ": ";
+  for (const std::string& one : changed) {
+    std::vector<std::string> lines = wrapped(text + between + one + ", ..", columns);
+    if (lines.size() > kMostLines) return text + (between[0] == ':' ? "" : ", ..");
+    text += between + one;
+    between = ", ";
+  }
+  return text;
 }
 
 std::string to_json(const Changes& changes, const ResultDocument& before, const ResultDocument& after) {

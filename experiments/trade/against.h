@@ -1,6 +1,7 @@
 // `palpate compare --against RESULT`: improvements and regressions beyond both runs' uncertainty.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,9 @@ struct Changes {
                                               const metrics::ResultDocument& after);
 
 [[nodiscard]] Table changes_table(const Changes& changes);
+/// How many numbers became worse or better, stayed the same or are explained by a note; and the first of what
+/// changed, numbers that are no times before the others. Two lines of so many columns hold it.
+[[nodiscard]] std::string changes_text(const Changes& changes, std::size_t columns);
 [[nodiscard]] std::string to_json(const Changes& changes, const metrics::ResultDocument& before,
                                   const metrics::ResultDocument& after);
 

@@ -176,26 +176,6 @@ std::vector<Headline> sweep_headlines(const MachineRows& machine) {
           say("Soonest ready", [](const Row& row) { return row.prepare_ms->value; })};
 }
 
-Page page_of(const SweepDocument& document, const OutputFolder& folder) {
-  Page page = begin_page("Speed, memory and preparation against accuracy", document.head);
-  const std::vector<Standing> standings = standings_of(document.rows);
-  Known known{{}, document.warnings, document.notes};
-  if (!document.not_measured.empty())
-    known.notes.push_back(fmt::format("{} settings were not measured: there was no time.",
-                                      format_count(document.not_measured.size())));
-  add_known(page, std::move(known));
-  std::size_t number = 0;
-  for (const MachineRows& machine : by_machine(document, standings)) {
-    Section section = section_of(machine, ++number, folder);
-    section.facts.push_back({"scene", {document.scene}});
-    section.facts.push_back({"path", {document.path}});
-    section.facts.push_back({"ground truth", {document.truth}});
-    page.headlines.push_back({section.title, sweep_headlines(machine)});
-    page.sections.push_back(std::move(section));
-  }
-  return page;
-}
-
 DocumentJson rows_json(const SweepDocument& document) {
   const std::vector<Standing> standings = standings_of(document.rows);
   DocumentJson rows = DocumentJson::array();
@@ -308,10 +288,24 @@ std::vector<Table> front_tables(const SweepDocument& document) {
   return tables;
 }
 
-Status write_sweep(const SweepDocument& document, const OutputFolder& folder) {
-  PALPATE_TRY(folder.write(kRowsFile, rows_text(document.rows)));
-  PALPATE_TRY(write_page(page_of(document, folder), folder));
-  return folder.write(kSweepFile, to_json(document));
+Page sweep_page(const SweepDocument& document, const OutputFolder& folder) {
+  Page page = begin_page("Speed, memory and preparation against accuracy", document.head);
+  const std::vector<Standing> standings = standings_of(document.rows);
+  Known known{{}, document.warnings, document.notes};
+  if (!document.not_measured.empty())
+    known.notes.push_back(fmt::format("{} settings were not measured: there was no time.",
+                                      format_count(document.not_measured.size())));
+  add_known(page, std::move(known));
+  std::size_t number = 0;
+  for (const MachineRows& machine : by_machine(document, standings)) {
+    Section section = section_of(machine, ++number, folder);
+    section.facts.push_back({"scene", {document.scene}});
+    section.facts.push_back({"path", {document.path}});
+    section.facts.push_back({"ground truth", {document.truth}});
+    page.headlines.push_back({section.title, sweep_headlines(machine)});
+    page.sections.push_back(std::move(section));
+  }
+  return page;
 }
 
 }  // namespace palpate::experiments

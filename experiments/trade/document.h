@@ -34,7 +34,7 @@ struct SweepDocument {
 /// Tables of undominated rows, most accurate first, one per machine.
 [[nodiscard]] std::vector<Table> front_tables(const SweepDocument& document);
 
-/// Writes sweep.json, rows.jsonl, report.html with its figures.
-[[nodiscard]] Status write_sweep(const SweepDocument& document, const OutputFolder& folder);
+/// Draws the figures into the folder.
+[[nodiscard]] Page sweep_page(const SweepDocument& document, const OutputFolder& folder);
 
 }  // namespace palpate::experiments

@@ -1,13 +1,11 @@
 // Merges rows of several folders: shards of a sweep, from one or more machines.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <map>
 #include <set>
 
 #include <palpate/result.h>
-#include "experiments/session/terminal.h"
 #include "experiments/trade/sweep.h"
 
 namespace palpate::experiments {
@@ -73,14 +71,12 @@ Result<int> run_merge(const MergeArguments& arguments, Context& context) {
   PALPATE_TRY(check_apart(arguments));
   PALPATE_ASSIGN(SweepDocument whole, merged(arguments));
   whole.head = new_head(context.command_line);
-  PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::open(arguments.out));
-  context.working = true;
-  PALPATE_TRY(folder.begin("merge"));
-  context.progress.report("drawing the fronts", -1.0);
-  PALPATE_TRY(write_sweep(whole, folder));
-  PALPATE_TRY(folder.complete());
-  context.progress.clear();
-  print_sweep(whole, folder, arguments.json, context.verbose);
+  Suite suite(context);
+  PALPATE_TRY(suite.open(arguments.out));
+  PALPATE_TRY(suite.begin(RunKey().add("merge")));
+  suite.progress().report("drawing the fronts", -1.0);
+  PALPATE_TRY(suite.folder().write(kRowsFile, rows_text(whole.rows)));
+  PALPATE_TRY(publish_sweep(whole, suite, arguments.json));
   return kExitOk;
 }
 

@@ -8,15 +8,12 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
-#include "experiments/run/choices.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {
-
-namespace fs = std::filesystem;
 
 // A preparation may take a minute, and at most what lets a whole turn end in half the remaining time; two
 // seconds are always allowed.
@@ -79,41 +76,26 @@ class SweepProgress final : public Progress {
 
 }  // namespace
 
-Status Sweep::open_folder(const std::string& out) {
-  std::error_code code;
-  const fs::path root(out);
-  if (fs::exists(root / kFolderMark, code) && !fs::exists(root / kRowsFile, code))
-    return Error{fmt::format("the folder holds other results, and no {}", kRowsFile),
-                 "give --out a new folder, or that of an earlier sweep", out};
-  if (fs::exists(root / kFolderMark, code)) {
-    // Measured rows survive any failure of this run.
-    PALPATE_ASSIGN(folder_, OutputFolder::reopen(out));
-    PALPATE_ASSIGN(document_.rows, read_rows(folder_->file(kRowsFile).string()));
-    folder_is_ours_ = true;
-    return Done{};
-  }
-  PALPATE_ASSIGN(folder_, OutputFolder::open(out));
-  return Done{};
-}
-
 Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, const render::Registry& registry,
                                             Context& context) {
-  std::unique_ptr<Sweep> sweep(new Sweep);
+  std::unique_ptr<Sweep> sweep(new Sweep(context));
   PALPATE_ASSIGN(const std::vector<std::string> turned, parse_axes(arguments.axes));
   PALPATE_ASSIGN(const Shard shard, parse_shard(arguments.shard));
   PALPATE_ASSIGN(sweep->checked_, check_run(arguments.run, registry, context.progress));
   StageRequest& request = sweep->checked_.stage;
   request.usual_frames = kSweepFrames;
-  PALPATE_TRY(sweep->open_folder(arguments.run.out.empty() ? usual_folder("sweep", arguments.run.scene)
-                                                           : arguments.run.out));
-  PALPATE_TRY(sweep->folder_->check_not_read(files_read(request)));
+  Suite& suite = sweep->suite_;
+  PALPATE_TRY(open_folder(arguments.run, "sweep", request, suite));
+  const std::string rows = suite.folder().file(kRowsFile).string();
+  if (std::error_code code; std::filesystem::exists(rows, code)) {
+    PALPATE_ASSIGN(sweep->document_.rows, read_rows(rows));
+  }
   PALPATE_ASSIGN(sweep->stage_, set_up(request, all_readers(), context.progress));
   PALPATE_ASSIGN(sweep->experiment_, experiment_on(sweep->stage_, program_text()));
   SweepDocument& document = sweep->document_;
   if (!document.rows.empty() && document.rows.front().experiment != sweep->experiment_->hash)
     return Error{"these rows are of another scene, path, truth or version of Palpate",
-                 "give --out another folder, or take this one away",
-                 sweep->folder_->file(kRowsFile).string()};
+                 "give --out another folder, or take this one away", rows};
   SettingsRequest settings{sweep->checked_.renderers, turned, arguments.full,
                            sweep->stage_.spacing.resolution_mm};
   if (arguments.of_scene_only)
@@ -140,6 +122,8 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   document.shard = arguments.shard;
   document.warnings = sweep->stage_.warnings;
   document.notes = sweep->stage_.notes;
+  PALPATE_TRY(
+      suite.begin(RunKey::of_any_program().add(document.experiment).add(arguments.run.passes), kRowsFile));
   return sweep;
 }
 
@@ -174,13 +158,7 @@ void Sweep::take(std::vector<Row> rows) {
   }
 }
 
-Status Sweep::measure_all(Context& context) {
-  if (!folder_is_ours_) {
-    // The folder is complete from the start, so measured rows survive any stop.
-    PALPATE_TRY(folder_->begin("sweep"));
-    PALPATE_TRY(folder_->write(kRowsFile, {}));
-    PALPATE_TRY(folder_->complete());
-  }
+Status Sweep::measure_all() {
   const Stopwatch watch;
   const double budget_s = document_.budget_s;
   double longest_s = 0.0;
@@ -193,44 +171,39 @@ Status Sweep::measure_all(Context& context) {
                                    : kFullPrepareS;
     const std::vector<Setting> turn = next_turn(measure_.prepare_limit_s);
     if (turn.empty()) break;
-    SweepProgress progress(context.progress, document_.rows.size(), settings_.size(), spent_s, budget_s);
+    SweepProgress progress(suite_.progress(), document_.rows.size(), settings_.size(), spent_s, budget_s);
     PALPATE_ASSIGN(std::vector<Row> rows,
                    measure(*experiment_, turn, *anchor_, *registry_, measure_, progress));
     take(std::move(rows));
-    PALPATE_TRY(folder_->write(kRowsFile, rows_text(document_.rows)));
+    PALPATE_TRY(suite_.folder().write(kRowsFile, rows_text(document_.rows)));
     longest_s = std::max(longest_s, watch.ms() * 1e-3 - spent_s);
   }
   const std::set<std::string> known = done(0.0);
   document_.not_measured.clear();
   for (const Setting& setting : settings_)
     if (!known.contains(setting.text)) document_.not_measured.push_back(setting.text);
-  context.progress.set_prefix("");
-  context.progress.report("drawing the fronts", -1.0);
-  return write_sweep(document_, *folder_);
+  suite_.progress().set_prefix("");
+  suite_.progress().report("drawing the fronts", -1.0);
+  return suite_.folder().write(kRowsFile, rows_text(document_.rows));
 }
 
-void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json, bool verbose) {
-  if (json) {
-    fmt::print("{}", to_json(document));
-    return;
-  }
-  print_tables(front_tables(document), verbose);
-  std::fflush(stdout);
+Status publish_sweep(const SweepDocument& document, const Suite& suite, bool json) {
+  const Page page = sweep_page(document, suite.folder());
+  suite.progress().clear();
   const auto failed =
       std::count_if(document.rows.begin(), document.rows.end(), [](const Row& r) { return !r.ok(); });
-  tell("palpate: {} settings measured, {} did not run to their end, {} not measured for want of time\n",
-       document.rows.size() - static_cast<std::size_t>(failed), failed, document.not_measured.size());
-  fmt::print("report: {}\n", fs::absolute(folder.file(kReportFile)).string());
+  if (!json)
+    tell("palpate: {} settings measured, {} did not run to their end, {} not measured for want of time\n",
+         document.rows.size() - static_cast<std::size_t>(failed), failed, document.not_measured.size());
+  return suite.publish({kSweepFile, to_json(document), front_tables(document)}, page, json);
 }
 
 Result<int> run_sweep(const SweepArguments& arguments, Context& context) {
   const render::Registry registry = all_renderers();
   PALPATE_ASSIGN(const std::unique_ptr<Sweep> sweep, Sweep::begin(arguments, registry, context));
-  context.working = true;
-  PALPATE_TRY(sweep->measure_all(context));
-  context.progress.clear();
+  PALPATE_TRY(sweep->measure_all());
+  PALPATE_TRY(publish_sweep(sweep->document(), sweep->suite(), arguments.run.json));
   const std::vector<Row>& rows = sweep->document().rows;
-  print_sweep(sweep->document(), sweep->folder(), arguments.run.json, context.verbose);
   return std::any_of(rows.begin(), rows.end(), [](const Row& r) { return r.ok(); }) ? kExitOk
                                                                                     : kExitFellShort;
 }

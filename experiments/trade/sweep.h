@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "experiments/session/study_run.h"
+#include "experiments/driver/study_run.h"
+#include "experiments/driver/suite.h"
 #include "experiments/trade/document.h"
 #include "experiments/trade/measure.h"
 
@@ -27,23 +28,22 @@ struct SweepArguments {
   bool of_scene_only = false;  ///< without rates and precision, which a scene file cannot set (tune)
 };
 
-/// A sweep in progress: its folder, earlier rows, and settings to measure.
+/// A sweep in progress: its folder, the rows of earlier ones in it, and settings to measure.
 class Sweep {
  public:
   /// Checks every argument, loads the scene and reads earlier rows. Errors: bad input.
   [[nodiscard]] static Result<std::unique_ptr<Sweep>> begin(const SweepArguments& arguments,
                                                             const render::Registry& registry,
                                                             Context& context);
-  /// Measures within the budget. Saves rows after every few settings.
-  [[nodiscard]] Status measure_all(Context& context);
+  /// Measures within the budget. Rows, the suite's record, are saved after every turn.
+  [[nodiscard]] Status measure_all();
   [[nodiscard]] const SweepDocument& document() const { return document_; }
-  [[nodiscard]] const OutputFolder& folder() const { return *folder_; }
+  [[nodiscard]] const Suite& suite() const { return suite_; }
   [[nodiscard]] const CheckedRun& checked() const { return checked_; }
   [[nodiscard]] const Experiment& experiment() const { return *experiment_; }
 
  private:
-  Sweep() = default;
-  [[nodiscard]] Status open_folder(const std::string& out);
+  explicit Sweep(Context& context) : suite_(context) {}
   /// Texts of settings that need no further turn.
   [[nodiscard]] std::set<std::string> done(double prepare_limit_s) const;
   [[nodiscard]] std::vector<Setting> next_turn(double prepare_limit_s) const;
@@ -52,8 +52,7 @@ class Sweep {
   CheckedRun checked_;
   Stage stage_;
   std::optional<Experiment> experiment_;
-  std::optional<OutputFolder> folder_;
-  bool folder_is_ours_ = false;  ///< the folder is an earlier sweep's
+  Suite suite_;
   std::vector<Setting> settings_;
   std::optional<Setting> anchor_;
   SweepDocument document_;
@@ -62,8 +61,9 @@ class Sweep {
   std::string machine_;
 };
 
-/// Prints the fronts, the number of settings and the report's path; or the document.
-void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json, bool verbose);
+/// Writes rows, document and page; prints the fronts, the number of settings and where the page is, or the
+/// document.
+[[nodiscard]] Status publish_sweep(const SweepDocument& document, const Suite& suite, bool json);
 /// Returns the exit status.
 [[nodiscard]] Result<int> run_sweep(const SweepArguments& arguments, Context& context);
 

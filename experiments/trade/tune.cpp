@@ -122,11 +122,12 @@ Result<std::vector<Tried>> try_out(const Sweep& sweep, const std::vector<std::si
     NamedOptions named{row.renderer, {}};
     for (const auto& [key, value] : row.options) named.options.set(key, value);
     PALPATE_ASSIGN(const std::string text, tuned_scene(sweep.checked(), arguments.sweep.run.load, named));
-    PALPATE_TRY(sweep.folder().write(kTunedScene, fmt::format("# By palpate tune, for {}: {}.\n{}",
-                                                              limits_text(limits), numbers_text(row), text)));
+    PALPATE_TRY(sweep.suite().folder().write(
+        kTunedScene,
+        fmt::format("# By palpate tune, for {}: {}.\n{}", limits_text(limits), numbers_text(row), text)));
     context.progress.report("running " + row.setting + " again", -1.0);
-    PALPATE_ASSIGN(Row verified, verify(sweep.folder().file(kTunedScene).string(), sweep, arguments, registry,
-                                        context.progress));
+    PALPATE_ASSIGN(Row verified, verify(sweep.suite().folder().file(kTunedScene).string(), sweep, arguments,
+                                        registry, context.progress));
     tried.push_back({row, std::move(verified), false});
     tried.back().keeps = excess(tried.back().verified, limits) <= 1.0;
     if (tried.back().keeps) break;
@@ -215,10 +216,12 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
     sweep_arguments.run.out = usual_folder("tune", sweep_arguments.run.scene);
   PALPATE_ASSIGN(const std::unique_ptr<Sweep> begun, Sweep::begin(sweep_arguments, registry, context));
   Sweep& sweep = *begun;
-  context.working = true;
-  PALPATE_TRY(sweep.measure_all(context));
+  PALPATE_TRY(sweep.measure_all());
+  const SweepDocument& document = sweep.document();
+  const OutputFolder& folder = sweep.suite().folder();
+  PALPATE_TRY(sweep.suite().write({kSweepFile, to_json(document), {}}, sweep_page(document, folder)));
   // Only rows of this machine that a scene file can express.
-  std::vector<Row> rows = sweep.document().rows;
+  std::vector<Row> rows = document.rows;
   const std::string here = this_machine().hash;
   for (Row& row : rows)
     if (row.machine.hash != here || row.precision_bits > 0 || row.rate_divisor > 1) row.status = "failed";
@@ -226,10 +229,10 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   PALPATE_ASSIGN(const std::vector<Tried> tried, try_out(sweep, best, limits, arguments, registry, context));
   const bool found = !tried.empty() && tried.back().keeps;
   std::optional<Row> nearest;
-  if (const auto at = nearest_miss(rows, limits); !found && at) nearest = sweep.document().rows[*at];
-  if (!found) PALPATE_TRY(drop_scene(sweep.folder()));
+  if (const auto at = nearest_miss(rows, limits); !found && at) nearest = document.rows[*at];
+  if (!found) PALPATE_TRY(drop_scene(folder));
   const std::string json = tune_json(sweep, limits, tried, best.size(), nearest, context);
-  PALPATE_TRY(sweep.folder().write(kTuneFile, json));
+  PALPATE_TRY(folder.write(kTuneFile, json));
   context.progress.clear();
   if (arguments.sweep.run.json) fmt::print("{}", json);
   if (!found) return nothing_keeps(sweep, limits, tried, nearest);
@@ -237,7 +240,7 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   const Tried& chosen = tried.back();
   fmt::print("{}\n  measured:  {}\n  run again: {}\nkept by {} of {} settings\nscene: {}\n",
              chosen.found.setting, numbers_text(chosen.found), numbers_text(chosen.verified), best.size(),
-             rows.size(), std::filesystem::absolute(sweep.folder().file(kTunedScene)).string());
+             rows.size(), std::filesystem::absolute(folder.file(kTunedScene)).string());
   return kExitOk;
 }
 

@@ -14,8 +14,8 @@ using nlohmann::json;
 const char* const kWavesToGoOn = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
 const char* const kPathToGoOn = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 
-/// A command that is killed once `part` is kept. Then `text` in the part becomes `marked`: only a run that
-/// takes the part over shows kMark in `document`.
+/// A command that is killed once `part` is kept, or the record that it is holds `text`. Then `text` in it
+/// becomes `marked`: only a run that goes on from it shows kMark in `document`.
 const char* const kMark = "987654";
 struct Killed {
   const char* name;
@@ -76,7 +76,21 @@ std::vector<Killed> killed_commands() {
        "rows.jsonl",
        R"("reason":"")",
        R"("reason":"987654")",
-       "sweep.json"}};
+       "sweep.json"},
+      {"tune",
+       {"tune", kWavesToGoOn, "--renderers", "cloud,cloud-literal", "--max-error", "50", "--path",
+        kPathToGoOn, "--passes", "2", "--budget", "10"},
+       "rows.jsonl",
+       R"("reason":"")",
+       R"("reason":"987654")",
+       "sweep.json"},
+      // The mark becomes digits of the seconds before the first answer.
+      {"study",
+       {"study", "abx", "--observer", "machine", "--stop-after", "4"},
+       "trials.csv",
+       ",2,1,0.500,",
+       "987654,2,1,0.500,",
+       "trials.csv"}};
 }
 
 class GoesOn : public InFolder, public testing::WithParamInterface<Killed> {};
@@ -88,11 +102,19 @@ TEST_P(GoesOn, WhereItWasKilled) {
   const std::string part = in("out/" + std::string(killed.part));
   {
     Started run(folder_, words);
-    ASSERT_TRUE(run.wait_for([&] { return !file_text(part).empty(); })) << run.err();
+    const bool is_record = killed.part[0] != '.';
+    ASSERT_TRUE(run.wait_for([&] {
+      return file_text(part).find(is_record ? killed.text : "{") != std::string::npos;
+    })) << run.err();
     run.send(SIGKILL);
     ASSERT_NE(run.end(), 0) << "it was done before it was killed";
   }
   std::string text = file_text(part);
+  const ProcessOutcome other = palpate_process({"compare", "plane:points=441", "--renderers", "cloud",
+                                                "--path", "tap:frames=300", "--out", in("out")});
+  EXPECT_EQ(other.exit_code, kExitBadInput) << other.err;
+  EXPECT_NE(other.err.find("remove this folder"), std::string::npos) << other.err;
+  EXPECT_EQ(file_text(part), text) << "of another command";
   json kept = json::parse(text, nullptr, false);
   const bool wrapped = kept.is_object() && kept.contains("text");
   if (wrapped) text = kept["text"];
@@ -103,9 +125,7 @@ TEST_P(GoesOn, WhereItWasKilled) {
   write_text(part, wrapped ? kept.dump() : text);
   const ProcessOutcome next = palpate_process(words);
   EXPECT_LE(next.exit_code, 1) << next.err;
-  if (wrapped) {
-    EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
-  }
+  EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
   EXPECT_FALSE(std::filesystem::exists(in("out/.palpate-parts")));
   EXPECT_NE(file_text(in("out/" + std::string(killed.document))).find(kMark), std::string::npos)
       << "the case was done again: " << next.err;

@@ -1,4 +1,4 @@
-#include "experiments/session/study_run.h"
+#include "experiments/driver/study_run.h"
 
 #include <fmt/format.h>
 
@@ -42,13 +42,18 @@ bool is_there(const std::string& file) {
 class OneByOne {
  public:
   OneByOne(StagedStudy& study, const std::vector<RendererRequest>& requests, const render::Registry& registry,
-           const RunOptions& options, const OutputFolder& folder)
-      : study_(study), requests_(requests), registry_(registry), options_(options), folder_(folder) {}
+           const RunOptions& options, const Suite& suite)
+      : study_(study),
+        requests_(requests),
+        registry_(registry),
+        options_(options),
+        suite_(suite),
+        folder_(suite.folder()) {}
 
   /// Takes over what an interrupted run has finished.
-  Status begin(const std::string& key, Context& context);
+  Status begin();
   /// Runs the others. Context::working is cleared where an Error is one of the input.
-  Status run_the_rest(Context& context);
+  Status run_the_rest();
   [[nodiscard]] bool saved_mesh() const { return saved_mesh_; }
 
  private:
@@ -59,25 +64,23 @@ class OneByOne {
   const std::vector<RendererRequest>& requests_;
   const render::Registry& registry_;
   RunOptions options_;
+  const Suite& suite_;
   const OutputFolder& folder_;
   std::map<std::string, Run> finished_;  ///< by label
   bool saved_mesh_ = false;
 };
 
-Status OneByOne::begin(const std::string& key, Context& context) {
-  PALPATE_TRY(begin_run(folder_, key, context));
+Status OneByOne::begin() {
   std::string taken;
   for (const RendererRequest& request : requests_) {
-    const auto use = [&](const std::string& text) {
-      Result<Run> run = run_from_text(study_.stage, text, folder_);
-      if (!run || (run->saved_mesh && !is_there(options_.save_mesh)) || !is_there(options_.save_edited))
-        return false;
-      saved_mesh_ = saved_mesh_ || run->saved_mesh;
-      finished_.emplace(request.label, *std::move(run));
-      return true;
-    };
-    if (folder_.take_over(request.label, key_of(request), use))
-      taken += (taken.empty() ? "" : ", ") + request.label;
+    Run run;
+    if (!is_there(options_.save_edited) ||
+        !take_run(folder_, request.label, key_of(request), study_.stage, run) ||
+        (run.saved_mesh && !is_there(options_.save_mesh)))
+      continue;
+    saved_mesh_ = saved_mesh_ || run.saved_mesh;
+    finished_.emplace(request.label, std::move(run));
+    taken += (taken.empty() ? "" : ", ") + request.label;
   }
   if (!taken.empty())
     study_.stage.notes.push_back("Finished by an earlier run, which was interrupted: " + taken + ".");
@@ -85,7 +88,8 @@ Status OneByOne::begin(const std::string& key, Context& context) {
   return write_result();
 }
 
-Status OneByOne::run_the_rest(Context& context) {
+Status OneByOne::run_the_rest() {
+  Context& context = suite_.context();
   std::vector<RendererRequest> rest;
   for (const RendererRequest& request : requests_)
     if (!finished_.contains(request.label)) rest.push_back(request);
@@ -143,19 +147,6 @@ void say_what_is_run(const RunArguments& arguments, const std::vector<RendererRe
   progress.clear();
   tell("palpate: running {}\n         along {}\n         into {}\n", labels, study.stage.path.name,
        folder.path().string());
-}
-
-/// What was left open is chosen now that the models are known.
-void choose_renderers(bool one, const render::Registry& registry, CheckedRun& prepared, StagedStudy& study) {
-  if (!prepared.renderers.empty()) return;
-  if (one && prepared.own) {
-    prepared.renderers = {*prepared.own};
-    return;
-  }
-  Chosen chosen = usual_renderers(study.stage.scene.input, prepared.own, registry);
-  if (one) chosen.renderers.resize(1);
-  prepared.renderers = std::move(chosen.renderers);
-  for (std::string& note : chosen.notes) study.stage.notes.push_back(std::move(note));
 }
 
 int report_failures(const StagedStudy& study) {
@@ -227,28 +218,42 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
   return prepared;
 }
 
+Status open_folder(const RunArguments& arguments, const char* command, const StageRequest& stage,
+                   Suite& suite) {
+  return suite.open(arguments.out.empty() ? usual_folder(command, arguments.scene) : arguments.out,
+                    files_read(stage));
+}
+
+Status choose_renderers(bool one, const render::Registry& registry, const render::SceneInput& scene,
+                        CheckedRun& checked, std::vector<std::string>& notes) {
+  if (checked.renderers.empty() && one && checked.own) checked.renderers = {*checked.own};
+  if (checked.renderers.empty()) {
+    Chosen chosen = usual_renderers(scene, checked.own, registry);
+    if (one) chosen.renderers.resize(1);
+    checked.renderers = std::move(chosen.renderers);
+    for (std::string& note : chosen.notes) notes.push_back(std::move(note));
+  }
+  for (const RendererRequest& request : checked.renderers)
+    PALPATE_TRY(registry.check_supports(*registry.find(request.name), scene));
+  return Done{};
+}
+
 Result<int> run_study(const RunArguments& arguments, Context& context, const AfterStudy& after) {
   const render::Registry registry = all_renderers();
   PALPATE_ASSIGN(CheckedRun prepared, check_run(arguments, registry, context.progress));
-  PALPATE_ASSIGN(
-      const OutputFolder folder,
-      OutputFolder::open(arguments.out.empty()
-                             ? usual_folder(arguments.one ? "compare-one" : "compare", arguments.scene)
-                             : arguments.out));
-  PALPATE_TRY(folder.check_not_read(files_read(prepared.stage)));
+  Suite suite(context);
+  PALPATE_TRY(open_folder(arguments, arguments.one ? "compare-one" : "compare", prepared.stage, suite));
   PALPATE_TRY(check_outputs(arguments, prepared.stage));
   StagedStudy study;
   study.document = new_document(context.command_line);
   PALPATE_ASSIGN(study.stage, set_up(prepared.stage, all_readers(), context.progress));
-  choose_renderers(arguments.one, registry, prepared, study);
-  if (!arguments.allow_missing)
-    for (const RendererRequest& request : prepared.renderers)
-      if (Status able = registry.check_supports(*registry.find(request.name), study.stage.scene.input);
-          !able) {
-        Error error = std::move(able).error();
-        error.remedy += ", or --allow-missing to run it as it is";
-        return error;
-      }
+  if (const Status able =
+          choose_renderers(arguments.one, registry, study.stage.scene.input, prepared, study.stage.notes);
+      !able && !arguments.allow_missing) {
+    Error error = able.error();
+    error.remedy += ", or --allow-missing to run it as it is";
+    return error;
+  }
   const std::string& path = study.stage.path.name;
   study.document.title = fmt::format("{}, along {}", study.stage.scene_name, path.substr(0, path.find(':')));
   RunOptions options;
@@ -258,13 +263,13 @@ Result<int> run_study(const RunArguments& arguments, Context& context, const Aft
   options.budget_s = arguments.budget_s;
   options.save_mesh = arguments.save_mesh;
   options.save_edited = arguments.save_edited;
-  OneByOne run(study, prepared.renderers, registry, options, folder);
-  say_what_is_run(arguments, prepared.renderers, study, folder, context.progress);
-  context.working = true;
-  PALPATE_TRY(run.begin(key_of(arguments, prepared.stage).word(), context));
-  PALPATE_TRY(run.run_the_rest(context));
-  PALPATE_ASSIGN(const std::string more, after(folder));
-  PALPATE_TRY(folder.complete());
+  PALPATE_TRY(suite.begin(key_of(arguments, prepared.stage)));
+  say_what_is_run(arguments, prepared.renderers, study, suite.folder(), context.progress);
+  OneByOne run(study, prepared.renderers, registry, options, suite);
+  PALPATE_TRY(run.begin());
+  PALPATE_TRY(run.run_the_rest());
+  PALPATE_ASSIGN(const std::string more, after(suite.folder()));
+  PALPATE_TRY(suite.folder().complete());
   context.progress.clear();
   if (arguments.json)
     fmt::print("{}\n", metrics::to_json(study.document));

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/driver/suite.h"
 #include "experiments/run/run.h"
 #include "experiments/session/session.h"
 
@@ -39,6 +40,16 @@ struct CheckedRun {
 /// Everything that can be wrong with the arguments is found here, before anything is made or loaded.
 [[nodiscard]] Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
                                            Progress& progress);
+
+/// Opens the folder that was asked for, or the usual one of `command` (choices.h).
+[[nodiscard]] Status open_folder(const RunArguments& arguments, const char* command,
+                                 const StageRequest& stage, Suite& suite);
+
+/// What was left open is chosen now that the models are known (choices.h), `one` or several; notes say why.
+/// Error: one lacks what the scene asks for.
+[[nodiscard]] Status choose_renderers(bool one, const render::Registry& registry,
+                                      const render::SceneInput& scene, CheckedRun& checked,
+                                      std::vector<std::string>& notes);
 
 /// Everything that the results of every renderer depend on.
 [[nodiscard]] RunKey key_of(const RunArguments& arguments, const StageRequest& stage);
