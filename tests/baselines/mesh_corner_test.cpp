@@ -306,12 +306,8 @@ TEST(MeshCorner, SheetsOfOneMeshThatMeetWithoutSharingVertices) {
     }
 }
 
-// ---- Corners of very many facets, as turned bodies have them on their axis: exact answers as far as a frame
+// Corners of very many facets, as turned bodies have them on their axis: exact answers as far as a frame
 // looks at all of them, and a warning beyond.
-
-using geometry::TriangleMesh;
-using test::kStiffness;
-using test::Probe;
 
 constexpr const char* kPointsOnFans[] = {"mesh-godobject:mesh=original", "mesh-proxy:mesh=original:radius=0"};
 /// Rounding on lengths of some 20 mm, in a god object that many facets decide.

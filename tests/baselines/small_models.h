@@ -142,35 +142,6 @@ inline std::vector<Vec3> weaving(const geometry::AnalyticSurface& surface, std::
   return path;
 }
 
-/// Along the sinusoid 1.5 mm below it, in steps of `step_mm`: the most that the force's direction turns in
-/// one.
-inline double largest_turn(Probe& probe, double step_mm) {
-  const auto below = [](double x) { return Vec3(x, 3, sinusoid(x, 3) - 1.5); };
-  Vec3 last = probe.press({-20, 3, 30}, below(-20), 0.1).force_n;
-  double most = 0.0;
-  for (double x = -20; x < 20; x += step_mm) {
-    const Vec3 force = probe.to(below(x)).force_n;
-    most = std::max(most, (force.normalized() - last.normalized()).norm());
-    last = force;
-  }
-  return most;
-}
-
-/// On facets the force turns at once where the god object crosses an edge, however small the step. Shaded it
-/// turns there by the second pass alone: the target is put back on to the facet, off the shading normal by
-/// the square of the sine of the angle between the two, about half of the edge's, on either side.
-inline void expect_shading_to_smooth_edges(const std::string& renderer, double carriers) {
-  const TriangleMesh coarse = height_mesh(30, 50.0, sinusoid);
-  Probe bare = make(coarse, renderer);
-  Probe shaded = make(coarse, renderer + ":shading=interpolated");
-  const double edge = largest_turn(bare, 0.02);
-  EXPECT_GT(edge, 0.05) << "the facets' edges are felt";
-  EXPECT_GT(largest_turn(bare, 0.005), 0.9 * edge);
-  const double half = std::sin(0.5 * edge);
-  EXPECT_LT(largest_turn(shaded, 0.02), carriers * 2.0 * half * half);
-  EXPECT_LT(largest_turn(shaded, 0.005), carriers * 2.0 * half * half);
-}
-
 inline void expect_near(const Vec3& a, const Vec3& b, double tolerance) {
   EXPECT_LT((a - b).norm(), tolerance) << a.transpose() << " against " << b.transpose();
 }
