@@ -7,13 +7,16 @@
 #include <algorithm>
 #include <set>
 
-#include <palpate/generate.h>
+#include "tests/baselines/small_models.h"
 #include "toolkit/core/random.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/point_search.h"
 
 namespace palpate::baselines {
 namespace {
+
+using test::cloud_of;
+using test::generated;
 
 constexpr std::uint64_t kSeed = 5;
 
@@ -41,18 +44,10 @@ std::string refusal(const cloud::Cloud& cloud, const std::string& text) {
   return made.ok() ? "" : made.error().message();
 }
 
-cloud::GeneratedModel generated(const std::string& spec) {
-  return *cloud::generate(*parse_named_options(spec));
-}
-
 std::vector<Vec3> points_of(const cloud::Cloud& cloud) {
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < cloud.size(); ++i) points.push_back(cloud.point_mm(i));
   return points;
-}
-
-cloud::Cloud cloud_of(const std::vector<Vec3>& points) {
-  return *cloud::build_cloud(points, cloud::NonFinite::kRefuse);
 }
 
 /// Every point moved by up to `by` along each axis.

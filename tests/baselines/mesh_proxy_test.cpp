@@ -39,7 +39,9 @@ constexpr Tip kTips[] = {{"mesh-godobject:mesh=original", 0.0},
                          {"mesh-proxy:mesh=original:radius_mm=0.25:tip=centre", 0.25}};
 
 TEST(MeshTips, PlaneFromBothSides) {
-  for (const Tip& tip : kTips)
+  for (const Tip& tip :
+       {kTips[0], kTips[1], kTips[2], Tip{"vgraph:mesh=original", 0.0},
+        Tip{"vgraph:mesh=original:graph=mesh", 0.0}, Tip{"vgraph:mesh=original:triangles=ring", 0.0}})
     for (const double side : {1.0, -1.0}) {
       SCOPED_TRACE(tip.options);
       const double height = tip.skin ? 0.0 : tip.radius_mm;
@@ -237,9 +239,7 @@ TEST(MeshProxy, HostilePlaces) {
   frame = probe.to({std::nan(""), 0, 0});
   EXPECT_EQ(frame.status, render::FrameStatus::kNonFinite);
   EXPECT_EQ(frame.force_n, Vec3::Zero());
-  render::Registry registry;
-  register_baseline_renderers(registry);
-  EXPECT_FALSE(registry.make("mesh-proxy", parse_named_options("mesh-proxy:radius=-1")->options).ok());
+  EXPECT_FALSE(test::made("mesh-proxy:radius=-1").ok());
 }
 
 /// What crosses holds a point alone: asked for beside a sphere it would do nothing.

@@ -61,8 +61,7 @@ TEST(MeshScene, TwoModelsHoldInTheirEdgeAndThreeInTheirCorner) {
   }
 }
 
-// The same corner at a vertex of each mesh, where six facets meet: twelve planes before the third model is
-// asked.
+// The corner at a vertex of each mesh, where six facets meet: twelve planes before the third model is asked.
 TEST(MeshScene, TheThirdModelIsNotForgottenAtVerticesOfTheOthers) {
   render::SceneInput scene;
   for (const Vec3& at : {Vec3(0, 0, -10), Vec3(-10, 0, 0), Vec3(0, -10, 0)})
@@ -75,8 +74,7 @@ TEST(MeshScene, TheThirdModelIsNotForgottenAtVerticesOfTheOthers) {
   expect_near(frame.force_n, -kStiffness * hip, 1e-9);
 }
 
-// Eleven blocks, their tops one above the other: the deepest eight answer, and the frame says that some are
-// left out.
+// Eleven blocks, their tops one above the other: the deepest eight answer, and the frame says so.
 TEST(MeshScene, OfMoreThanEightTouchedTheDeepestAnswer) {
   render::SceneInput scene;
   for (int i = 0; i < 11; ++i)
@@ -226,8 +224,7 @@ TEST(MeshScene, FrictionFollowsItsConeAndItsPlace) {
   for (const char* options : {kPoint, kSkin}) {
     Probe probe = test::prepare(graded_plane(true), options);
     probe.press({-7, 0.3, 1}, {-7, 0.3, -1}, 0.05);
-    // The coefficient is read at the frictionless contact, so at every place of the slip the ratio is its
-    // own.
+    // The coefficient is read at the frictionless contact: at every place of the slip the ratio is its own.
     for (double x = -7; x < 7; x += 0.05) {
       const render::Frame frame = probe.to({x, 0.3, -1});
       if (x < -5.5) continue;  // sticks at first
@@ -301,18 +298,13 @@ TEST(MeshScene, NothingPassesThinSlabs) {
 }
 
 TEST(MeshScene, RefusesWhatMakesNoSense) {
-  render::Registry registry;
-  register_baseline_renderers(registry);
-  for (const char* name : {"mesh-godobject", "mesh-proxy"}) {
-    auto renderer = registry.make(name, {}).value();
-    EXPECT_FALSE(renderer->prepare({}, {}).ok());
-    render::SceneInput scene = graded_plane(false);
-    auto wrong = std::make_shared<surface::PointProperties>();
-    wrong->deformation.resize(3);
-    scene.models[0].surface.per_point = wrong;
-    Options options;
-    options.set("mesh", "original");
-    EXPECT_FALSE(registry.make(name, options).value()->prepare(scene, {}).ok());
+  render::SceneInput scene = graded_plane(false);
+  auto wrong = std::make_shared<surface::PointProperties>();
+  wrong->deformation.resize(3);
+  scene.models[0].surface.per_point = wrong;
+  for (const char* name : {"mesh-godobject:mesh=original", "mesh-proxy:mesh=original"}) {
+    EXPECT_FALSE(test::rival(name)->prepare({}, {}).ok());
+    EXPECT_FALSE(test::rival(name)->prepare(scene, {}).ok());
   }
 }
 

@@ -12,6 +12,7 @@
 #include <palpate/generate.h>
 #include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
+#include "tests/baselines/small_models.h"
 
 namespace palpate::baselines {
 namespace {
@@ -19,11 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 cloud::Cloud points(const std::string& spec) {
-  auto named = parse_named_options(spec);
-  EXPECT_TRUE(named.ok());
-  auto model = cloud::generate(*named);
-  EXPECT_TRUE(model.ok());
-  return std::move(model->cloud);
+  return test::generated(spec).cloud;
 }
 
 std::size_t files_in(const fs::path& folder) {

@@ -10,7 +10,7 @@
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
-#include "tests/baselines/meshes.h"
+#include "tests/baselines/small_models.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::baselines {
@@ -18,13 +18,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 31;
 
-cloud::GeneratedModel generated(const std::string& spec) {
-  auto named = parse_named_options(spec);
-  EXPECT_TRUE(named.ok());
-  auto model = cloud::generate(*named);
-  EXPECT_TRUE(model.ok()) << model.error().message();
-  return *std::move(model);
-}
+using test::generated;
 
 struct Made {
   geometry::TriangleMesh mesh;

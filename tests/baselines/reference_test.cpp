@@ -49,20 +49,6 @@ TEST(FacetTree, ClosestAndCrossingAgreeWithBruteForce) {
   }
 }
 
-TEST(MeshTruth, SignedDistanceOfABoxEverywhere) {
-  RecordProperty("seed", static_cast<int>(kSeed));
-  Random random(kSeed);
-  const geometry::RigidTransform pose{Eigen::Quaterniond(0.3, 0.2, 0.9, -0.1).normalized(), Vec3(7, -8, 9)};
-  auto truth = MeshTruth::build(test::box_mesh(1, 2, 3), pose);
-  ASSERT_TRUE(truth.ok());
-  for (int i = 0; i < 5000; ++i) {
-    const Vec3 p{random.uniform(-3, 3), random.uniform(-4, 4), random.uniform(-5, 5)};
-    const Vec3 d = p.cwiseAbs() - Vec3(1, 2, 3);
-    const double expected = d.maxCoeff() < 0 ? d.maxCoeff() : d.cwiseMax(0.0).norm();
-    ASSERT_NEAR((*truth)->signed_distance_mm(pose * p), expected, 1e-9);
-  }
-}
-
 TEST(MeshReference, AgreesWithTheClosestPointAndWithTheRenderer) {
   const geometry::TriangleMesh mesh = test::height_mesh(250, 50.0, test::sinusoid);
   const trace::ProbePath path = path_over(1.0, 6000);
@@ -140,8 +126,8 @@ TEST(MeshReference, AThinPlateHoldsAProbeThatIsBeyondIt) {
   EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 1.75)).norm(), 1e-9);
 }
 
-// ---- The mesh truth that shares nothing with the mesh renderers, against formulas, brute force and the
-// other one.
+// The mesh truth that shares nothing with the mesh renderers, against formulas, brute force and the other
+// one.
 
 constexpr std::uint64_t kClosestSeed = 4711;
 
@@ -158,22 +144,21 @@ geometry::TriangleMesh mixed_up(geometry::TriangleMesh mesh, Random& random) {
   return mesh;
 }
 
-TEST(ClosestMesh, SignedDistanceOfABoxAtEveryScale) {
-  RecordProperty("seed", static_cast<int>(kClosestSeed));
+/// Of a box, also straight off its edges and corners, where no facet is nearer than its neighbours.
+template <class Truth>
+void expect_box_distances() {
   Random random(kClosestSeed);
   for (const double scale : {1e-3, 1.0, 1e6}) {
     geometry::RigidTransform where = pose();
     where.translation_mm *= scale;
-    const auto truth =
-        ClosestMesh::build(mixed_up(test::box_mesh(scale, 2 * scale, 3 * scale), random), where);
+    const auto truth = Truth::build(mixed_up(test::box_mesh(scale, 2 * scale, 3 * scale), random), where);
     ASSERT_TRUE(truth) << truth.error().message();
-    for (int i = 0; i < 3000; ++i) {
+    for (int i = 0; i < 5000; ++i) {
       const Vec3 p{random.uniform(-3, 3), random.uniform(-4, 4), random.uniform(-5, 5)};
       const Vec3 d = p.cwiseAbs() - Vec3(1, 2, 3);
       const double expected = d.maxCoeff() < 0 ? d.maxCoeff() : d.cwiseMax(0.0).norm();
       ASSERT_NEAR((*truth)->signed_distance_mm(where * (scale * p)), scale * expected, scale * 1e-9) << p;
     }
-    // Straight off edges and corners, where no facet is nearer than its neighbours.
     for (const Vec3& way : {Vec3(1, 1, 0), Vec3(1, 1, 1), Vec3(-1, 1, -1), Vec3(0, -1, 1)}) {
       const Vec3 rim = way.cwiseProduct(Vec3(1, 2, 3));
       const double out = (*truth)->signed_distance_mm(where * (scale * (rim + 0.5 * way)));
@@ -181,6 +166,11 @@ TEST(ClosestMesh, SignedDistanceOfABoxAtEveryScale) {
       EXPECT_LT((*truth)->signed_distance_mm(where * (scale * (rim - 0.1 * way))), 0.0);
     }
   }
+}
+TEST(MeshTruths, SignedDistanceOfABoxAtEveryScale) {
+  RecordProperty("seed", static_cast<int>(kClosestSeed));
+  expect_box_distances<MeshTruth>();
+  expect_box_distances<ClosestMesh>();
 }
 
 TEST(ClosestMesh, SharpFoldsAndThinParts) {
@@ -215,15 +205,13 @@ TEST(ClosestMesh, BeyondTheRimOfAnOpenMeshIsOutside) {
 }
 
 TEST(ClosestMesh, AgreesWithTheOtherTruthOnAnUnevenBody) {
-  const auto made =
-      cloud::generate(parse_named_options("pebble:points=2000:jitter=0.2:nonuniform=0.6:seed=5").value());
-  ASSERT_TRUE(made) << made.error().message();
-  ASSERT_NE(made->original_mesh, nullptr);
+  const auto made = test::generated("pebble:points=2000:jitter=0.2:nonuniform=0.6:seed=5");
+  ASSERT_NE(made.original_mesh, nullptr);
   Random random(kClosestSeed);
-  const auto ours = MeshTruth::build(*made->original_mesh, pose());
-  const auto theirs = ClosestMesh::build(mixed_up(*made->original_mesh, random), pose());
+  const auto ours = MeshTruth::build(*made.original_mesh, pose());
+  const auto theirs = ClosestMesh::build(mixed_up(*made.original_mesh, random), pose());
   ASSERT_TRUE(ours && theirs);
-  const geometry::Aabb box = made->cloud.box_mm();
+  const geometry::Aabb box = made.cloud.box_mm();
   for (int i = 0; i < 3000; ++i) {
     Vec3 p;
     for (int axis = 0; axis < 3; ++axis) p[axis] = 1.2 * random.uniform(box.low_mm[axis], box.high_mm[axis]);

@@ -142,6 +142,42 @@ inline std::vector<Vec3> weaving(const geometry::AnalyticSurface& surface, std::
   return path;
 }
 
+/// A generated model, a path that weaves over it, and its formula.
+struct Sampled {
+  render::ModelInput model;
+  std::vector<Vec3> path;
+  std::shared_ptr<const geometry::AnalyticSurface> surface;
+};
+inline Sampled sampled(const std::string& generator, double depth) {
+  auto made = generated(generator + ":mesh=false");
+  return {model_of(made.cloud), weaving(*made.surface, 4000, depth), made.surface};
+}
+
+struct Score {
+  double relative = 0.0;  ///< RMS of the force error over that of the true force
+  int missed = 0, false_frames = 0, contacts = 0;
+};
+/// `sure_mm`: so deep, or so far outside, a force must be there, or not.
+inline Score score(const Sampled& set, const std::string& rival, double sure_mm) {
+  const Probe probe = prepare(set.model, rival, 0);
+  probe.renderer->restart(set.path.front());
+  Score found;
+  double error = 0.0, size = 0.0;
+  for (const Vec3& hip : set.path) {
+    const render::Frame frame = probe.to(hip);
+    const double d = set.surface->signed_distance_mm(hip);
+    const Vec3 truth =
+        d < 0.0 ? Vec3(kStiffness * (set.surface->closest(hip).point_mm - hip)) : Vec3(Vec3::Zero());
+    error += (frame.force_n - truth).squaredNorm();
+    size += truth.squaredNorm();
+    found.missed += d < -sure_mm && !frame.contact;
+    found.false_frames += d > sure_mm && frame.contact;
+    found.contacts += frame.contact;
+  }
+  found.relative = std::sqrt(error / size);
+  return found;
+}
+
 inline void expect_near(const Vec3& a, const Vec3& b, double tolerance) {
   EXPECT_LT((a - b).norm(), tolerance) << a.transpose() << " against " << b.transpose();
 }

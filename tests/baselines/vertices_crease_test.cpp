@@ -16,8 +16,7 @@ namespace {
 
 constexpr double kStiffness = 0.5;  // N/mm, every scene's here
 constexpr double kScales[] = {1e-3, 1.0, 1e6};
-/// Coordinates are stored as float: of a scene 30 units wide, and some facets' planes magnify it by depth
-/// over spacing.
+/// Coordinates are floats, of a scene 30 units wide; some facets' planes magnify that by depth over spacing.
 constexpr double kStored = 30.0 * 16.0 * kUnitRoundoffFloat;
 
 std::string wedge(double angle_deg, double scale, const std::string& more = "") {
@@ -87,8 +86,7 @@ TEST(Crease, GrooveHoldsByBothFlanks) {
         held += truth[i].god_object_mm.x() == 0.0;
       }
       EXPECT_GT(held, 10u);
-      // The free space is convex, so the nearest place of it moves no faster than the HIP, and neither does
-      // the force.
+      // The free space is convex: its nearest place moves no faster than the HIP, nor does the force.
       EXPECT_LE(steepest(frames, path), 1.0 + 1e-3) << depth;
     }
   }
