@@ -193,8 +193,7 @@ double growth(double stiffness_n_per_mm, double device_damping_n_s_per_mm) {
 TEST(CouplingStability, TheConditionIsWhereASwingBeginsToGrow) {
   const double b = 0.3e-3;
   const double most = coupling_stability({1.0, 0.0}, b, kDt).max_stiffness_n_per_mm;
-  // The damping that is left is b - k T / 2: at 5 % from the border a swing changes by exp(-+ 0.17 / s x 2
-  // s).
+  // The damping that is left is b - k T / 2: 5 % from the border a swing changes by exp(-+ 0.17 / s x 2 s).
   EXPECT_LT(growth(0.95 * most, b), 0.8);
   EXPECT_GT(growth(1.05 * most, b), 1.2);
 }

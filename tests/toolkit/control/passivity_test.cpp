@@ -69,8 +69,7 @@ class Wall final : public render::HapticRenderer {
   render::FrameCounters counters_;
 };
 
-// The passivity observer against energies worked out by hand, and the controller against renderers that give
-// energy away.
+// The observer against energies worked out by hand, the controller against renderers that give energy away.
 
 constexpr double kPassivityDt = 1e-3;
 constexpr EnergyRule kRules[] = {EnergyRule::kTrapezoid, EnergyRule::kPrinted, EnergyRule::kHold};
@@ -330,9 +329,7 @@ TEST(Wrap, SaysWhatItDoes) {
   auto again = wrap(std::make_unique<Wall>(), options(true, false, false));
   const auto report = test::value_of(again->prepare({}, {}));
   ASSERT_EQ(report.notes.size(), 1u);
-  EXPECT_EQ(report.notes[0],
-            "control: virtual coupling of 0.5 N/mm and 0 N s/mm, passive at 1 kHz on a device with more than "
-            "0.00025 N s/mm of damping");
+  EXPECT_TRUE(test::contains(report.notes[0], "0.5 N/mm and 0 N s/mm", "more than 0.00025 N s/mm"));
 }
 
 TEST(Wrap, ReportsTheDelayThatEachLimitAdds) {
@@ -341,12 +338,8 @@ TEST(Wrap, ReportsTheDelayThatEachLimitAdds) {
   o.filter.turn_limit_deg_per_s = 50.0;
   const std::vector<std::string> lines = describe(o);
   ASSERT_EQ(lines.size(), 2u);
-  EXPECT_EQ(lines[0],
-            "force changes by at most 100 N/s: a step of 1 N arrives to 63 % in 6 ms and to 95 % in 9 ms");
-  EXPECT_EQ(
-      lines[1],
-      "force turns by at most 50 degrees/s: a step of 10 degrees arrives to 63 % in 125 ms and to 95 % in "
-      "189 ms, a steady change is never caught up with");
+  EXPECT_TRUE(test::contains(lines[0], "100 N/s", "63 % in 6 ms", "95 % in 9 ms"));
+  EXPECT_TRUE(test::contains(lines[1], "50 degrees/s", "63 % in 125 ms", "95 % in 189 ms", "never"));
   o.filter = {1e-6, 0.0};
   EXPECT_TRUE(test::contains(describe(o)[0], "does not arrive"));
 }

@@ -1,5 +1,4 @@
-// The same seeded points and faces through every format and compression: the same doubles come back, bit for
-// bit.
+// The same seeded points and faces through every format and compression: the same doubles, bit for bit.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -313,8 +312,7 @@ TEST(Formats, CompressionIsSeenWithoutItsEnding) {
   EXPECT_EQ(model.compression, "gzip");
 }
 
-// Tables of text as surveyors and spreadsheets write them: names, units, decimal commas, line ends, surplus
-// rows.
+// Tables of text as surveyors and spreadsheets write them: names, units, decimal commas, line ends, rows.
 
 void expect_point(const std::string& content, const Vec3& point, const std::string& name = "a.txt") {
   SCOPED_TRACE(content);

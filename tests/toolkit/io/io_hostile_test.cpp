@@ -1,5 +1,4 @@
-// Bad files: each gets an Error that names the file, the line where one means something, what is wrong and
-// what to do.
+// Bad files: each gets an Error that names file, line where one means something, what is wrong, what to do.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>

@@ -56,8 +56,7 @@ TEST(Cloud, NeverMissesFalselyTouchesOrSticksBeyondOneLocalResolution) {
     EXPECT_EQ(a.missed_contact_frames, 0u);
     EXPECT_EQ(a.false_contact_frames, 0u);
     EXPECT_EQ(a.longest_stick_frames, 0u);
-    // Under a convex edge two faces are equally near; which one holds the god object is then a matter of
-    // samples.
+    // Under a convex edge two faces are equally near: which one holds the god object is a matter of samples.
     if (std::string(spec).rfind("wedge", 0) != 0) {
       EXPECT_EQ(a.pop_throughs.value_or(99), 0u);
     }

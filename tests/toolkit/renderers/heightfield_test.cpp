@@ -52,8 +52,7 @@ TEST(HeightFieldRenderer, RefusesScenesItCannotTake) {
       EXPECT_FALSE(prepare_report(scene, name)) << name;
 }
 
-// --- To the letter
-// ------------------------------------------------------------------------------------------
+// To the letter.
 
 TEST(HeightFieldLiteral, LooksUpTheBoxTop) {
   const Heights ground = rough(2.0, 9);
@@ -80,8 +79,7 @@ TEST(HeightFieldLiteral, InsideHoweverDeep) {
   EXPECT_NEAR((frame.god_object_mm - Vec3(4, 4, 1)).norm(), 0.0, 1e-9);
 }
 
-// 4.3.2: the walk starts at the entry cell in every frame, so a ridge between there and the HIP holds it
-// back.
+// 4.3.2: the walk starts at the entry cell in every frame: a ridge between there and the HIP holds it back.
 TEST(HeightFieldLiteral, WalksFromTheEntryCellEveryFrame) {
   const Heights ridge = [](std::size_t c, std::size_t) { return c == 10 ? 5.0 : 0.0; };
   const SceneInput scene = scene_of(posts(21, 5, 1.0, ridge));
@@ -97,8 +95,7 @@ TEST(HeightFieldLiteral, WalksFromTheEntryCellEveryFrame) {
   EXPECT_NEAR(frame.god_object_mm.x(), 15.0, 1e-9);
 }
 
-// --- Made right
-// ---------------------------------------------------------------------------------------------
+// Made right.
 
 TEST(HeightFieldRenderer, APlaneIsExact) {
   for (const double tilt : {0.0, 0.5, -2.0}) {
@@ -296,8 +293,7 @@ TEST(HeightFieldRenderer, AHipThatIsNotFiniteKeepsTheState) {
   }
 }
 
-// --- Whole paths
-// --------------------------------------------------------------------------------------------
+// Whole paths.
 
 Scene sinusoid(const std::string& scale = "1") {
   return generated("sinusoid:points=251001:mesh=false:scale=" + scale);
