@@ -207,8 +207,7 @@ TEST(StarDent, AtABorderTheProbeComesFree) {
   }
 }
 
-// A plate 0.8 mm thick, pressed 3 mm deep: its upper sheet goes through the lower one, and the probe stays
-// with it.
+// A plate 0.8 mm thick, pressed 3 mm deep: its upper sheet goes through the lower one, the probe with it.
 TEST(StarDent, StaysWithItsSheetOfAThinPlate) {
   Scene scene = generated("slab:points=20000:thickness_mm=0.8:extent_mm=20");
   scene.input.models[0].surface.dent = {0.3, 3.0, 40.0};

@@ -1,5 +1,4 @@
-// Points that no lattice orders, as scanners make them, clouds of every kind, and what none of them may
-// break.
+// Points that no lattice orders, as scanners make them, clouds of every kind, and what none may break.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -35,8 +35,7 @@ TEST(LocalDelaunayMesh, OfRandomPointsIsWhole) {
   EXPECT_LT(torus.counts().voted + torus.counts().filled, torus.size() / 500);
 }
 
-/// Noise leaves no holes and no tears: what cannot be settled is made without the points in question, and
-/// these are few.
+/// Noise leaves no holes and no tears: what cannot be settled is made without the points in question, few.
 TEST(LocalDelaunayMesh, InNoiseIsWhole) {
   for (const double noise : {0.05, 0.1, 0.15}) {
     SCOPED_TRACE(noise);

@@ -178,8 +178,8 @@ TEST(RasterStars, StepsAreNotBridged) {
     }
 }
 
-/// What falls short of a jump is as it was: the raster's own stars bridge no step that those of any points
-/// leave open.
+/// What falls short of a jump is as it was: a raster's own stars bridge no step that those of any points
+/// leave.
 TEST(RasterStars, BridgeNoMoreThanThoseOfAnyPoints) {
   for (double step = 0.5; step < 6.0; step += 0.25) {
     const cloud::Cloud cloud = raster_of(40, 60, [&](double x, double) { return x > 29.5 ? step : 0.0; });
@@ -220,7 +220,7 @@ TEST(RasterStars, GoAroundHoles) {
   EXPECT_EQ(covered(50.1, 60.2), 1u);
 }
 
-/// Missing at random, as of a dark surface: sound, and no more is open than without the raster.
+/// Missing at random, as of a dark surface.
 TEST(RasterStars, AreSoundWithManyPointsMissing) {
   for (const double share : {0.02, 0.2, 0.5}) {
     Random random(92);
