@@ -61,19 +61,6 @@ TEST(MeshScene, TwoModelsHoldInTheirEdgeAndThreeInTheirCorner) {
   }
 }
 
-// The corner at a vertex of each mesh, where six facets meet: twelve planes before the third model is asked.
-TEST(MeshScene, TheThirdModelIsNotForgottenAtVerticesOfTheOthers) {
-  render::SceneInput scene;
-  for (const Vec3& at : {Vec3(0, 0, -10), Vec3(-10, 0, 0), Vec3(0, -10, 0)})
-    scene.models.push_back(box_at({10, 10, 10}, shifted(at)));
-  const Vec3 start{2, 2, 2}, hip{-5, -5, -5};
-  Probe probe = test::prepare(scene, kPoint);
-  const render::Frame frame = probe.press(start, hip, 0.05);
-  ASSERT_TRUE(frame.contact);
-  expect_near(frame.god_object_mm, Vec3::Zero(), 1e-9);
-  expect_near(frame.force_n, -kStiffness * hip, 1e-9);
-}
-
 // Eleven blocks, their tops one above the other: the deepest eight answer, and the frame says so.
 TEST(MeshScene, OfMoreThanEightTouchedTheDeepestAnswer) {
   render::SceneInput scene;
