@@ -8,6 +8,7 @@
 #include <set>
 
 #include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/point_search.h"
@@ -184,7 +185,7 @@ TEST(FillHoles, ClosesHolesAndNotTheRim) {
   const double spacing = search::mean_spacing_mm(model.cloud);
   const cloud::Cloud holed = with_holes(model.cloud, {4 * spacing, 15 * spacing});
   const scene::CleanedCloud made = clean(holed, "fill-holes");
-  EXPECT_NE(made.notes[0].find("1 hole filled, 1 wider"), std::string::npos) << made.notes[0];
+  EXPECT_TRUE(test::contains(made.notes[0], "1 hole filled, 1 wider"));
   const auto missing =
       static_cast<double>(model.cloud.size() - with_holes(model.cloud, {4 * spacing}).size());
   const auto added = static_cast<double>(made.cloud.size() - holed.size());
@@ -196,7 +197,7 @@ TEST(FillHoles, ClosesHolesAndNotTheRim) {
     ASSERT_TRUE(model.cloud.box_mm().grown(spacing).contains(p));
   }
   const scene::CleanedCloud both = clean(holed, "fill-holes/width=100");
-  EXPECT_NE(both.notes[0].find("2 holes filled, 0 wider"), std::string::npos) << both.notes[0];
+  EXPECT_TRUE(test::contains(both.notes[0], "2 holes filled, 0 wider"));
   EXPECT_EQ(clean(model.cloud, "fill-holes/width=1e6").cloud.size(), model.cloud.size()) << "the rim stays";
 }
 

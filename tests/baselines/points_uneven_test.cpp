@@ -5,6 +5,7 @@
 #include "baselines/points/gaps.h"
 #include "baselines/points/sdf_grid.h"
 #include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::test {
 namespace {
@@ -146,7 +147,7 @@ TEST(FieldsOfPoints, OpenSurfacesHaveTheSideTheyAreGiven) {
   }
   const Probe one = prepare(model, "sdf-godobject");
   EXPECT_EQ(one.report.warnings.size(), 1u);
-  EXPECT_NE(one.renderer->describe().work_bound.find("one side"), std::string::npos);
+  EXPECT_TRUE(test::contains(one.renderer->describe().work_bound, "one side"));
 }
 
 TEST(FieldsOfPoints, RefuseWhatTheyCannotHoldWithARemedy) {
@@ -161,9 +162,9 @@ TEST(FieldsOfPoints, RefuseWhatTheyCannotHoldWithARemedy) {
   for (const auto& field : fields) {
     const Error refused = refusal(field.fine, plate);
     EXPECT_NE(refused.what.find(field.limit), std::string::npos) << refused.what;
-    EXPECT_NE(refused.remedy.find("voxel"), std::string::npos) << refused.remedy;
+    EXPECT_TRUE(test::contains(refused.remedy, "voxel"));
     const Error uncounted = refusal(field.uncounted, vast);
-    EXPECT_NE(uncounted.remedy.find("voxel"), std::string::npos) << uncounted.remedy;
+    EXPECT_TRUE(test::contains(uncounted.remedy, "voxel"));
   }
   EXPECT_LT(prepare(plate, "vector-field:memory_mb=10").report.bytes, 10'000'000u);
   for (const char* bad : {"sdf-godobject:band=1", "sdf-godobject:voxel=0", "variable-proxy:radius=0",

@@ -13,6 +13,7 @@
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/meshes.h"
 #include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/closest_point.h"
 
@@ -57,7 +58,7 @@ TEST(MeshReference, AgreesWithTheClosestPointAndWithTheRenderer) {
   auto reference = mesh_reference(**truth, path, 0.5, 0.0, no_progress());
   ASSERT_TRUE(reference.ok()) << reference.error().message();
   ASSERT_EQ(reference->frames.size(), path.size());
-  EXPECT_NE(reference->exactness.find("in 0 another part"), std::string::npos) << reference->exactness;
+  EXPECT_TRUE(test::contains(reference->exactness, "in 0 another part"));
 
   const test::Probe probe = test::prepare(test::model_of(mesh), "mesh-godobject:mesh=original");
   auto trace = trace::replay(*probe.renderer, path);
@@ -116,7 +117,7 @@ TEST(MeshReference, ASurfaceMuchNearerThatFacesTheSameWayTakesOver) {
     most_n = std::max(most_n, frame.frame.force_n.norm());
   EXPECT_LE(most_n, 1.0 + 1e-9) << "it stayed on the side";
   EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 0.2)).norm(), 1e-9);
-  EXPECT_NE(reference.exactness.find("; 1 times"), std::string::npos) << reference.exactness;
+  EXPECT_TRUE(test::contains(reference.exactness, "; 1 times"));
 }
 
 TEST(MeshReference, AThinPlateHoldsAProbeThatIsBeyondIt) {
@@ -258,7 +259,7 @@ TEST(ClosestMesh, RefusesWhatIsNoSurface) {
   nan.vertices_mm[3].y() = std::nan("");
   const auto refused = ClosestMesh::build(nan, {});
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("vertex 3"), std::string::npos);
+  EXPECT_TRUE(test::contains(refused.error().what, "vertex 3"));
 }
 
 }  // namespace
