@@ -227,8 +227,6 @@ TEST(PassivityController, KeepsTheForceLimit) {
 
 // Control around a renderer: only what is asked for, in the order written, the force limit last.
 
-constexpr double kWrapDt = 1e-3;
-
 ControlOptions options(bool couple, bool filter, bool passive) {
   ControlOptions o;
   if (couple) o.coupling = Coupling{0.5, 0.0};
@@ -273,7 +271,7 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
     for (int i = 0; i < 3000; ++i) {
       // As the renderer counts it: the difference of two times.
       const double last_s = t_s;
-      t_s += kWrapDt;
+      t_s += kPassivityDt;
       const double dt_s = t_s - last_s;
       z = std::clamp(z + random.uniform(-0.1, 0.1), -3.0, 1.0);
       const Vec3 hip(0.01 * i, 0, z);
@@ -282,7 +280,7 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
       if (o.coupling) f = coupling.couple(hip, expected.god_object_mm, f, expected.contact, dt_s);
       if (o.filter.any()) f = filter.filter(f, dt_s);
       f = o.passivity ? controller.control(hip, f, dt_s, 0.8) : render::limited(f, 0.8);
-      const render::Frame frame = renderer->step(hip, kWrapDt);
+      const render::Frame frame = renderer->step(hip, kPassivityDt);
       ASSERT_EQ(frame.force_n, f) << "set " << set << ", frame " << i;
       ASSERT_EQ(frame.contact, expected.contact);
       ASSERT_EQ(frame.god_object_mm, expected.god_object_mm);
@@ -298,11 +296,11 @@ TEST(Wrap, ANonFiniteHipGivesNoForceAndChangesNothing) {
   for (int i = 0; i < 200; ++i) {
     const Vec3 hip(0, 0, 0.5 - 0.01 * i);
     if (i % 7 == 0) {
-      const render::Frame odd = a->step(Vec3(0, std::nan(""), 0), kWrapDt);
+      const render::Frame odd = a->step(Vec3(0, std::nan(""), 0), kPassivityDt);
       EXPECT_EQ(odd.status, render::FrameStatus::kNonFinite);
       EXPECT_EQ(odd.force_n, Vec3::Zero());
     }
-    ASSERT_EQ(a->step(hip, kWrapDt).force_n, b->step(hip, kWrapDt).force_n) << i;
+    ASSERT_EQ(a->step(hip, kPassivityDt).force_n, b->step(hip, kPassivityDt).force_n) << i;
   }
 }
 
@@ -312,7 +310,7 @@ TEST(Wrap, RestartGivesTheSameTraceAgain) {
   for (int pass = 0; pass < 2; ++pass) {
     renderer->restart(Vec3(0, 0, 1));
     for (int i = 0; i < 500; ++i) {
-      const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kWrapDt).force_n;
+      const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kPassivityDt).force_n;
       if (pass == 0)
         first.push_back(f);
       else

@@ -61,10 +61,7 @@ TEST(LocalDelaunayMesh, PilesAreOnePointEach) {
 TEST(LocalDelaunayMesh, PointsOutOfClosedPieces) {
   const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud_of(random_spheres({10.0}, 0.2, 12)), 2);
   ASSERT_EQ(mesh.counts().closed_components, 1u);
-  each_triangle(mesh, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    const Vec3 n = (mesh.at(b) - mesh.at(a)).cross(mesh.at(c) - mesh.at(a));
-    EXPECT_GT(n.dot(mesh.at(a) + mesh.origin_mm()), 0.0);
-  });
+  expect_outward(mesh);
 }
 
 TEST(LocalDelaunayMesh, KeepsSheetsApart) {

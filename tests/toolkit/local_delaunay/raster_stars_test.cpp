@@ -332,10 +332,7 @@ TEST(RasterStars, AreFacedOutWhereTheyEncloseAVolumeButForAMouth) {
   EXPECT_EQ(mesh.counts().components_with_holes, any.counts().components_with_holes);
   EXPECT_EQ(mesh.counts().components_with_holes, 1u);
   EXPECT_NEAR(mesh.counts().min_enclosed, any.counts().min_enclosed, 0.02);
-  each_triangle(mesh, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    const Vec3 n = (mesh.at(b) - mesh.at(a)).cross(mesh.at(c) - mesh.at(a));
-    EXPECT_GT(n.dot(mesh.at(a) + mesh.origin_mm()), 0.0);
-  });
+  expect_outward(mesh);
 }
 
 /// Whatever a raster says of any points, the mesh is sound.
