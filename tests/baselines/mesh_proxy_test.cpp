@@ -78,8 +78,7 @@ TEST(MeshTips, GrooveHoldsByTwoPlanesAndCornerByThree) {
   }
 }
 
-/// Along the sinusoid 1.5 mm below it, in steps of `step_mm`: the most that the force's direction turns in
-/// one.
+/// Along the sinusoid 1.5 mm below it, in steps of `step_mm`: the most that the force turns in one.
 double largest_turn(Probe& probe, double step_mm) {
   const auto below = [](double x) { return Vec3(x, 3, test::sinusoid(x, 3) - 1.5); };
   Vec3 last = probe.press({-20, 3, 30}, below(-20), 0.1).force_n;

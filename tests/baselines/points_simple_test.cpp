@@ -340,8 +340,7 @@ TEST(VectorField, IsWithinItsInterpolationErrorOnASphere) {
   const auto made = generated("sphere:extent_mm=20:points=40000:mesh=false");
   const Probe rival = prepare(model_of(made.cloud), "vector-field:voxel_mm=0.4:depth=8");
   Random random(5);
-  // Curvature: a nearest plane is off by (spacing / sqrt 2)^2 / 2 R, trilinear sums by voxel^2 / 8 R per
-  // axis.
+  // Curvature: a nearest plane is off by (spacing / sqrt 2)^2 / 2 R, trilinear sums by 3 voxel^2 / 8 R.
   const double spacing = 0.2, bound = spacing * spacing / (4 * 10.0) + 3 * 0.4 * 0.4 / (8 * 7.0);
   for (int i = 0; i < 5000; ++i) {
     const Vec3 way = Vec3(random.normal(), random.normal(), random.normal()).normalized();
@@ -354,8 +353,7 @@ TEST(VectorField, IsWithinItsInterpolationErrorOnASphere) {
   EXPECT_FALSE(rival.to({0, 0, 0}).contact) << "deeper than the field there is no force";
 }
 
-// A plate 1 mm thick, pushed to 0.7: by position alone the other face is nearer, and throws the HIP out
-// there.
+// A plate 1 mm thick, pushed to 0.7: by position alone the other face is nearer and throws the HIP out.
 TEST(VectorField, PathIndependenceCostsThinThings) {
   const auto made = generated("slab:extent_mm=20:thickness_mm=1:points=40000:mesh=false");
   const Probe field = prepare(model_of(made.cloud), "vector-field:voxel=1");

@@ -127,8 +127,7 @@ TEST(MeshReference, AThinPlateHoldsAProbeThatIsBeyondIt) {
   EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 1.75)).norm(), 1e-9);
 }
 
-// The mesh truth that shares nothing with the mesh renderers, against formulas, brute force and the other
-// one.
+// The mesh truth that shares nothing with the mesh renderers, against formulas, brute force, the other one.
 
 constexpr std::uint64_t kClosestSeed = 4711;
 

@@ -78,8 +78,7 @@ TEST(Random, RepeatsBySeed) {
   EXPECT_TRUE(differs);
 }
 
-/// Pearson's statistic of counts that should be equal, whose mean is the degrees of freedom f, its variance 2
-/// f.
+/// Pearson's statistic of counts that should be equal: its mean is the degrees of freedom f, variance 2 f.
 double excess_in_errors(const std::vector<int>& counts, int draws) {
   const double expected = static_cast<double>(draws) / static_cast<double>(counts.size());
   double chi_squared = 0.0;

@@ -244,8 +244,7 @@ bool whole(const Block& b) {
   return std::all_of(b.begin(), b.end(), [&](std::uint64_t v) { return v == b.front(); });
 }
 
-/// Every order of twelve publications and fetches, against the obvious model: none changes a value that was
-/// taken.
+/// Every order of twelve publications and fetches, against the obvious model.
 TEST(TripleBuffer, EveryOrderOfCallsGivesTheNewestValue) {
   constexpr unsigned kCalls = 12;
   for (unsigned order = 0; order < (1u << kCalls); ++order) {

@@ -178,8 +178,7 @@ TEST(RasterStars, StepsAreNotBridged) {
     }
 }
 
-/// What falls short of a jump is as it was: a raster's own stars bridge no step that those of any points
-/// leave.
+/// What falls short of a jump is as it was: a raster's stars bridge no step that those of points leave open.
 TEST(RasterStars, BridgeNoMoreThanThoseOfAnyPoints) {
   for (double step = 0.5; step < 6.0; step += 0.25) {
     const cloud::Cloud cloud = raster_of(40, 60, [&](double x, double) { return x > 29.5 ? step : 0.0; });

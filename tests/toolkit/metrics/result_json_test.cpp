@@ -1,5 +1,4 @@
-// The result document: against docs/schemas/result.schema.json, there and back, and with everything that can
-// be wrong with it.
+// The result document: against docs/schemas/result.schema.json, there and back, and all that can be wrong.
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 

@@ -1,5 +1,4 @@
-// Tiny traces for hand-computed scores: the truth is the half space z < 0 with 0.5 N/mm unless a test says
-// so.
+// Traces for scores worked out by hand: the truth is the half space z < 0 at 0.5 N/mm unless a test differs.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -45,8 +44,7 @@ struct Tiny {
   Tiny(std::initializer_list<double> heights_mm = {}) {
     for (const double z_mm : heights_mm) add(z_mm);
   }
-  /// The HIP at (x, 0, z) with a local resolution; the truth follows, the rendered frame is the truth for
-  /// now.
+  /// The HIP at (x, 0, z) with a local resolution; the truth follows, the frame is the truth until changed.
   render::Frame& add(double z_mm, double resolution_mm = 0.1, double x_mm = 0.0) {
     const Vec3 hip_mm(x_mm, 0.0, z_mm);
     path.name = "tiny.csv";

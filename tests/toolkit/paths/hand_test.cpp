@@ -151,8 +151,7 @@ TEST(HandOnPlane, ComesBackFromTheBorderOfAnOpenScan) {
   EXPECT_GT(touched, 16000);
 }
 
-// Paths over models without a formula, checked against the formula they were made from: by the faces, and by
-// the points alone.
+// Paths over models without a formula, checked against the one they were made from: by faces, by points.
 
 const char* const kSeen[] = {"weave", "raster", "spiral", "tap", "slide", "hold"};
 
