@@ -7,13 +7,17 @@
 #include <algorithm>
 #include <set>
 
-#include <palpate/generate.h>
+#include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/point_search.h"
 
 namespace palpate::baselines {
 namespace {
+
+using test::cloud_of;
+using test::generated;
 
 constexpr std::uint64_t kSeed = 5;
 
@@ -41,18 +45,10 @@ std::string refusal(const cloud::Cloud& cloud, const std::string& text) {
   return made.ok() ? "" : made.error().message();
 }
 
-cloud::GeneratedModel generated(const std::string& spec) {
-  return *cloud::generate(*parse_named_options(spec));
-}
-
 std::vector<Vec3> points_of(const cloud::Cloud& cloud) {
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < cloud.size(); ++i) points.push_back(cloud.point_mm(i));
   return points;
-}
-
-cloud::Cloud cloud_of(const std::vector<Vec3>& points) {
-  return *cloud::build_cloud(points, cloud::NonFinite::kRefuse);
 }
 
 /// Every point moved by up to `by` along each axis.
@@ -189,7 +185,7 @@ TEST(FillHoles, ClosesHolesAndNotTheRim) {
   const double spacing = search::mean_spacing_mm(model.cloud);
   const cloud::Cloud holed = with_holes(model.cloud, {4 * spacing, 15 * spacing});
   const scene::CleanedCloud made = clean(holed, "fill-holes");
-  EXPECT_NE(made.notes[0].find("1 hole filled, 1 wider"), std::string::npos) << made.notes[0];
+  EXPECT_TRUE(test::contains(made.notes[0], "1 hole filled, 1 wider"));
   const auto missing =
       static_cast<double>(model.cloud.size() - with_holes(model.cloud, {4 * spacing}).size());
   const auto added = static_cast<double>(made.cloud.size() - holed.size());
@@ -201,7 +197,7 @@ TEST(FillHoles, ClosesHolesAndNotTheRim) {
     ASSERT_TRUE(model.cloud.box_mm().grown(spacing).contains(p));
   }
   const scene::CleanedCloud both = clean(holed, "fill-holes/width=100");
-  EXPECT_NE(both.notes[0].find("2 holes filled, 0 wider"), std::string::npos) << both.notes[0];
+  EXPECT_TRUE(test::contains(both.notes[0], "2 holes filled, 0 wider"));
   EXPECT_EQ(clean(model.cloud, "fill-holes/width=1e6").cloud.size(), model.cloud.size()) << "the rim stays";
 }
 

@@ -126,7 +126,11 @@ std::vector<Vec3> random_rests(Random& random, int count) {
   return hips;
 }
 
-const std::vector<HalfSpace> kOctant{{Vec3::UnitX(), 0}, {Vec3::UnitY(), 0}, {Vec3::UnitZ(), 0}};
+/// The octant that keeps a sphere's centre a radius away.
+std::vector<HalfSpace> octant(double radius) {
+  return {{Vec3::UnitX(), radius}, {Vec3::UnitY(), radius}, {Vec3::UnitZ(), radius}};
+}
+const std::vector<HalfSpace> kOctant = octant(0.0);
 
 /// Three planes through the origin; `shift` moves each in itself, so that vertices meet vertices or not.
 std::vector<TriangleMesh> three_planes(double half, int cells, double shift) {
@@ -141,29 +145,22 @@ std::vector<TriangleMesh> three_planes(double half, int cells, double shift) {
 }
 
 TEST(MeshCorner, ThreePlanesHoldJointly) {
-  for (const char* options : {kPoint, kNoRadius})
+  const struct {
+    const char* options;
+    double radius, step;
+  } probes[] = {{kPoint, 0.0, 0.05},
+                {kPoint, 0.0, 20.0},
+                {kNoRadius, 0.0, 0.05},
+                {kNoRadius, 0.0, 20.0},
+                {kSphere, kRadius, 0.3}};
+  for (const auto& [options, radius, step] : probes)
     for (const bool apart : {true, false})
-      for (const double shift : {0.0, 0.3})
-        for (const double step : {0.05, 20.0}) {
-          SCOPED_TRACE(fmt::format("{}, {}, shift {}, steps of {}", options, apart ? "models" : "one mesh",
-                                   shift, step));
-          Probe probe = test::prepare(scene_of(three_planes(8, 16, shift), apart), options);
-          expect_right(sweep(probe, {kOctant, {2.2, 1.9, 2.6}, whole_rests(), step}));
-        }
-}
-
-/// The octant that keeps a sphere's centre a radius away.
-std::vector<HalfSpace> octant(double radius) {
-  return {{Vec3::UnitX(), radius}, {Vec3::UnitY(), radius}, {Vec3::UnitZ(), radius}};
-}
-
-TEST(MeshCorner, ThreePlanesHoldASphere) {
-  for (const bool apart : {true, false})
-    for (const double shift : {0.0, 0.3}) {
-      SCOPED_TRACE(fmt::format("{}, shift {}", apart ? "models" : "one mesh", shift));
-      Probe probe = test::prepare(scene_of(three_planes(8, 16, shift), apart), kSphere);
-      expect_right(sweep(probe, {octant(kRadius), {2.2, 1.9, 2.6}, whole_rests(), 0.3}));
-    }
+      for (const double shift : {0.0, 0.3}) {
+        SCOPED_TRACE(fmt::format("{}, {}, shift {}, steps of {}", options, apart ? "models" : "one mesh",
+                                 shift, step));
+        Probe probe = test::prepare(scene_of(three_planes(8, 16, shift), apart), options);
+        expect_right(sweep(probe, {octant(radius), {2.2, 1.9, 2.6}, whole_rests(), step}));
+      }
 }
 
 /// `count` triangles around `at`, across an axis.
@@ -306,12 +303,8 @@ TEST(MeshCorner, SheetsOfOneMeshThatMeetWithoutSharingVertices) {
     }
 }
 
-// ---- Corners of very many facets, as turned bodies have them on their axis: exact answers as far as a frame
+// Corners of very many facets, as turned bodies have them on their axis: exact answers as far as a frame
 // looks at all of them, and a warning beyond.
-
-using geometry::TriangleMesh;
-using test::kStiffness;
-using test::Probe;
 
 constexpr const char* kPointsOnFans[] = {"mesh-godobject:mesh=original", "mesh-proxy:mesh=original:radius=0"};
 /// Rounding on lengths of some 20 mm, in a god object that many facets decide.

@@ -5,47 +5,10 @@
 #include "baselines/points/gaps.h"
 #include "baselines/points/sdf_grid.h"
 #include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::test {
 namespace {
-
-struct Uneven {
-  render::ModelInput model;
-  std::vector<Vec3> path;
-  std::shared_ptr<const geometry::AnalyticSurface> surface;
-};
-
-Uneven uneven(const std::string& generator, double depth) {
-  auto made = generated(generator + ":mesh=false");
-  Uneven out{model_of(made.cloud), weaving(*made.surface, 4000, depth), std::move(made.surface)};
-  return out;
-}
-
-struct Score {
-  double relative = 0.0;  ///< RMS of the force error over that of the true force
-  int missed = 0, false_frames = 0, contacts = 0;
-};
-
-/// `sure_mm`: so deep, or so far outside, a force must be there, or not.
-Score score(const Uneven& set, const std::string& rival, double sure_mm) {
-  const Probe probe = prepare(set.model, rival, 0);
-  probe.renderer->restart(set.path.front());
-  Score found;
-  double error = 0.0, size = 0.0;
-  for (const Vec3& hip : set.path) {
-    const render::Frame frame = probe.to(hip);
-    const double d = set.surface->signed_distance_mm(hip);
-    const Vec3 truth =
-        d < 0.0 ? Vec3(kStiffness * (set.surface->closest(hip).point_mm - hip)) : Vec3(Vec3::Zero());
-    error += (frame.force_n - truth).squaredNorm();
-    size += truth.squaredNorm();
-    found.missed += d < -sure_mm && !frame.contact;
-    found.false_frames += d > sure_mm && frame.contact;
-    found.contacts += frame.contact;
-  }
-  found.relative = std::sqrt(error / size);
-  return found;
-}
 
 TEST(Gaps, AreTheEmptyCirclesOfALattice) {
   const auto points = flat_points(61, 0.5);
@@ -88,7 +51,7 @@ TEST(Gaps, OrderThreadsAndScaleDoNotMatter) {
 class OnUneven : public testing::TestWithParam<std::string> {};
 
 TEST_P(OnUneven, NothingFallsThroughARandomTorus) {
-  const Uneven set = uneven("torus:sampling=random:points=40000:seed=7", 1.0);
+  const Sampled set = sampled("torus:sampling=random:points=40000:seed=7", 1.0);
   const Score found = score(set, GetParam(), 0.3);
   EXPECT_EQ(found.missed, 0);
   EXPECT_EQ(found.false_frames, 0);
@@ -97,7 +60,7 @@ TEST_P(OnUneven, NothingFallsThroughARandomTorus) {
 }
 
 TEST_P(OnUneven, NothingFallsThroughScanLines) {
-  const Uneven set = uneven("sinusoid:sampling=lines:points=60000:seed=7", 1.0);
+  const Sampled set = sampled("sinusoid:sampling=lines:points=60000:seed=7", 1.0);
   const Score found = score(set, GetParam(), 0.5);
   EXPECT_EQ(found.missed, 0);
   EXPECT_LT(found.relative, 0.35);
@@ -147,7 +110,7 @@ TEST(SdfGrid, HoldsTheDistanceToASphereAndItsGradient) {
 
 TEST(SdfGodobject, HoldsAThinPlateHoweverDeepTheHip) {
   // 1 mm thick, pushed to 5: a field without a path would throw the HIP out on the other side.
-  const Uneven set = uneven("slab:extent_mm=20:thickness_mm=1:sampling=random:points=40000", 0.1);
+  const Sampled set = sampled("slab:extent_mm=20:thickness_mm=1:sampling=random:points=40000", 0.1);
   const Probe rival = prepare(set.model, "sdf-godobject");
   const Vec3 middle = set.model.cloud->box_mm().centre_mm();
   EXPECT_FALSE(rival.press(middle + Vec3(0.3, 0.2, 5), middle + Vec3(0.3, 0.2, 0.6), 0.05).contact);
@@ -159,7 +122,7 @@ TEST(SdfGodobject, HoldsAThinPlateHoweverDeepTheHip) {
 }
 
 TEST(SdfGodobject, IsEnteredAtAnySpeed) {
-  const Uneven set = uneven("sphere:extent_mm=20:sampling=random:points=40000", 0.1);
+  const Sampled set = sampled("sphere:extent_mm=20:sampling=random:points=40000", 0.1);
   const Probe rival = prepare(set.model, "sdf-godobject");
   const Vec3 middle = set.model.cloud->box_mm().centre_mm();
   for (const double from : {12.0, 30.0, 1000.0, 1e6}) {
@@ -171,33 +134,42 @@ TEST(SdfGodobject, IsEnteredAtAnySpeed) {
   }
 }
 
-TEST(SdfGodobject, SaysThatOpenSurfacesHaveOneSide) {
+TEST(FieldsOfPoints, OpenSurfacesHaveTheSideTheyAreGiven) {
   const render::ModelInput model = model_of(flat_points(41, 0.25));
-  const Probe up = prepare(model, "sdf-godobject"), down = prepare(model, "sdf-godobject:flip=true");
-  EXPECT_EQ(up.report.warnings.size(), 1u);
-  EXPECT_NE(up.renderer->describe().work_bound.find("one side"), std::string::npos);
-  EXPECT_NEAR(up.press({0, 0, 1}, {0, 0, -0.5}, 0.05).force_n.z(), kStiffness * 0.5, 1e-5);
-  EXPECT_FALSE(up.press({0, 0, -1}, {0, 0, 0.5}, 0.05).contact);
-  EXPECT_NEAR(down.press({0, 0, -1}, {0, 0, 0.5}, 0.05).force_n.z(), -kStiffness * 0.5, 1e-5);
-  EXPECT_FALSE(up.press({8, 0, 1}, {8, 0, -0.5}, 0.05).contact) << "beyond the border is nothing";
+  for (const std::string name : {"vector-field", "sdf-godobject"}) {
+    SCOPED_TRACE(name);
+    const Probe up = prepare(model, name), down = prepare(model, name + ":flip=true");
+    EXPECT_NEAR(up.press({0, 0, 1}, {0, 0, -0.5}, 0.05).force_n.z(), kStiffness * 0.5, 1e-5);
+    EXPECT_FALSE(up.press({0, 0, -1}, {0, 0, 0.5}, 0.05).contact);
+    EXPECT_NEAR(down.press({0, 0, -1}, {0, 0, 0.5}, 0.05).force_n.z(), -kStiffness * 0.5, 1e-5);
+    EXPECT_FALSE(down.press({0, 0, 1}, {0, 0, -0.5}, 0.05).contact);
+    EXPECT_FALSE(up.press({8, 0, 1}, {8, 0, -0.5}, 0.05).contact) << "beyond the border is nothing";
+  }
+  const Probe one = prepare(model, "sdf-godobject");
+  EXPECT_EQ(one.report.warnings.size(), 1u);
+  EXPECT_TRUE(test::contains(one.renderer->describe().work_bound, "one side"));
 }
 
-TEST(SdfGodobject, RefusesWhatItCannotHoldWithARemedy) {
-  render::SceneInput scene = scene_of(model_of(flat_points(101, 0.25)));
-  const Error refused = refusal("sdf-godobject:voxel=0.1:memory_mb=5", scene);
-  EXPECT_NE(refused.what.find("5 MB"), std::string::npos) << refused.what;
-  EXPECT_NE(refused.remedy.find("voxel"), std::string::npos);
-  // Voxels that 32 bits cannot count.
-  scene.models[0] = model_of(cloud_of({{0, 0, 0}, {1e-3, 0, 0}, {0, 1e-3, 0}, {1e9, 1e9, 1e9}}));
-  const Error uncounted = refusal("sdf-godobject:voxel_mm=0.001", scene);
-  EXPECT_NE(uncounted.remedy.find("voxel"), std::string::npos);
-  render::Registry registry;
-  baselines::register_baseline_renderers(registry);
-  for (const char* bad : {"sdf-godobject:band=1", "sdf-godobject:voxel=0", "variable-proxy:radius=0",
-                          "variable-proxy:ratio=0.5", "variable-proxy:offset=some"}) {
-    const auto named = parse_named_options(bad).value();
-    EXPECT_FALSE(registry.make(named.name, named.options).ok()) << bad;
+TEST(FieldsOfPoints, RefuseWhatTheyCannotHoldWithARemedy) {
+  const struct {
+    const char *fine, *limit, *uncounted;
+  } fields[] = {{"vector-field:voxel=0.2:memory_mb=10", "10 MB", "vector-field:voxel_mm=0.001"},
+                {"sdf-godobject:voxel=0.1:memory_mb=5", "5 MB", "sdf-godobject:voxel_mm=0.001"}};
+  const render::SceneInput plate = scene_of(model_of(flat_points(101, 0.25)));
+  // An extent that no directory could hold, voxels that 32 bits cannot count.
+  const render::SceneInput vast =
+      scene_of(model_of(cloud_of({{0, 0, 0}, {1e-3, 0, 0}, {0, 1e-3, 0}, {1e9, 1e9, 1e9}})));
+  for (const auto& field : fields) {
+    const Error refused = refusal(field.fine, plate);
+    EXPECT_NE(refused.what.find(field.limit), std::string::npos) << refused.what;
+    EXPECT_TRUE(test::contains(refused.remedy, "voxel"));
+    const Error uncounted = refusal(field.uncounted, vast);
+    EXPECT_TRUE(test::contains(uncounted.remedy, "voxel"));
   }
+  EXPECT_LT(prepare(plate, "vector-field:memory_mb=10").report.bytes, 10'000'000u);
+  for (const char* bad : {"sdf-godobject:band=1", "sdf-godobject:voxel=0", "variable-proxy:radius=0",
+                          "variable-proxy:ratio=0.5", "variable-proxy:offset=some"})
+    EXPECT_FALSE(made(bad).ok()) << bad;
 }
 
 class InAClump : public testing::TestWithParam<std::string> {};
@@ -261,10 +233,9 @@ TEST(ShellWalk, StopsAtTheBoundThatIsAskedFor) {
 /// Rivals whose size follows the density where it changes.
 class OnAStep : public testing::TestWithParam<std::string> {};
 
+// Where each side of the step knew of itself alone, the last dense radii left a gap: 995 frames missed.
 TEST_P(OnAStep, NothingFallsThrough) {
-  // Where each side of the step knew of itself alone, the last dense radii left a gap: 995 frames were
-  // missed.
-  const Uneven set = uneven("sinusoid:sampling=blue:density=40:points=40000:seed=3", 1.0);
+  const Sampled set = sampled("sinusoid:sampling=blue:density=40:points=40000:seed=3", 1.0);
   const Score found = score(set, GetParam(), 0.9);
   EXPECT_EQ(found.missed, 0);
   EXPECT_GT(found.contacts, 1500);
@@ -272,7 +243,7 @@ TEST_P(OnAStep, NothingFallsThrough) {
 
 TEST_P(OnAStep, RadiiFollowTheDensity) {
   // One half 16 times as dense: a proxy of one radius for all must be as large as the sparse half needs.
-  const Uneven set = uneven("plane:extent_mm=40:sampling=blue:density=16:points=20000:seed=3", 1.0);
+  const Sampled set = sampled("plane:extent_mm=40:sampling=blue:density=16:points=20000:seed=3", 1.0);
   const auto ratio = [&](const std::string& name) {
     const Probe rival = prepare(set.model, name);
     const geometry::Aabb box = set.model.cloud->box_mm();
@@ -299,7 +270,7 @@ INSTANTIATE_TEST_SUITE_P(Points, OnAStep, testing::Values("stream-proxy", "varia
 
 TEST(StreamProxy, LocalRadiiAreTakenWhereTheDensityChangesAndNowhereElse) {
   const auto choice = [](const std::string& generator, const std::string& name) {
-    const Probe made = prepare(uneven(generator, 1.0).model, name);
+    const Probe made = prepare(sampled(generator, 1.0).model, name);
     for (const render::ModelDecisions& model : made.report.decisions.models)
       for (const render::Decision& one : model.decisions)
         if (one.about == "radii") return one.choice;

@@ -10,7 +10,8 @@
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
-#include "tests/baselines/meshes.h"
+#include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::baselines {
@@ -18,13 +19,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 31;
 
-cloud::GeneratedModel generated(const std::string& spec) {
-  auto named = parse_named_options(spec);
-  EXPECT_TRUE(named.ok());
-  auto model = cloud::generate(*named);
-  EXPECT_TRUE(model.ok()) << model.error().message();
-  return *std::move(model);
-}
+using test::generated;
 
 struct Made {
   geometry::TriangleMesh mesh;
@@ -345,9 +340,7 @@ TEST(Reconstruction, OrganisedMeshLeavesLongEdgesOut) {
 }
 
 TEST(Reconstruction, NamesWhatThereIs) {
-  const auto unknown = find_method("nurbs");
-  ASSERT_FALSE(unknown.ok());
-  EXPECT_NE(unknown.error().message().find("power-crust"), std::string::npos);
+  EXPECT_TRUE(test::refused(find_method("nurbs"), "power-crust"));
   std::set<std::string> keys;
   for (const OptionSpec& spec : all_method_options("mesh")) {
     EXPECT_TRUE(keys.insert(spec.key).second) << spec.key;

@@ -13,6 +13,7 @@
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/meshes.h"
 #include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/closest_point.h"
 
@@ -49,20 +50,6 @@ TEST(FacetTree, ClosestAndCrossingAgreeWithBruteForce) {
   }
 }
 
-TEST(MeshTruth, SignedDistanceOfABoxEverywhere) {
-  RecordProperty("seed", static_cast<int>(kSeed));
-  Random random(kSeed);
-  const geometry::RigidTransform pose{Eigen::Quaterniond(0.3, 0.2, 0.9, -0.1).normalized(), Vec3(7, -8, 9)};
-  auto truth = MeshTruth::build(test::box_mesh(1, 2, 3), pose);
-  ASSERT_TRUE(truth.ok());
-  for (int i = 0; i < 5000; ++i) {
-    const Vec3 p{random.uniform(-3, 3), random.uniform(-4, 4), random.uniform(-5, 5)};
-    const Vec3 d = p.cwiseAbs() - Vec3(1, 2, 3);
-    const double expected = d.maxCoeff() < 0 ? d.maxCoeff() : d.cwiseMax(0.0).norm();
-    ASSERT_NEAR((*truth)->signed_distance_mm(pose * p), expected, 1e-9);
-  }
-}
-
 TEST(MeshReference, AgreesWithTheClosestPointAndWithTheRenderer) {
   const geometry::TriangleMesh mesh = test::height_mesh(250, 50.0, test::sinusoid);
   const trace::ProbePath path = path_over(1.0, 6000);
@@ -71,7 +58,7 @@ TEST(MeshReference, AgreesWithTheClosestPointAndWithTheRenderer) {
   auto reference = mesh_reference(**truth, path, 0.5, 0.0, no_progress());
   ASSERT_TRUE(reference.ok()) << reference.error().message();
   ASSERT_EQ(reference->frames.size(), path.size());
-  EXPECT_NE(reference->exactness.find("in 0 another part"), std::string::npos) << reference->exactness;
+  EXPECT_TRUE(test::contains(reference->exactness, "in 0 another part"));
 
   const test::Probe probe = test::prepare(test::model_of(mesh), "mesh-godobject:mesh=original");
   auto trace = trace::replay(*probe.renderer, path);
@@ -130,7 +117,7 @@ TEST(MeshReference, ASurfaceMuchNearerThatFacesTheSameWayTakesOver) {
     most_n = std::max(most_n, frame.frame.force_n.norm());
   EXPECT_LE(most_n, 1.0 + 1e-9) << "it stayed on the side";
   EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 0.2)).norm(), 1e-9);
-  EXPECT_NE(reference.exactness.find("; 1 times"), std::string::npos) << reference.exactness;
+  EXPECT_TRUE(test::contains(reference.exactness, "; 1 times"));
 }
 
 TEST(MeshReference, AThinPlateHoldsAProbeThatIsBeyondIt) {
@@ -140,8 +127,7 @@ TEST(MeshReference, AThinPlateHoldsAProbeThatIsBeyondIt) {
   EXPECT_LT((reference.frames.back().frame.force_n - Vec3(0.0, 0.0, 1.75)).norm(), 1e-9);
 }
 
-// ---- The mesh truth that shares nothing with the mesh renderers, against formulas, brute force and the
-// other one.
+// The mesh truth that shares nothing with the mesh renderers, against formulas, brute force, the other one.
 
 constexpr std::uint64_t kClosestSeed = 4711;
 
@@ -158,22 +144,21 @@ geometry::TriangleMesh mixed_up(geometry::TriangleMesh mesh, Random& random) {
   return mesh;
 }
 
-TEST(ClosestMesh, SignedDistanceOfABoxAtEveryScale) {
-  RecordProperty("seed", static_cast<int>(kClosestSeed));
+/// Of a box, also straight off its edges and corners, where no facet is nearer than its neighbours.
+template <class Truth>
+void expect_box_distances() {
   Random random(kClosestSeed);
   for (const double scale : {1e-3, 1.0, 1e6}) {
     geometry::RigidTransform where = pose();
     where.translation_mm *= scale;
-    const auto truth =
-        ClosestMesh::build(mixed_up(test::box_mesh(scale, 2 * scale, 3 * scale), random), where);
+    const auto truth = Truth::build(mixed_up(test::box_mesh(scale, 2 * scale, 3 * scale), random), where);
     ASSERT_TRUE(truth) << truth.error().message();
-    for (int i = 0; i < 3000; ++i) {
+    for (int i = 0; i < 5000; ++i) {
       const Vec3 p{random.uniform(-3, 3), random.uniform(-4, 4), random.uniform(-5, 5)};
       const Vec3 d = p.cwiseAbs() - Vec3(1, 2, 3);
       const double expected = d.maxCoeff() < 0 ? d.maxCoeff() : d.cwiseMax(0.0).norm();
       ASSERT_NEAR((*truth)->signed_distance_mm(where * (scale * p)), scale * expected, scale * 1e-9) << p;
     }
-    // Straight off edges and corners, where no facet is nearer than its neighbours.
     for (const Vec3& way : {Vec3(1, 1, 0), Vec3(1, 1, 1), Vec3(-1, 1, -1), Vec3(0, -1, 1)}) {
       const Vec3 rim = way.cwiseProduct(Vec3(1, 2, 3));
       const double out = (*truth)->signed_distance_mm(where * (scale * (rim + 0.5 * way)));
@@ -181,6 +166,11 @@ TEST(ClosestMesh, SignedDistanceOfABoxAtEveryScale) {
       EXPECT_LT((*truth)->signed_distance_mm(where * (scale * (rim - 0.1 * way))), 0.0);
     }
   }
+}
+TEST(MeshTruths, SignedDistanceOfABoxAtEveryScale) {
+  RecordProperty("seed", static_cast<int>(kClosestSeed));
+  expect_box_distances<MeshTruth>();
+  expect_box_distances<ClosestMesh>();
 }
 
 TEST(ClosestMesh, SharpFoldsAndThinParts) {
@@ -215,15 +205,13 @@ TEST(ClosestMesh, BeyondTheRimOfAnOpenMeshIsOutside) {
 }
 
 TEST(ClosestMesh, AgreesWithTheOtherTruthOnAnUnevenBody) {
-  const auto made =
-      cloud::generate(parse_named_options("pebble:points=2000:jitter=0.2:nonuniform=0.6:seed=5").value());
-  ASSERT_TRUE(made) << made.error().message();
-  ASSERT_NE(made->original_mesh, nullptr);
+  const auto made = test::generated("pebble:points=2000:jitter=0.2:nonuniform=0.6:seed=5");
+  ASSERT_NE(made.original_mesh, nullptr);
   Random random(kClosestSeed);
-  const auto ours = MeshTruth::build(*made->original_mesh, pose());
-  const auto theirs = ClosestMesh::build(mixed_up(*made->original_mesh, random), pose());
+  const auto ours = MeshTruth::build(*made.original_mesh, pose());
+  const auto theirs = ClosestMesh::build(mixed_up(*made.original_mesh, random), pose());
   ASSERT_TRUE(ours && theirs);
-  const geometry::Aabb box = made->cloud.box_mm();
+  const geometry::Aabb box = made.cloud.box_mm();
   for (int i = 0; i < 3000; ++i) {
     Vec3 p;
     for (int axis = 0; axis < 3; ++axis) p[axis] = 1.2 * random.uniform(box.low_mm[axis], box.high_mm[axis]);
@@ -270,7 +258,7 @@ TEST(ClosestMesh, RefusesWhatIsNoSurface) {
   nan.vertices_mm[3].y() = std::nan("");
   const auto refused = ClosestMesh::build(nan, {});
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("vertex 3"), std::string::npos);
+  EXPECT_TRUE(test::contains(refused.error().what, "vertex 3"));
 }
 
 }  // namespace

@@ -142,33 +142,40 @@ inline std::vector<Vec3> weaving(const geometry::AnalyticSurface& surface, std::
   return path;
 }
 
-/// Along the sinusoid 1.5 mm below it, in steps of `step_mm`: the most that the force's direction turns in
-/// one.
-inline double largest_turn(Probe& probe, double step_mm) {
-  const auto below = [](double x) { return Vec3(x, 3, sinusoid(x, 3) - 1.5); };
-  Vec3 last = probe.press({-20, 3, 30}, below(-20), 0.1).force_n;
-  double most = 0.0;
-  for (double x = -20; x < 20; x += step_mm) {
-    const Vec3 force = probe.to(below(x)).force_n;
-    most = std::max(most, (force.normalized() - last.normalized()).norm());
-    last = force;
-  }
-  return most;
+/// A generated model, a path that weaves over it, and its formula.
+struct Sampled {
+  render::ModelInput model;
+  std::vector<Vec3> path;
+  std::shared_ptr<const geometry::AnalyticSurface> surface;
+};
+inline Sampled sampled(const std::string& generator, double depth) {
+  auto made = generated(generator + ":mesh=false");
+  return {model_of(made.cloud), weaving(*made.surface, 4000, depth), made.surface};
 }
 
-/// On facets the force turns at once where the god object crosses an edge, however small the step. Shaded it
-/// turns there by the second pass alone: the target is put back on to the facet, off the shading normal by
-/// the square of the sine of the angle between the two, about half of the edge's, on either side.
-inline void expect_shading_to_smooth_edges(const std::string& renderer, double carriers) {
-  const TriangleMesh coarse = height_mesh(30, 50.0, sinusoid);
-  Probe bare = make(coarse, renderer);
-  Probe shaded = make(coarse, renderer + ":shading=interpolated");
-  const double edge = largest_turn(bare, 0.02);
-  EXPECT_GT(edge, 0.05) << "the facets' edges are felt";
-  EXPECT_GT(largest_turn(bare, 0.005), 0.9 * edge);
-  const double half = std::sin(0.5 * edge);
-  EXPECT_LT(largest_turn(shaded, 0.02), carriers * 2.0 * half * half);
-  EXPECT_LT(largest_turn(shaded, 0.005), carriers * 2.0 * half * half);
+struct Score {
+  double relative = 0.0;  ///< RMS of the force error over that of the true force
+  int missed = 0, false_frames = 0, contacts = 0;
+};
+/// `sure_mm`: so deep, or so far outside, a force must be there, or not.
+inline Score score(const Sampled& set, const std::string& rival, double sure_mm) {
+  const Probe probe = prepare(set.model, rival, 0);
+  probe.renderer->restart(set.path.front());
+  Score found;
+  double error = 0.0, size = 0.0;
+  for (const Vec3& hip : set.path) {
+    const render::Frame frame = probe.to(hip);
+    const double d = set.surface->signed_distance_mm(hip);
+    const Vec3 truth =
+        d < 0.0 ? Vec3(kStiffness * (set.surface->closest(hip).point_mm - hip)) : Vec3(Vec3::Zero());
+    error += (frame.force_n - truth).squaredNorm();
+    size += truth.squaredNorm();
+    found.missed += d < -sure_mm && !frame.contact;
+    found.false_frames += d > sure_mm && frame.contact;
+    found.contacts += frame.contact;
+  }
+  found.relative = std::sqrt(error / size);
+  return found;
 }
 
 inline void expect_near(const Vec3& a, const Vec3& b, double tolerance) {

@@ -346,8 +346,7 @@ TEST(SegmentIndex, NoSegmentSlipsThroughEdgesOrVertices) {
   EXPECT_EQ(missed, 0u);
 }
 
-/// A path in small steps across the surface, its joints on the surface itself as often as not: some step must
-/// meet it.
+/// A path across the surface in small steps, every second joint on the surface: some step must meet it.
 TEST(SegmentIndex, ChainsOfSegmentsMeetTheSurface) {
   RecordProperty("seed", std::to_string(kSeed));
   Random random(kSeed);

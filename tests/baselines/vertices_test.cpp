@@ -40,14 +40,6 @@ Ran run(const Setting& setting, const std::string& spec) {
   return ran;
 }
 
-Frame glide(const test::Stepped& renderer, const Vec3& from, const Vec3& to) {
-  constexpr int kFrames = 2000;
-  Frame frame;
-  for (int i = 0; i <= kFrames; ++i)
-    frame = renderer->step(from + (to - from) * (static_cast<double>(i) / kFrames), 1e-3);
-  return frame;
-}
-
 TEST(CloudVertices, AnyPartitionDrivesItToTheSameTrace) {
   const std::vector<std::pair<std::string, std::string>> settings = {
       {"sinusoid:points=10000", "weave:frames=4000"},
@@ -123,45 +115,32 @@ TEST(CloudVertices, CellsOfUnevenCloudsHoldFewPointsAndChangeNoFrame) {
   EXPECT_LT(3 * counters[1].box_tests, counters[0].box_tests);
 }
 
-/// Frames in contact, unshaded on the eight nearest, and those in which the god object is not the nearest
-/// point of all.
-struct Nearest {
-  std::size_t contacts = 0, farther = 0;
-};
-Nearest nearest_of_all(const std::string& spec) {
-  const Scene scene = generated(spec);
-  const cloud::Cloud& points = *scene.input.models[0].cloud;
-  const trace::ProbePath path = path_over(scene, "weave:frames=3000:depth_mm=1");
-  const auto renderer = ready(scene.input, "cloud-vertices:neighbours=exact-knn:shading=none");
-  renderer->restart(path.hip_mm[0]);
-  Nearest result;
-  for (const Vec3& hip : path.hip_mm) {
-    const Frame frame = renderer->step(hip, 1e-3);
-    if (!frame.contact) continue;
-    ++result.contacts;
-    double nearest = std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < points.size(); ++i)
-      nearest = std::min(nearest, (points.point_mm(i) - hip).norm());
-    result.farther += (frame.god_object_mm - hip).norm() > nearest * (1.0 + 1e-12);
-  }
-  return result;
-}
-
+// Unshaded, on the eight nearest. On steep jittered parts planes turn from point to point as at an edge,
+// where the god object keeps to its face, and the eight nearest in space need not surround a point: it may
+// stop beside the nearest one of all.
 TEST(CloudVertices, GodObjectIsTheNearestPointOfAll) {
-  for (const char* spec : {"sinusoid:points=2601", "saddle:points=2601", "sphere:points=3000"}) {
+  for (const auto& [spec, most_farther] :
+       {std::pair("sinusoid:points=2601", 0.0), std::pair("saddle:points=2601", 0.0),
+        std::pair("sphere:points=3000", 0.0), std::pair("sinusoid:points=2601:jitter=0.4", 0.02)}) {
     SCOPED_TRACE(spec);
-    const Nearest found = nearest_of_all(spec);
-    EXPECT_GT(found.contacts, 1500u);
-    EXPECT_EQ(found.farther, 0u);
+    const Scene scene = generated(spec);
+    const cloud::Cloud& points = *scene.input.models[0].cloud;
+    const trace::ProbePath path = path_over(scene, "weave:frames=3000:depth_mm=1");
+    const auto renderer = ready(scene.input, "cloud-vertices:neighbours=exact-knn:shading=none");
+    renderer->restart(path.hip_mm[0]);
+    int contacts = 0, farther = 0;
+    for (const Vec3& hip : path.hip_mm) {
+      const Frame frame = renderer->step(hip, 1e-3);
+      if (!frame.contact) continue;
+      ++contacts;
+      double nearest = std::numeric_limits<double>::infinity();
+      for (std::size_t i = 0; i < points.size(); ++i)
+        nearest = std::min(nearest, (points.point_mm(i) - hip).norm());
+      farther += (frame.god_object_mm - hip).norm() > nearest * (1.0 + 1e-12);
+    }
+    EXPECT_GT(contacts, 1500);
+    EXPECT_LE(farther, most_farther * contacts);
   }
-}
-
-// On steep jittered parts planes turn from point to point as at an edge, where the god object keeps to its
-// face, and the eight nearest in space need not surround a point: it may stop beside the nearest one of all.
-TEST(CloudVertices, OnJitteredPointsTheGodObjectIsSeldomBesideTheNearest) {
-  const Nearest found = nearest_of_all("sinusoid:points=2601:jitter=0.4");
-  EXPECT_GT(found.contacts, 1500u);
-  EXPECT_LT(found.farther, found.contacts / 50);
 }
 
 TEST(CloudVertices, PermutedPointsAnswerTheSame) {
@@ -194,9 +173,8 @@ TEST(CloudVertices, ALonePointLetsGoWhenTheProbeLeavesSideways) {
   EXPECT_FALSE(f.contact);
 }
 
+// A pile of more boxes than one frame may test: the touch comes a few frames later; every such frame says so.
 TEST(CloudVertices, WorkPastTheBoundIsDoneInTheNextFrame) {
-  // A pile of more boxes than one frame may test: the touch comes a few frames later, and every such frame
-  // says so.
   std::vector<Vec3> points;
   Random random(4);
   for (int i = 0; i < 60000; ++i)
@@ -217,8 +195,7 @@ TEST(CloudVertices, WorkPastTheBoundIsDoneInTheNextFrame) {
   EXPECT_GT(cloud->counters().bound_hits, 0u);
 }
 
-// A sphere with a hole is taken for a whole one: in by the hole, out through the
-// surface, and everything is as it was before.
+// In by the hole and out through the surface: everything is as it was before.
 TEST(CloudVertices, AHoleDoesNotTurnItInsideOut) {
   constexpr double kRadius = 50.0;
   const Scene whole = generated("sphere:points=20000:extent_mm=100");

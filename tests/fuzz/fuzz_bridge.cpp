@@ -2,19 +2,15 @@
 // The first is used as it is and with a corrected CRC.
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <span>
 #include <vector>
 
 #include "device/bridge/bridge_device.h"
 #include "device/bridge/bridge_server.h"
+#include "tests/fuzz/must.h"
 
 namespace palpate::device {
 namespace {
-
-void sound(bool so) {
-  if (!so) std::abort();
-}
 
 class OneDatagram final : public Link, public DatagramPort {
  public:
@@ -22,7 +18,7 @@ class OneDatagram final : public Link, public DatagramPort {
   Status open() override { return Done{}; }
   void close() noexcept override {}
   bool submit(std::span<const std::uint8_t> bytes) noexcept override {
-    sound(decoded_datagram(bytes).has_value());
+    must(decoded_datagram(bytes).has_value());
     return true;
   }
   Polled poll(std::span<std::uint8_t> into) noexcept override { return {copied(into), false}; }
@@ -50,19 +46,19 @@ class NoForce final : public Device {
     return {1.0, {Vec3::Constant(-1.0), Vec3::Constant(1.0)}, 0.01, 1000.0};
   }
   [[nodiscard]] DeviceState read() noexcept override { return {}; }
-  void send(GovernedForce force) noexcept override { sound(force.newtons().isZero(0.0)); }
+  void send(GovernedForce force) noexcept override { must(force.newtons().isZero(0.0)); }
 };
 
 void feed(std::span<const std::uint8_t> bytes) {
   if (const auto datagram = decoded_datagram(bytes)) {
     const DatagramBytes again(*datagram);
-    sound(std::equal(bytes.begin(), bytes.end(), again.bytes().begin(), again.bytes().end()));
+    must(std::equal(bytes.begin(), bytes.end(), again.bytes().begin(), again.bytes().end()));
   }
   VirtualClock clock;
   OneDatagram port(bytes);
   NoForce motors;
   BridgeServer far(motors, port, clock, {});
-  sound(far.open().ok());
+  must(far.open().ok());
   for (int i = 0; i < 3; ++i) {
     far.tick();
     clock.advance(1e-3);
@@ -72,7 +68,7 @@ void feed(std::span<const std::uint8_t> bytes) {
   options.wait = [&clock] { clock.advance(1e-3); };
   auto owned = std::make_unique<OneDatagram>(bytes);
   BridgeDevice host(std::move(owned), clock, options);
-  sound(!host.open().ok());  // one datagram cannot make the far end obey
+  must(!host.open().ok());  // one datagram cannot make the far end obey
 }
 
 }  // namespace

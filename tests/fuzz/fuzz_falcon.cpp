@@ -2,20 +2,16 @@
 // must stay sane.
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include <palpate/device/force_governor.h>
 #include "device/falcon/falcon_device.h"
+#include "tests/fuzz/must.h"
 
 namespace palpate::device {
 namespace {
-
-void must(bool sound) {
-  if (!sound) std::abort();
-}
 
 /// Answers until packets flow; then gives the input as packets, whose sizes are bytes of it.
 class FuzzedLink final : public ControlLink {

@@ -2,13 +2,13 @@
 // guarantees, and a restart repeats them. tests/house replays the findings in tests/corpus/frame.
 #include <array>
 #include <cstdint>
-#include <cstdlib>
 #include <limits>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include <palpate/registry.h>
+#include "tests/fuzz/must.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/render/frame_loop.h"
 
@@ -22,10 +22,6 @@ constexpr double kLimitRounding = 1.0 + 1e-12;
 /// Coordinates are 16 bits over +-32 mm.
 constexpr double kStepMm = 1.0 / 1024.0;
 constexpr std::size_t kMostPoints = 96, kMostFrames = 400;
-
-void require_frame(bool holds) {
-  if (!holds) std::abort();
-}
 
 /// Reads byte by byte; zeros at the end.
 class Bytes {
@@ -141,13 +137,12 @@ std::uint64_t played(render::HapticRenderer& renderer, const std::vector<Act>& a
     if (act.move == Move::kReleaseContact) renderer.release_contact(act.hip);
     if (act.move == Move::kRestart) renderer.restart(act.hip, t_s - kPeriodS);
     const render::Frame frame = renderer.step(act.hip, t_s);
-    require_frame(is_finite(frame.force_n));
-    require_frame(frame.force_n.norm() <= kLimitN * kLimitRounding);
-    require_frame((frame.status == render::FrameStatus::kNonFinite) ==
-                  !render::is_representable_hip(act.hip));
-    require_frame(frame.contact || frame.force_n == Vec3::Zero());
-    require_frame(frame.contact == (frame.model == 0));
-    if (render::is_representable_hip(act.hip)) require_frame(is_finite(frame.god_object_mm));
+    must(is_finite(frame.force_n));
+    must(frame.force_n.norm() <= kLimitN * kLimitRounding);
+    must((frame.status == render::FrameStatus::kNonFinite) == !render::is_representable_hip(act.hip));
+    must(frame.contact || frame.force_n == Vec3::Zero());
+    must(frame.contact == (frame.model == 0));
+    if (render::is_representable_hip(act.hip)) must(is_finite(frame.god_object_mm));
     hash.byte(static_cast<std::uint8_t>(frame.contact));
     for (int axis = 0; axis < 3; ++axis) hash.real(frame.force_n[axis]);
     for (int axis = 0; axis < 3; ++axis) hash.real(frame.god_object_mm[axis]);
@@ -169,7 +164,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Options options;
   if (chosen.key != nullptr) options.set(chosen.key, chosen.value);
   auto renderer = registry.make(chosen.name, options);
-  require_frame(renderer.ok());
+  must(renderer.ok());
   render::ModelInput model;
   model.cloud =
       std::make_shared<const cloud::Cloud>(model_of(bytes, std::string_view(chosen.name) == "heightfield"));
@@ -183,6 +178,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::vector<Act> acts = acts_of(bytes, *model.cloud);
   const Vec3 start = model.cloud->box_mm().high_mm + Vec3::Ones();
   const std::uint64_t once = played(**renderer, acts, start);
-  require_frame(played(**renderer, acts, start) == once);
+  must(played(**renderer, acts, start) == once);
   return 0;
 }

@@ -17,13 +17,10 @@
 #include "device/arms/arm_device.h"
 #include "device/haply/planar_device.h"
 #include "device/spacemouse/spacemouse_device.h"
+#include "tests/fuzz/must.h"
 
 namespace palpate::device {
 namespace {
-
-void must_hold(bool sound) {
-  if (!sound) std::abort();
-}
 
 /// Gives the input in pieces whose sizes are bytes of it; checks what is sent.
 class FuzzedLink final : public Link {
@@ -55,51 +52,51 @@ class FuzzedLink final : public Link {
 constexpr int kCapMa = 2000;  // of the known arms
 
 void check_words(std::span<const std::uint8_t> bytes) {
-  must_hold(bytes.size() >= 8 && bytes.size() <= 64);
+  must(bytes.size() >= 8 && bytes.size() <= 64);
   const auto word = [&](std::size_t i) {
     return static_cast<std::int16_t>(bytes[2 * i] | (bytes[2 * i + 1] << 8));
   };
   if (bytes.size() >= 14 && word(3) == 1) return;  // sets counters
-  for (std::size_t i = 0; i < 3; ++i) must_hold(std::abs(int{word(i)}) <= kCapMa);
+  for (std::size_t i = 0; i < 3; ++i) must(std::abs(int{word(i)}) <= kCapMa);
 }
 
 void check_text(std::span<const std::uint8_t> bytes) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  must_hold(text.size() >= 16 && text.front() == '[' && text.back() == '\n');
+  must(text.size() >= 16 && text.front() == '[' && text.back() == '\n');
   int a = 0, b = 0, c = 0;
-  must_hold(std::sscanf(std::string(text).c_str(), "[%d,%d,%d]", &a, &b, &c) == 3);
-  must_hold(std::abs(a) <= kCapMa && std::abs(b) <= kCapMa && std::abs(c) <= kCapMa);
+  must(std::sscanf(std::string(text).c_str(), "[%d,%d,%d]", &a, &b, &c) == 3);
+  must(std::abs(a) <= kCapMa && std::abs(b) <= kCapMa && std::abs(c) <= kCapMa);
 }
 
 void check_plane(std::span<const std::uint8_t> bytes) {
-  must_hold(bytes.size() == 10 || bytes.size() == 26);
+  must(bytes.size() == 10 || bytes.size() == 26);
   if (bytes.size() != 10) return;
   for (const std::size_t at : {std::size_t{2}, std::size_t{6}}) {
     float torque = 0.0F;
     std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), 4, reinterpret_cast<std::uint8_t*>(&torque));
-    must_hold(std::isfinite(torque) && std::abs(torque) <= 0.12301F);
+    must(std::isfinite(torque) && std::abs(torque) <= 0.12301F);
   }
 }
 
 void check_lamp(std::span<const std::uint8_t> bytes) {
-  must_hold(bytes.size() == 2 && bytes[0] == 4);
+  must(bytes.size() == 2 && bytes[0] == 4);
 }
 
 /// Runs until the link is gone, with a governor that wants 3 N.
 void run_frames(Device& device, VirtualClock& clock, std::size_t most) {
-  must_hold(device.open().ok());
+  must(device.open().ok());
   ForceGovernor governor = ForceGovernor::create(device.limits(), {}).value();
   governor.arm(clock.now_s());
   for (std::size_t frames = 0;; ++frames) {
     const DeviceState state = device.read();
-    must_hold(is_finite(state.position_mm) && state.raw.size <= RawPacket::kMost);
+    must(is_finite(state.position_mm) && state.raw.size <= RawPacket::kMost);
     if (state.status == ReadStatus::kLost) break;
     if (governor.fault() != Fault::kNone) governor.arm(clock.now_s());
     device.send(governor.govern(clock.now_s(), state, Vec3(1.0, -2.0, 2.0)));
     clock.advance(1e-3);
-    must_hold(frames <= most);
+    must(frames <= most);
   }
-  must_hold(!device.cut_force() || device.name() != "spacemouse");
+  must(!device.cut_force() || device.name() != "spacemouse");
 }
 
 ArmDescription built_in_arm(std::string_view name) {
@@ -123,12 +120,12 @@ void run_description(std::span<const std::uint8_t> bytes) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const Result<ArmDescription> arm = parse_arm_description(text, "fuzzed.toml");
   if (!arm) {
-    must_hold(!arm.error().what.empty() && arm.error().file == "fuzzed.toml");
+    must(!arm.error().what.empty() && arm.error().file == "fuzzed.toml");
     return;
   }
-  must_hold(arm->current_cap_a > 0.0 && arm->current_cap_a <= 6.0 && arm->limits.force_max_n > 0.0);
+  must(arm->current_cap_a > 0.0 && arm->current_cap_a <= 6.0 && arm->limits.force_max_n > 0.0);
   const auto pose = arm_pose(arm->geometry, arm->angles_of(arm->rest_counts));
-  must_hold(pose.has_value() && is_finite(pose->position_mm));
+  must(pose.has_value() && is_finite(pose->position_mm));
 }
 
 }  // namespace

@@ -1,17 +1,13 @@
 // Fuzzes Open Sound Control messages and bundles, and their requests to a session.
 #include <cstdint>
-#include <cstdlib>
 #include <span>
 #include <string_view>
 
 #include "device/live/remote_command.h"
+#include "tests/fuzz/must.h"
 
 namespace palpate::device {
 namespace {
-
-void osc_must(bool sound) {
-  if (!sound) std::abort();
-}
 
 bool lies_in(std::string_view text, std::span<const std::uint8_t> bytes) {
   const auto* const begin = reinterpret_cast<const char*>(bytes.data());
@@ -19,14 +15,13 @@ bool lies_in(std::string_view text, std::span<const std::uint8_t> bytes) {
 }
 
 void check_osc_message(const OscMessage& message, std::span<const std::uint8_t> bytes) {
-  osc_must(message.address.starts_with('/') && lies_in(message.address, bytes));
-  osc_must(message.count <= OscMessage::kMaxArguments);
-  for (std::size_t i = 0; i < message.count; ++i) osc_must(lies_in(message.arguments[i].text, bytes));
+  must(message.address.starts_with('/') && lies_in(message.address, bytes));
+  must(message.count <= OscMessage::kMaxArguments);
+  for (std::size_t i = 0; i < message.count; ++i) must(lies_in(message.arguments[i].text, bytes));
   const auto command = command_of(message);
   if (!command) return;
-  osc_must(command->text.size() <= kMaxRemoteText);
-  if (command->kind == RemoteCommand::Kind::kSelect)
-    osc_must((command->number > 0) != !command->text.empty());
+  must(command->text.size() <= kMaxRemoteText);
+  if (command->kind == RemoteCommand::Kind::kSelect) must((command->number > 0) != !command->text.empty());
 }
 
 }  // namespace
@@ -34,14 +29,15 @@ void check_osc_message(const OscMessage& message, std::span<const std::uint8_t> 
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace palpate::device;
+  using palpate::must;
   const std::span<const std::uint8_t> bytes(data, size);
   const auto message = read_osc(bytes);
   const auto messages = read_osc_packet(bytes);
-  if (message) osc_must(messages && messages->size() == 1);
+  if (message) must(messages && messages->size() == 1);
   if (!messages) return 0;
-  osc_must(size % 4 == 0);
+  must(size % 4 == 0);
   // Each needs at least its length and one word.
-  osc_must(messages->size() <= size / 4);
+  must(messages->size() <= size / 4);
   for (const OscMessage& one : *messages) check_osc_message(one, bytes);
   return 0;
 }

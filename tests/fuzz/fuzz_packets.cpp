@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "device/simulated/packet_device.h"
+#include "tests/fuzz/must.h"
 
 namespace palpate::device {
 namespace {
@@ -45,15 +46,12 @@ std::vector<Packet> scanned(std::span<const std::uint8_t> bytes) {
   return all;
 }
 
-void must(bool sound) {
-  if (!sound) std::abort();
-}
-
 }  // namespace
 }  // namespace palpate::device
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace palpate::device;
+  using palpate::must;
   const std::span<const std::uint8_t> bytes(data, size);
   PacketReader reader;
   std::vector<Packet> found;

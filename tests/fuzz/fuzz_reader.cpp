@@ -1,30 +1,28 @@
 // Fuzzes file readers under the name PALPATE_FUZZ_NAME: an Error or a valid model, in bounded memory.
 #include <cstdint>
-#include <cstdlib>
 
 #include <palpate/read_model.h>
+#include "tests/fuzz/must.h"
 #include "toolkit/io/byte_source.h"
 
 namespace {
 
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using palpate::must;
 
 void check(const palpate::io::ReadModel& model) {
   const palpate::cloud::Cloud& cloud = model.cloud;
-  require(!cloud.empty());
-  require(cloud.y_mm.size() == cloud.size() && cloud.z_mm.size() == cloud.size());
-  require(model.file_points == cloud.size() + model.non_finite);
+  must(!cloud.empty());
+  must(cloud.y_mm.size() == cloud.size() && cloud.z_mm.size() == cloud.size());
+  must(model.file_points == cloud.size() + model.non_finite);
   for (const palpate::cloud::Property& property : cloud.properties)
-    require(property.values.size() == cloud.size());
-  for (std::size_t i = 0; i < cloud.size(); ++i) require(palpate::is_finite(cloud.point_mm(i)));
-  if (cloud.raster) require(std::size_t{cloud.raster->columns} * cloud.raster->rows == cloud.size());
+    must(property.values.size() == cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) must(palpate::is_finite(cloud.point_mm(i)));
+  if (cloud.raster) must(std::size_t{cloud.raster->columns} * cloud.raster->rows == cloud.size());
   if (!model.mesh) return;
-  require(model.mesh->vertices_mm.size() == cloud.size());
-  require(!model.mesh->triangles.empty());
+  must(model.mesh->vertices_mm.size() == cloud.size());
+  must(!model.mesh->triangles.empty());
   for (const auto& triangle : model.mesh->triangles) {
-    for (const std::uint32_t corner : triangle) require(corner < cloud.size());
+    for (const std::uint32_t corner : triangle) must(corner < cloud.size());
   }
 }
 
@@ -45,6 +43,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (model)
     check(*model);
   else
-    require(!model.error().what.empty() && model.error().file == PALPATE_FUZZ_NAME);
+    must(!model.error().what.empty() && model.error().file == PALPATE_FUZZ_NAME);
   return 0;
 }

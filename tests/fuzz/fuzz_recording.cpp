@@ -2,26 +2,24 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 
 #include "device/record/recording.h"
+#include "tests/fuzz/must.h"
 
 namespace {
 
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using palpate::must;
 
 void check(const palpate::device::Recording& recording, const palpate::device::RecordedTick& tick) {
-  require(std::isfinite(tick.t_s));
-  require(tick.track_count <= palpate::device::RecordedTick::kMaxTracks);
-  require(tick.weight >= 0.0 && tick.weight <= 1.0);
-  require(tick.decision < recording.header().decisions.size());
-  require(tick.state.raw.size <= palpate::device::RawPacket::kMost);
+  must(std::isfinite(tick.t_s));
+  must(tick.track_count <= palpate::device::RecordedTick::kMaxTracks);
+  must(tick.weight >= 0.0 && tick.weight <= 1.0);
+  must(tick.decision < recording.header().decisions.size());
+  must(tick.state.raw.size <= palpate::device::RawPacket::kMost);
   for (const palpate::device::RecordedTrack& track : tick.tracked()) {
-    require(track.renderer < recording.renderers().size());
-    require(track.calls.size() <= palpate::device::kMaxCalls);
-    require(track.stepped || !track.frame.contact);
+    must(track.renderer < recording.renderers().size());
+    must(track.calls.size() <= palpate::device::kMaxCalls);
+    must(track.stepped || !track.frame.contact);
   }
 }
 
@@ -38,20 +36,20 @@ void read_all(const std::uint8_t* data, std::size_t size, bool skip_damaged) {
       },
       "fuzzed.palrec", options);
   if (!recording) {
-    require(!recording.error().what.empty() && recording.error().file == "fuzzed.palrec");
+    must(!recording.error().what.empty() && recording.error().file == "fuzzed.palrec");
     return;
   }
   palpate::device::RecordedTick tick;
   for (;;) {
     const auto more = recording->next(tick);
     if (!more) {
-      require(!more.error().what.empty() && more.error().file == "fuzzed.palrec");
+      must(!more.error().what.empty() && more.error().file == "fuzzed.palrec");
       return;
     }
     if (!*more) break;
     check(*recording, tick);
   }
-  require(recording->end().torn_at + recording->end().torn_bytes <= size);
+  must(recording->end().torn_at + recording->end().torn_bytes <= size);
   static_cast<void>(recording->end().warnings());
 }
 

@@ -38,8 +38,7 @@ struct Topology {
   std::size_t open = 0;
   long euler = 0;
 };
-/// Every point is a vertex of the mesh, an edge has one facet on a side; `facet` is told of each normal and
-/// centre.
+/// Every point is a vertex, an edge has one facet on a side; `facet` is told of each normal and centre.
 template <class Facet>
 Topology expect_manifold(const GeneratedModel& model, Facet&& facet) {
   const auto& mesh = *model.original_mesh;

@@ -325,8 +325,7 @@ TEST(Holes, PointsStrewnThinlyOverALatticeAreNoHeightField) {
   // Half of it dense: the thin half counts by its area, not by its few points.
   EXPECT_FALSE(is_height_field(
       200, 200, [](std::size_t c, std::size_t r) { return c >= 100 && (c % 9 != 0 || r % 9 != 0); }));
-  // Wide voids in dense data, an island, a strip two posts wide, and lattices below the window's size are no
-  // thin data.
+  // Wide voids in dense data, an island, a strip two posts wide, and lattices below the window's size.
   EXPECT_TRUE(is_height_field(200, 200, [](std::size_t c, std::size_t r) {
     return c % 40 >= 10 && c % 40 < 30 && r % 40 >= 10 && r % 40 < 30;
   }));
@@ -343,19 +342,13 @@ TEST(Holes, WordsSayWhatStaysOpen) {
     const HeightField field = field_of(40, 30, gone);
     return describe(field, find_holes(field), filled);
   };
-  EXPECT_EQ(words([](std::size_t, std::size_t) { return false; }),
-            "a lattice of 40 x 30 posts, each with its point");
-  EXPECT_EQ(words(box(5, 5, 3, 2)),
-            "a lattice of 40 x 30 posts, 6 of them without a point (0.5 %), the widest "
-            "hole 2 posts: all filled from the points around");
-  EXPECT_EQ(words(box(5, 5, 1, 1), false),
-            "a lattice of 40 x 30 posts, 1 of them without a point (0.0833 %), "
-            "the widest hole 1 post: all left open");
+  EXPECT_TRUE(test::contains(words([](std::size_t, std::size_t) { return false; }), "40 x 30", "each with"));
+  EXPECT_TRUE(test::contains(words(box(5, 5, 3, 2)), "6 of them", "(0.5 %)", "hole 2 posts", "all filled"));
+  EXPECT_TRUE(test::contains(words(box(5, 5, 1, 1), false), "(0.0833 %)", "hole 1 post:", "all left open"));
   const Gone hole = box(10, 10, 9, 9), dot = box(30, 20, 1, 1), corner = box(0, 0, 1, 1);
-  EXPECT_EQ(words([&](std::size_t c, std::size_t r) { return hole(c, r) || dot(c, r) || corner(c, r); }),
-            "a lattice of 40 x 30 posts, 83 of them without a point (6.92 %), the widest hole 9 posts: 1 "
-            "filled from "
-            "the points around, 81 in holes at least 8 posts wide, open, 1 beside the points");
+  const auto all = [&](std::size_t c, std::size_t r) { return hole(c, r) || dot(c, r) || corner(c, r); };
+  EXPECT_TRUE(test::contains(words(all), "83 of them", "(6.92 %)", "9 posts", "1 filled", "81 in holes",
+                             "open", "1 beside the points"));
 }
 
 }  // namespace

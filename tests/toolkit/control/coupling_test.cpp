@@ -193,8 +193,7 @@ double growth(double stiffness_n_per_mm, double device_damping_n_s_per_mm) {
 TEST(CouplingStability, TheConditionIsWhereASwingBeginsToGrow) {
   const double b = 0.3e-3;
   const double most = coupling_stability({1.0, 0.0}, b, kDt).max_stiffness_n_per_mm;
-  // The damping that is left is b - k T / 2: at 5 % from the border a swing changes by exp(-+ 0.17 / s x 2
-  // s).
+  // The damping that is left is b - k T / 2: 5 % from the border a swing changes by exp(-+ 0.17 / s x 2 s).
   EXPECT_LT(growth(0.95 * most, b), 0.8);
   EXPECT_GT(growth(1.05 * most, b), 1.2);
 }
@@ -208,7 +207,6 @@ TEST(Coupling, WrongNumbersAreNamed) {
 
 // The force filter: both limits hold exactly, release is exact, delays are as computed by hand.
 
-constexpr double kFilterDt = 1e-3;
 constexpr double kDeg = std::numbers::pi / 180.0;
 
 double angle_deg(const Vec3& a, const Vec3& b) {
@@ -223,7 +221,7 @@ TEST(ForceFilter, OffIsTheIdentity) {
   ForceFilter filter;
   for (int i = 0; i < 100; ++i) {
     const Vec3 f = random_force(random);
-    EXPECT_EQ(filter.filter(f, kFilterDt), f);
+    EXPECT_EQ(filter.filter(f, kDt), f);
   }
 }
 
@@ -236,13 +234,12 @@ TEST(ForceFilter, BothLimitsHoldInBothForms) {
         Vec3 last = Vec3::Zero();
         for (int i = 0; i < 2000; ++i) {
           const Vec3 wanted = random.below(50) == 0 ? Vec3(Vec3::Zero()) : random_force(random);
-          const Vec3 f = filter.filter(wanted, kFilterDt);
+          const Vec3 f = filter.filter(wanted, kDt);
           const bool released = wanted == Vec3::Zero() && form == FilterForm::kPerTime;
           const bool rated = rate > 0.0 && !released,
                      turned = turn > 0.0 && f.norm() > 1e-9 && last.norm() > 1e-9;
-          ASSERT_TRUE(!rated || (f - last).norm() <= rate * kFilterDt * (1 + 1e-12))
-              << "seed 32, frame " << i;
-          ASSERT_TRUE(!turned || angle_deg(last, f) <= turn * kFilterDt + 1e-6) << "seed 32, frame " << i;
+          ASSERT_TRUE(!rated || (f - last).norm() <= rate * kDt * (1 + 1e-12)) << "seed 32, frame " << i;
+          ASSERT_TRUE(!turned || angle_deg(last, f) <= turn * kDt + 1e-6) << "seed 32, frame " << i;
           last = f;
         }
       }
@@ -250,11 +247,10 @@ TEST(ForceFilter, BothLimitsHoldInBothForms) {
 
 TEST(ForceFilter, RateByHand) {
   ForceFilter filter({100.0, 0.0});  // 0.1 N a millisecond
-  EXPECT_NEAR(filter.filter(Vec3(1, 0, 0), kFilterDt).x(), 0.1, 1e-15);
-  EXPECT_NEAR(filter.filter(Vec3(1, 0, 0), 3 * kFilterDt).x(), 0.4, 1e-15)
-      << "a longer frame may change more";
-  EXPECT_NEAR(filter.filter(Vec3(0.45, 0, 0), kFilterDt).x(), 0.45, 1e-15);
-  EXPECT_NEAR(filter.filter(Vec3(0, 1, 0), kFilterDt).norm(),
+  EXPECT_NEAR(filter.filter(Vec3(1, 0, 0), kDt).x(), 0.1, 1e-15);
+  EXPECT_NEAR(filter.filter(Vec3(1, 0, 0), 3 * kDt).x(), 0.4, 1e-15) << "a longer frame may change more";
+  EXPECT_NEAR(filter.filter(Vec3(0.45, 0, 0), kDt).x(), 0.45, 1e-15);
+  EXPECT_NEAR(filter.filter(Vec3(0, 1, 0), kDt).norm(),
               std::hypot(0.45 - 0.1 * 0.45 / std::hypot(0.45, 1.0), 0.1 / std::hypot(0.45, 1.0)), 1e-15);
 }
 
@@ -262,36 +258,36 @@ TEST(ForceFilter, TurnByHand) {
   const Vec3 x(2, 0, 0), y(0, 2, 0);
   ForceFilter literal({0.0, 30000.0, FilterForm::kLiteral}),
       ours({0.0, 30000.0});  // 30 degrees a millisecond
-  (void)literal.filter(x, kFilterDt);
-  (void)ours.filter(x, kFilterDt);
-  EXPECT_LT((literal.filter(y, kFilterDt) - 2.0 * Vec3(std::cos(30 * kDeg), 0.5, 0)).norm(), 1e-15);
+  (void)literal.filter(x, kDt);
+  (void)ours.filter(x, kDt);
+  EXPECT_LT((literal.filter(y, kDt) - 2.0 * Vec3(std::cos(30 * kDeg), 0.5, 0)).norm(), 1e-15);
   // Ours: the part of the wanted force along 30 degrees, 60 degrees short of it: half its size.
-  EXPECT_LT((ours.filter(y, kFilterDt) - 1.0 * Vec3(std::cos(30 * kDeg), 0.5, 0)).norm(), 1e-15);
-  for (int i = 0; i < 3; ++i) (void)ours.filter(y, kFilterDt);
-  EXPECT_EQ(ours.filter(y, kFilterDt), y) << "once there nothing is changed, to the last bit";
+  EXPECT_LT((ours.filter(y, kDt) - 1.0 * Vec3(std::cos(30 * kDeg), 0.5, 0)).norm(), 1e-15);
+  for (int i = 0; i < 3; ++i) (void)ours.filter(y, kDt);
+  EXPECT_EQ(ours.filter(y, kDt), y) << "once there nothing is changed, to the last bit";
 }
 
 TEST(ForceFilter, AReversedForceGoesThroughZeroInOursAndAroundInTheLiteralForm) {
   ForceFilter literal({0.0, 30000.0, FilterForm::kLiteral}), ours({0.0, 30000.0});
-  (void)literal.filter(Vec3(1, 0, 0), kFilterDt);
-  (void)ours.filter(Vec3(1, 0, 0), kFilterDt);
-  const Vec3 around = literal.filter(Vec3(-1, 0, 0), kFilterDt);
+  (void)literal.filter(Vec3(1, 0, 0), kDt);
+  (void)ours.filter(Vec3(1, 0, 0), kDt);
+  const Vec3 around = literal.filter(Vec3(-1, 0, 0), kDt);
   EXPECT_NEAR(angle_deg(around, Vec3(1, 0, 0)), 30.0, 1e-9);
   EXPECT_NEAR(around.norm(), 1.0, 1e-15) << "pushes aside with all of a force nobody asked for there";
-  EXPECT_EQ(ours.filter(Vec3(-1, 0, 0), kFilterDt), Vec3::Zero());
-  EXPECT_EQ(ours.filter(Vec3(-1, 0, 0), kFilterDt), Vec3(-1, 0, 0));
+  EXPECT_EQ(ours.filter(Vec3(-1, 0, 0), kDt), Vec3::Zero());
+  EXPECT_EQ(ours.filter(Vec3(-1, 0, 0), kDt), Vec3(-1, 0, 0));
 }
 
 TEST(ForceFilter, ReleaseIsExactInOursAndFadesInTheLiteralForm) {
   ForceFilter literal({100.0, 0.0, FilterForm::kLiteral}), ours({100.0, 0.0});
   for (int i = 0; i < 3; ++i) {
-    (void)literal.filter(Vec3(0.25, 0, 0), kFilterDt);
-    (void)ours.filter(Vec3(0.25, 0, 0), kFilterDt);
+    (void)literal.filter(Vec3(0.25, 0, 0), kDt);
+    (void)ours.filter(Vec3(0.25, 0, 0), kDt);
   }
-  EXPECT_EQ(ours.filter(Vec3::Zero(), kFilterDt), Vec3::Zero());
-  EXPECT_NEAR(literal.filter(Vec3::Zero(), kFilterDt).x(), 0.15, 1e-15);
-  EXPECT_NEAR(literal.filter(Vec3::Zero(), kFilterDt).x(), 0.05, 1e-15);
-  EXPECT_EQ(literal.filter(Vec3::Zero(), kFilterDt), Vec3::Zero()) << "and ends at exactly nothing";
+  EXPECT_EQ(ours.filter(Vec3::Zero(), kDt), Vec3::Zero());
+  EXPECT_NEAR(literal.filter(Vec3::Zero(), kDt).x(), 0.15, 1e-15);
+  EXPECT_NEAR(literal.filter(Vec3::Zero(), kDt).x(), 0.05, 1e-15);
+  EXPECT_EQ(literal.filter(Vec3::Zero(), kDt), Vec3::Zero()) << "and ends at exactly nothing";
 }
 
 TEST(ForceFilter, TheLiteralFormCountsFramesNotTime) {

@@ -69,8 +69,7 @@ class Wall final : public render::HapticRenderer {
   render::FrameCounters counters_;
 };
 
-// The passivity observer against energies worked out by hand, and the controller against renderers that give
-// energy away.
+// The observer against energies worked out by hand, the controller against renderers that give energy away.
 
 constexpr double kPassivityDt = 1e-3;
 constexpr EnergyRule kRules[] = {EnergyRule::kTrapezoid, EnergyRule::kPrinted, EnergyRule::kHold};
@@ -228,8 +227,6 @@ TEST(PassivityController, KeepsTheForceLimit) {
 
 // Control around a renderer: only what is asked for, in the order written, the force limit last.
 
-constexpr double kWrapDt = 1e-3;
-
 ControlOptions options(bool couple, bool filter, bool passive) {
   ControlOptions o;
   if (couple) o.coupling = Coupling{0.5, 0.0};
@@ -274,7 +271,7 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
     for (int i = 0; i < 3000; ++i) {
       // As the renderer counts it: the difference of two times.
       const double last_s = t_s;
-      t_s += kWrapDt;
+      t_s += kPassivityDt;
       const double dt_s = t_s - last_s;
       z = std::clamp(z + random.uniform(-0.1, 0.1), -3.0, 1.0);
       const Vec3 hip(0.01 * i, 0, z);
@@ -283,7 +280,7 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
       if (o.coupling) f = coupling.couple(hip, expected.god_object_mm, f, expected.contact, dt_s);
       if (o.filter.any()) f = filter.filter(f, dt_s);
       f = o.passivity ? controller.control(hip, f, dt_s, 0.8) : render::limited(f, 0.8);
-      const render::Frame frame = renderer->step(hip, kWrapDt);
+      const render::Frame frame = renderer->step(hip, kPassivityDt);
       ASSERT_EQ(frame.force_n, f) << "set " << set << ", frame " << i;
       ASSERT_EQ(frame.contact, expected.contact);
       ASSERT_EQ(frame.god_object_mm, expected.god_object_mm);
@@ -299,11 +296,11 @@ TEST(Wrap, ANonFiniteHipGivesNoForceAndChangesNothing) {
   for (int i = 0; i < 200; ++i) {
     const Vec3 hip(0, 0, 0.5 - 0.01 * i);
     if (i % 7 == 0) {
-      const render::Frame odd = a->step(Vec3(0, std::nan(""), 0), kWrapDt);
+      const render::Frame odd = a->step(Vec3(0, std::nan(""), 0), kPassivityDt);
       EXPECT_EQ(odd.status, render::FrameStatus::kNonFinite);
       EXPECT_EQ(odd.force_n, Vec3::Zero());
     }
-    ASSERT_EQ(a->step(hip, kWrapDt).force_n, b->step(hip, kWrapDt).force_n) << i;
+    ASSERT_EQ(a->step(hip, kPassivityDt).force_n, b->step(hip, kPassivityDt).force_n) << i;
   }
 }
 
@@ -313,7 +310,7 @@ TEST(Wrap, RestartGivesTheSameTraceAgain) {
   for (int pass = 0; pass < 2; ++pass) {
     renderer->restart(Vec3(0, 0, 1));
     for (int i = 0; i < 500; ++i) {
-      const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kWrapDt).force_n;
+      const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kPassivityDt).force_n;
       if (pass == 0)
         first.push_back(f);
       else
@@ -330,9 +327,7 @@ TEST(Wrap, SaysWhatItDoes) {
   auto again = wrap(std::make_unique<Wall>(), options(true, false, false));
   const auto report = test::value_of(again->prepare({}, {}));
   ASSERT_EQ(report.notes.size(), 1u);
-  EXPECT_EQ(report.notes[0],
-            "control: virtual coupling of 0.5 N/mm and 0 N s/mm, passive at 1 kHz on a device with more than "
-            "0.00025 N s/mm of damping");
+  EXPECT_TRUE(test::contains(report.notes[0], "0.5 N/mm and 0 N s/mm", "more than 0.00025 N s/mm"));
 }
 
 TEST(Wrap, ReportsTheDelayThatEachLimitAdds) {
@@ -341,12 +336,8 @@ TEST(Wrap, ReportsTheDelayThatEachLimitAdds) {
   o.filter.turn_limit_deg_per_s = 50.0;
   const std::vector<std::string> lines = describe(o);
   ASSERT_EQ(lines.size(), 2u);
-  EXPECT_EQ(lines[0],
-            "force changes by at most 100 N/s: a step of 1 N arrives to 63 % in 6 ms and to 95 % in 9 ms");
-  EXPECT_EQ(
-      lines[1],
-      "force turns by at most 50 degrees/s: a step of 10 degrees arrives to 63 % in 125 ms and to 95 % in "
-      "189 ms, a steady change is never caught up with");
+  EXPECT_TRUE(test::contains(lines[0], "100 N/s", "63 % in 6 ms", "95 % in 9 ms"));
+  EXPECT_TRUE(test::contains(lines[1], "50 degrees/s", "63 % in 125 ms", "95 % in 189 ms", "never"));
   o.filter = {1e-6, 0.0};
   EXPECT_TRUE(test::contains(describe(o)[0], "does not arrive"));
 }

@@ -244,29 +244,12 @@ bool whole(const Block& b) {
   return std::all_of(b.begin(), b.end(), [&](std::uint64_t v) { return v == b.front(); });
 }
 
-TEST(TripleBuffer, NewestWinsAndIsTakenOnce) {
-  TripleBuffer<int> box(7);
-  EXPECT_FALSE(box.acquire());
-  for (int i = 1; i <= 5; ++i) box.publish(i);
-  EXPECT_EQ(box.front(), 7) << "a value changed before it was taken";
-  EXPECT_TRUE(box.acquire());
-  EXPECT_EQ(box.front(), 5);
-  EXPECT_FALSE(box.acquire());
-  EXPECT_EQ(box.front(), 5);
-  box.publish(6);
-  EXPECT_EQ(box.front(), 5) << "the writer wrote into the reader's slot";
-  box.publish(7);
-  EXPECT_EQ(box.front(), 5) << "the writer wrote into the reader's slot";
-  EXPECT_TRUE(box.acquire());
-  EXPECT_EQ(box.front(), 7);
-}
-
-/// Every order of eight publications and fetches, against the obvious model.
+/// Every order of twelve publications and fetches, against the obvious model.
 TEST(TripleBuffer, EveryOrderOfCallsGivesTheNewestValue) {
   constexpr unsigned kCalls = 12;
   for (unsigned order = 0; order < (1u << kCalls); ++order) {
-    TripleBuffer<int> box;
-    int published = 0, seen = 0;
+    TripleBuffer<int> box(7);
+    int published = 7, seen = 7;
     for (unsigned call = 0; call < kCalls; ++call) {
       if ((order >> call & 1u) != 0) {
         box.publish(++published);

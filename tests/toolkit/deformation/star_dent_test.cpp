@@ -46,6 +46,14 @@ struct Moving {
   Deformer deformer;
 };
 
+/// The place of a triangle that is nearest to the origin.
+std::uint32_t middle_of(const local_delaunay::LocalDelaunayMesh& mesh, std::size_t places) {
+  std::uint32_t middle = 0;
+  for (std::uint32_t i = 0; i < places; ++i)
+    if (mesh.at(i).norm() < mesh.at(middle).norm() && mesh.ring(i).size > 0) middle = i;
+  return middle;
+}
+
 TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
   for (const std::vector<Vec3>& points :
        {local_delaunay::random_torus(5000, 0.0, 51), local_delaunay::random_torus(5000, 0.15, 52),
@@ -99,9 +107,7 @@ TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
 // No edge stays longer than what is split, where there was time and room to split it.
 TEST(StarDent, StretchedEdgesGetPoints) {
   Moving moving(random_sheet(10.0, 0.4, 0.0, 56), {20000, 0});
-  std::uint32_t middle = 0;
-  for (std::uint32_t i = 0; i < moving.deformer.points(); ++i)
-    if (moving.mesh.at(i).norm() < moving.mesh.at(middle).norm() && moving.mesh.ring(i).size > 0) middle = i;
+  const std::uint32_t middle = middle_of(moving.mesh, moving.deformer.points());
   for (int i = 0; i < 600; ++i) (void)moving.deformer.press(middle, Vec3::UnitZ(), 0.01, 2.5);  // 6 mm deep
   EXPECT_GT(moving.deformer.counters().inferred, 50u);
   double longest = 0.0, deepest = 0.0;
@@ -207,8 +213,7 @@ TEST(StarDent, AtABorderTheProbeComesFree) {
   }
 }
 
-// A plate 0.8 mm thick, pressed 3 mm deep: its upper sheet goes through the lower one, and the probe stays
-// with it.
+// A plate 0.8 mm thick, pressed 3 mm deep: its upper sheet goes through the lower one, the probe with it.
 TEST(StarDent, StaysWithItsSheetOfAThinPlate) {
   Scene scene = generated("slab:points=20000:thickness_mm=0.8:extent_mm=20");
   scene.input.models[0].surface.dent = {0.3, 3.0, 40.0};
@@ -286,9 +291,7 @@ TEST(StarDent, NewPointsHaveTheStiffnessBetween) {
     field.by_point.push_back({static_cast<float>(1.0 + 0.01 * mesh.at(i).x()), 0.5f, 0.4f});
   DeformedLocalDelaunay stars(mesh, tree, field, 1000, 1);
   Deformer deformer(stars, 0);
-  std::uint32_t middle = 0;
-  for (std::uint32_t i = 0; i < stars.built(); ++i)
-    if (mesh.at(i).norm() < mesh.at(middle).norm() && mesh.ring(i).size > 0) middle = i;
+  const std::uint32_t middle = middle_of(mesh, stars.built());
   for (int i = 0; i < 200; ++i) (void)deformer.press(middle, Vec3::UnitZ(), 0.02, 2.5);
   ASSERT_GT(stars.used(), stars.built() + 20);
   for (std::uint32_t i = stars.built(); i < stars.used(); ++i)

@@ -211,8 +211,7 @@ TEST(Dem, AnSrtmTile) {
   EXPECT_FALSE(read(tile.substr(1), "N46E007.hgt"));
 }
 
-// --- Lies
-// ---------------------------------------------------------------------------------------------------
+// Lies.
 
 TEST(Dem, HeadersThatLieAreErrors) {
   const auto refused = [](const std::string& content, const std::string& name) {
@@ -274,8 +273,7 @@ TEST(DemCheck, PostsPerByteHaveABound) {
   EXPECT_FALSE(check_size(DemFormat::kTiff, 1, 5, 100, {}));
 }
 
-// --- Real tiles
-// ---------------------------------------------------------------------------------------------
+// Real tiles.
 
 TEST(Dem, RealTiles) {
   const char* const data = std::getenv("PALPATE_DATA");

@@ -351,8 +351,7 @@ TEST(Analytic, GrazingARowOfCrestsFindsNone) {
   EXPECT_NEAR(found->point_mm.x(), -std::acos(1 - 1e-5) * 25 / std::numbers::pi, 1e-9);
 }
 
-// A HIP that is fast over fine relief goes over thousands of waves in one frame: the entry is that which
-// short segments find.
+// A HIP fast over fine relief goes over thousands of waves in a frame: the entry is that of short segments.
 TEST(Analytic, FindsTheEntryThousandsOfWavesOn) {
   const auto relief = make_relief(200.0, 200.0, 0.05, 0.3, 5);
   const double top = relief->box_mm().high_mm.z();

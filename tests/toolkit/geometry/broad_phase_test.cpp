@@ -92,21 +92,10 @@ TEST(BroadPhase, MovedBoxesAreFoundWhereTheyAre) {
     expect_same(phase, boxes, Aabb{boxes[7].low_mm, boxes[7].high_mm}, 300);
   }
   EXPECT_GT(phase.rebuilds(), 0u) << "after 200 steps of a tenth of the scene the first tree is useless";
-}
-
-TEST(BroadPhase, TheAnswerDoesNotDependOnHowTheTreeCameToBe) {
-  Random random(13);
-  const std::vector<Aabb> boxes = random_boxes(200, 1.0, Vec3::Zero(), random);
-  const std::vector<Aabb> other = random_boxes(200, 1.0, Vec3(5, 0, 0), random);
-  BroadPhase moved(other);
-  moved.update(boxes);
-  const BroadPhase fresh(boxes);
-  FoundBoxes<32> a, b;
-  moved.query(Vec3(0.1, 0.2, 0.3), 0.5, a);
-  fresh.query(Vec3(0.1, 0.2, 0.3), 0.5, b);
-  ASSERT_EQ(a.query.hits, b.query.hits);
-  EXPECT_GT(a.query.hits, 3u);
-  for (std::size_t i = 0; i < a.hits().size(); ++i) EXPECT_EQ(a.hits()[i].item, b.hits()[i].item);
+  // However the tree came to be.
+  BroadPhase from_afar(random_boxes(300, 1.0, Vec3(5, 0, 0), random));
+  from_afar.update(boxes);
+  expect_same(from_afar, boxes, Aabb{Vec3::Zero(), Vec3::Zero()}.grown(0.5), 32);
 }
 
 TEST(BroadPhase, OddBoxes) {
@@ -285,15 +274,6 @@ TEST(SweptSphere, MeasuresTheDistanceOfSegmentAndBox) {
   }
   EXPECT_GT(apart, 5000);
   EXPECT_LT(apart, 19000);
-}
-
-TEST(SweptSphere, RoundsTheCornersOfTheGrownBox) {
-  const Vec3 half = Vec3::Ones();
-  const Vec3 corner(1.7, 1.7, 1.7);  // 1.21 from the box's corner
-  const SegmentProbe at(corner, corner);
-  EXPECT_TRUE(segment_touches_box(at, Vec3::Zero(), half + Vec3::Ones()));
-  EXPECT_FALSE(swept_sphere_touches_box(at, 1.0, Vec3::Zero(), half));
-  EXPECT_TRUE(swept_sphere_touches_box(at, 1.2125, Vec3::Zero(), half));
 }
 
 }  // namespace

@@ -65,8 +65,7 @@ TEST(GodObjectCheck, APlateHoldsThoughAnotherSurfaceIsNearBeyondIt) {
     }
 }
 
-// Where a surface ends a god object waits, and pulls aslant: its pull says what is a far side, not its
-// normal.
+// Where a surface ends a god object waits, pulling aslant: its pull says what is a far side, not its normal.
 TEST(GodObjectCheck, APlaceThatOnlyWaitsIsComparedByItsPull) {
   const Vec3 aslant = Vec3(std::sin(0.6), 0.0, std::cos(0.6));
   for (const double signed_distance : {-0.5, 0.5})
@@ -83,8 +82,7 @@ TEST(GodObjectCheck, APlaceThatOnlyWaitsIsComparedByItsPull) {
       }
 }
 
-// A ball within a ball, both felt from outside: between them the outer one says inside, the inner one
-// outside.
+// A ball within a ball, felt from outside: between them the outer one says inside, the inner one outside.
 TEST(GodObjectCheck, APieceWithinTheOneThatHoldsTellsNothing) {
   constexpr double kGap = 2.0;
   for (const bool one_piece : {false, true})

@@ -1,8 +1,8 @@
-// Points that no lattice orders, as scanners make them, clouds of every kind, and what none of them may
-// break.
+// Points that no lattice orders, as scanners make them, clouds of every kind, and what none may break.
 #pragma once
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <array>
@@ -110,6 +110,14 @@ inline std::vector<std::uint32_t> shuffled_order(std::size_t count, Random& rand
 template <class Visit>
 void each_triangle(const LocalDelaunayMesh& mesh, Visit&& visit) {
   for (std::uint32_t i = 0; i < mesh.size(); ++i) mesh.for_triangles_of(i, visit);
+}
+
+/// Of a body around the origin of its points.
+inline void expect_outward(const LocalDelaunayMesh& mesh) {
+  each_triangle(mesh, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    const Vec3 n = (mesh.at(b) - mesh.at(a)).cross(mesh.at(c) - mesh.at(a));
+    EXPECT_GT(n.dot(mesh.at(a) + mesh.origin_mm()), 0.0);
+  });
 }
 
 using Triple = std::array<std::uint32_t, 3>;

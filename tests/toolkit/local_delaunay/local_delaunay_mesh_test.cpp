@@ -35,8 +35,7 @@ TEST(LocalDelaunayMesh, OfRandomPointsIsWhole) {
   EXPECT_LT(torus.counts().voted + torus.counts().filled, torus.size() / 500);
 }
 
-/// Noise leaves no holes and no tears: what cannot be settled is made without the points in question, and
-/// these are few.
+/// Noise leaves no holes and no tears: what cannot be settled is made without the points in question, few.
 TEST(LocalDelaunayMesh, InNoiseIsWhole) {
   for (const double noise : {0.05, 0.1, 0.15}) {
     SCOPED_TRACE(noise);
@@ -62,10 +61,7 @@ TEST(LocalDelaunayMesh, PilesAreOnePointEach) {
 TEST(LocalDelaunayMesh, PointsOutOfClosedPieces) {
   const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud_of(random_spheres({10.0}, 0.2, 12)), 2);
   ASSERT_EQ(mesh.counts().closed_components, 1u);
-  each_triangle(mesh, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    const Vec3 n = (mesh.at(b) - mesh.at(a)).cross(mesh.at(c) - mesh.at(a));
-    EXPECT_GT(n.dot(mesh.at(a) + mesh.origin_mm()), 0.0);
-  });
+  expect_outward(mesh);
 }
 
 TEST(LocalDelaunayMesh, KeepsSheetsApart) {

@@ -151,8 +151,6 @@ TEST(MeshContact, LetsGoBesideASheet) {
   EXPECT_FALSE(held);
 }
 
-/// A floor and a wall that goes on below it share no points: pressed into the floor and moved against the
-/// wall, the god object stays in their corner, and comes out of it again.
 // Below the normal numbers a product of a distance vanishes: whoever rests there keeps a side all the same.
 TEST(MeshContact, DenormalHeightsHaveASide) {
   std::vector<Vec3> points;
@@ -271,8 +269,7 @@ TEST(MeshContact, CornersOfRandomPointsHold) {
   EXPECT_GE(resting, kStrokes * 97 / 100);
 }
 
-/// On rough points a god object meets spikes and holes: it neither hangs on the ones nor falls through the
-/// others.
+/// On rough points a god object meets spikes and holes: it neither hangs on these nor falls through those.
 TEST(MeshContact, GoesOnOverSpikesAndHoles) {
   for (const double noise : {0.05, 0.1, 0.15}) {
     Felt felt(random_torus(60000, noise, 32));
@@ -335,8 +332,7 @@ TEST(MeshContact, AWalkInAnyStepsMeetsWhatItGoesThrough) {
   Random random(32);
   int contacts = 0, steps = 0;
   for (int walk = 0; walk < 40; ++walk) {
-    // A tenth of the spacing to some spacings a step, to and fro outside: clearances are used up, found and
-    // lost.
+    // A tenth of the spacing to some spacings a step, to and fro outside: clearances are used up and found.
     const double step = 0.1 * std::pow(40.0, random.uniform());
     const double u = random.uniform(0.0, 6.3), v = random.uniform(0.0, 6.3), out = random.uniform(10.5, 30.0);
     Vec3 at = on_torus(u, v, out);

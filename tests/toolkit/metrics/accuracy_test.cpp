@@ -86,12 +86,9 @@ TEST(Accuracy, BandsAreRelativeAboveTheFloor) {
   const Accuracy a = t.scores();
   EXPECT_DOUBLE_EQ(*a.within_7_percent, 50.0);
   EXPECT_DOUBLE_EQ(*a.within_10_percent, 75.0);
-}
-
-TEST(Accuracy, FloorScalesWithStiffness) {
-  AccuracyOptions options;
-  options.stiffness_n_per_mm = 2.0;
-  EXPECT_DOUBLE_EQ(options.floor_n(), 0.11);
+  AccuracyOptions stiffer;
+  stiffer.stiffness_n_per_mm = 2.0;
+  EXPECT_DOUBLE_EQ(stiffer.floor_n(), 0.11);
 }
 
 TEST(Accuracy, DirectionOverFramesOfTrueForceAndLostOnesCount) {
@@ -116,12 +113,9 @@ TEST(Accuracy, ForcesAboutTheFloorAreNotLost) {
   EXPECT_NEAR(*t.scored()->direction_max_deg, 0.0, 1e-9);
   t.add(-depth).force_n = {0.0, 0.0, 1e-9};  // what nobody feels is no direction
   EXPECT_EQ(*t.scored()->direction_max_deg, 180.0);
-}
-
-TEST(Accuracy, DirectionKeepsSmallAngles) {
-  Tiny t({1.0});
-  t.add(-2.0).force_n = {1e-9, 0.0, 1.0};
-  EXPECT_NEAR(*t.scored()->direction_max_deg, 57.29577951308232e-9, 1e-20);
+  Tiny slightly({1.0});
+  slightly.add(-2.0).force_n = {1e-9, 0.0, 1.0};
+  EXPECT_NEAR(*slightly.scored()->direction_max_deg, 57.29577951308232e-9, 1e-20);
 }
 
 TEST(Accuracy, ExcessJumpsAgainstTheTruthsOwn) {
@@ -142,8 +136,7 @@ TEST(Accuracy, ExcessJumpsAgainstTheTruthsOwn) {
 TEST(Accuracy, TrueEdgesAreNoExcessJumps) {
   Tiny t({-1.0});
   t.add(-1.0, 0.1, 0.1);
-  // The truth jumps sideways by 0.5 N on 0.1 mm of travel (0.05 N + floor): an edge; the rendered force even
-  // more.
+  // The truth jumps by 0.5 N on 0.1 mm of travel (0.05 N + floor): an edge; the rendered force even more.
   t.reference.frames[1].frame.force_n.x() = 0.5;
   t.trace.frames[1].force_n.x() = 2.0;
   EXPECT_FALSE(t.scored()->excess_jump_max_n.has_value());
@@ -181,12 +174,9 @@ TEST(Accuracy, OnsetAndReleaseOfEachContact) {
   EXPECT_DOUBLE_EQ(*a.onset_error_mean_mm, (0.1 - 0.4) / 2.0);
   EXPECT_DOUBLE_EQ(*a.release_error_mm, 0.3);  // +0.2 and -0.3
   EXPECT_DOUBLE_EQ(*a.release_error_mean_mm, (0.2 - 0.3) / 2.0);
-}
-
-TEST(Accuracy, ContactsCutOffByTheEndsHaveNoOnsetOrRelease) {
-  Tiny t({-0.1, -0.2});
-  const Accuracy a = t.scores();
-  EXPECT_FALSE(a.onset_error_mm || a.onset_error_mean_mm || a.release_error_mm || a.release_error_mean_mm);
+  const Accuracy cut_off = Tiny({-0.1, -0.2}).scores();
+  EXPECT_FALSE(cut_off.onset_error_mm || cut_off.onset_error_mean_mm || cut_off.release_error_mm ||
+               cut_off.release_error_mean_mm);
 }
 
 TEST(Accuracy, GodObjectToItsTruthAndToTheSurface) {
@@ -226,20 +216,6 @@ TEST(PopThrough, GodObjectInsideCountsOnceUntilItIsOut) {
   EXPECT_EQ(a.pop_throughs, 2u);
   EXPECT_FALSE(a.pop_through_rate_upper_95.has_value());
 }
-
-// A slab between z = -thickness and 0.
-class Slab final : public TruthSurface {
- public:
-  explicit Slab(double thickness_mm) : t_(thickness_mm) {}
-  double signed_distance_mm(const Vec3& p) const override { return std::abs(p.z() + t_ / 2) - t_ / 2; }
-  geometry::SurfacePoint closest(const Vec3& p) const override {
-    const bool upper = p.z() > -t_ / 2;
-    return {{p.x(), p.y(), upper ? 0.0 : -t_}, upper ? Vec3(Vec3::UnitZ()) : Vec3(-Vec3::UnitZ())};
-  }
-
- private:
-  double t_;
-};
 
 TEST(PopThrough, StepThroughAThickSlab) {
   Tiny t({1.0, -1.0});
@@ -301,8 +277,7 @@ TEST(Accuracy, NoTrueForceLeavesThePercentageOut) {
 }
 
 TEST(Accuracy, ASingleFrame) {
-  Tiny t({-1.0});
-  const Accuracy a = t.scores();
+  const Accuracy a = Tiny({-1.0}).scores();
   EXPECT_EQ(a.contact_frames, 1u);
   EXPECT_EQ(a.force_rms_n, 0.0);
   EXPECT_FALSE(a.excess_jump_max_n || a.onset_error_mm || a.path_dependence_n);

@@ -16,8 +16,6 @@
 namespace palpate::metrics {
 namespace {
 
-constexpr double kStiffness = 0.5;
-
 trace::ProbePath path_through(const std::vector<Vec3>& corners_mm, int frames_a_leg) {
   trace::ProbePath path;
   path.name = "test";
@@ -131,19 +129,13 @@ TEST(AnalyticReference, RefusesBadPaths) {
   EXPECT_EQ(analytic_reference(*plane, bad, kStiffness, 0.0, {}).error().line, 4);
 }
 
-cloud::Cloud cloud_of(const std::vector<Vec3>& points) {
-  auto made = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
-  EXPECT_TRUE(made.ok());
-  return std::move(made).value();
-}
-
 TEST(LocalResolution, DistanceToTheLastNeighbourThere) {
   // A 5 x 5 grid of 1 mm: an inner point's eighth neighbour is a diagonal away.
   std::vector<Vec3> points;
   for (int y = 0; y < 5; ++y) {
     for (int x = 0; x < 5; ++x) points.emplace_back(x - 2, y - 2, 0.0);
   }
-  cloud::Cloud cloud = cloud_of(points);
+  const cloud::Cloud cloud = cloud::build_cloud(points, cloud::NonFinite::kRefuse).value();
   search::NeighbourTable table;
   table.of.resize(25);
   for (std::uint32_t i = 0; i < 25; ++i) table.of[i].fill(i);
@@ -168,21 +160,11 @@ TEST(LocalResolution, DistanceToTheLastNeighbourThere) {
 
 // The reference without history, and the frames that history decides.
 
-/// A plate of 1 mm, z from -1 to 0.
-class Plate final : public TruthSurface {
- public:
-  double signed_distance_mm(const Vec3& p) const override { return std::abs(p.z() + 0.5) - 0.5; }
-  geometry::SurfacePoint closest(const Vec3& p) const override {
-    const bool above = p.z() >= -0.5;
-    return {{p.x(), p.y(), above ? 0.0 : -1.0}, above ? Vec3(Vec3::UnitZ()) : Vec3(-Vec3::UnitZ())};
-  }
-};
-
 TEST(History, DecidesWhereAThinPartIsCrossed) {
-  Tiny t;  // held by the upper sheet, down to 2 mm
+  Tiny t;  // held by the upper sheet of a plate, down to 2 mm
   for (const double z : {0.5, -0.2, -0.4, -0.7, -1.5, -2.0, -0.3, 0.5}) t.add(z);
   const auto second =
-      test::value_of(closest_point_reference(Plate(), t.path, kStiffness, 0.0, no_progress()));
+      test::value_of(closest_point_reference(Slab(1.0), t.path, kStiffness, 0.0, no_progress()));
   EXPECT_EQ(second.name, "closest-point");
   const auto tally = test::value_of(compare_references(t.reference, second, t.path));
   EXPECT_TRUE(t.reference.compared);
@@ -204,7 +186,7 @@ TEST(History, IsScoredApartAndNowhereElse) {
     wrong.trace.frames[i] = {};
     wrong.trace.frames[i].god_object_mm = wrong.path.hip_mm[i];
   }
-  const auto second = closest_point_reference(Plate(), wrong.path, kStiffness, 0.0, no_progress());
+  const auto second = closest_point_reference(Slab(1.0), wrong.path, kStiffness, 0.0, no_progress());
   ASSERT_TRUE(second);
   const auto before = wrong.scored();
   ASSERT_TRUE(before);
@@ -260,9 +242,9 @@ TEST(History, IsNoneOnASmoothSurfaceAtAnyScaleAndPlace) {
 
 TEST(History, RefusesWhatDoesNotFit) {
   Tiny t({-0.5});
-  EXPECT_FALSE(closest_point_reference(Plate(), t.path, kStiffness, 0.0, no_progress())) << "starts inside";
+  EXPECT_FALSE(closest_point_reference(Slab(1.0), t.path, kStiffness, 0.0, no_progress())) << "starts inside";
   Tiny u({0.5});
-  EXPECT_FALSE(closest_point_reference(Plate(), u.path, 0.0, 0.0, no_progress()));
+  EXPECT_FALSE(closest_point_reference(Slab(1.0), u.path, 0.0, 0.0, no_progress()));
   EXPECT_FALSE(compare_references(u.reference, {}, u.path));
   EXPECT_FALSE(u.reference.compared);
 }
@@ -289,15 +271,10 @@ Tiny dragged(const std::vector<double>& trails) {
   return t;
 }
 
-Accuracy scored(const Tiny& t, const AccuracyOptions& options) {
-  const Result<Accuracy> a = score(t.path, t.trace, t.reference, &Tiny::half_space, options);
-  EXPECT_TRUE(a) << (a ? "" : a.error().message());
-  return a ? *a : Accuracy{};
-}
-
 TEST(Friction, StickThenSlipByTheLaw) {
   // Stuck at x = 0.1 while the trail grows to the cone, then along at the dynamic coefficient.
-  const Accuracy a = scored(dragged({0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.5, 0.5}), with_friction(0.5, 0.5));
+  const Accuracy a =
+      dragged({0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.5, 0.5}).scores(nullptr, with_friction(0.5, 0.5));
   EXPECT_EQ(a.friction_cone_percent, 0.0);
   EXPECT_NEAR(*a.friction_slip_error_percent, 0.0, 1e-9);
   EXPECT_EQ(a.stick_slip_percent, 100.0);
@@ -305,14 +282,14 @@ TEST(Friction, StickThenSlipByTheLaw) {
 }
 
 TEST(Friction, OutsideTheConeIsSeen) {
-  const Accuracy a = scored(dragged({0.0, 0.1, 0.8, 0.8}), with_friction(0.5, 0.5));
+  const Accuracy a = dragged({0.0, 0.1, 0.8, 0.8}).scores(nullptr, with_friction(0.5, 0.5));
   EXPECT_DOUBLE_EQ(*a.friction_cone_percent, 50.0);
   EXPECT_NEAR(*a.friction_slip_error_percent, 60.0, 1e-9);  // 0.8 for 0.5
 }
 
 TEST(Friction, CreepInsideTheConeIsNoStick) {
   // Carried along with the HIP at a trail of 0.2 where it should be held: 100 mm/s of drift.
-  const Accuracy a = scored(dragged({0.2, 0.2, 0.2, 0.2, 0.2}), with_friction(0.5, 0.5));
+  const Accuracy a = dragged({0.2, 0.2, 0.2, 0.2, 0.2}).scores(nullptr, with_friction(0.5, 0.5));
   EXPECT_EQ(a.friction_cone_percent, 0.0);
   EXPECT_EQ(a.stick_slip_percent, 0.0);
   EXPECT_NEAR(*a.stick_drift_mm_s, 100.0, 1e-9);
@@ -322,12 +299,12 @@ TEST(Friction, CreepInsideTheConeIsNoStick) {
 TEST(Friction, AForceThatPullsIsOutsideTheCone) {
   Tiny t = dragged({0.1, 0.1});
   t.trace.frames[2].force_n = {0.0, 0.0, -0.4};
-  EXPECT_DOUBLE_EQ(*scored(t, with_friction(0.5, 0.5)).friction_cone_percent, 50.0);
+  EXPECT_DOUBLE_EQ(*t.scores(nullptr, with_friction(0.5, 0.5)).friction_cone_percent, 50.0);
 }
 
 TEST(Friction, IsNothingWithoutFrictionOrSurface) {
   const Tiny t = dragged({0.1, 0.1});
-  EXPECT_FALSE(scored(t, {}).friction_cone_percent);
+  EXPECT_FALSE(t.scores().friction_cone_percent);
   const auto a = test::value_of(score(t.path, t.trace, t.reference, nullptr, with_friction(0.5, 0.4)));
   EXPECT_FALSE(a.friction_cone_percent || a.stick_drift_mm_s);
 }
@@ -335,8 +312,7 @@ TEST(Friction, IsNothingWithoutFrictionOrSurface) {
 TEST(Friction, StaysWhereForcesAreNotCompared) {
   const Tiny t = dragged({0.0, 0.1, 0.8, 0.8});
   AccuracyFrames frames;
-  Result<Accuracy> a =
-      score(t.path, t.trace, t.reference, &Tiny::half_space, with_friction(0.5, 0.5), &frames);
+  Result<Accuracy> a = t.scored(&frames, with_friction(0.5, 0.5));
   ASSERT_TRUE(a);
   keep_contact_scores(*a, frames);
   EXPECT_FALSE(a->force_rms_percent);

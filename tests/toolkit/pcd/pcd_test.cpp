@@ -129,8 +129,7 @@ TEST(Pcd, ARasterWithHolesIsReadIntoStars) {
   EXPECT_EQ(mesh.counts().raster_points, rows.size() - 3);
   EXPECT_EQ(mesh.counts().pieces, 1u);
   EXPECT_EQ(mesh.counts().unused, 0u);
-  // Two triangles a cell; a missing point takes six along at most, and each of its holes is filled but at the
-  // border.
+  // Two triangles a cell; a missing point takes six along at most, and each hole is filled but at the border.
   constexpr std::uint64_t kWhole = 2u * (kWidth - 1) * (kHeight - 1);
   EXPECT_LT(mesh.counts().triangles, kWhole);
   EXPECT_GE(mesh.counts().triangles, kWhole - 3u * 4u);

@@ -161,8 +161,7 @@ TEST(Plan, EmptySceneIsRefused) {
   EXPECT_FALSE(try_plan(render::generated("plane:extent_mm=40:spacing_mm=1").input, "nonsense"));
 }
 
-// What `auto` chooses is felt where posts are missing: nothing falls through, and the force is that of the
-// formula.
+// What `auto` chooses is felt where posts are missing: nothing falls through; the force is the formula's.
 
 using render::Frame;
 using render::HapticRenderer;
@@ -179,44 +178,11 @@ render::Scene random_holes(const std::string& spec, double share, std::uint64_t 
   return scene;
 }
 
-/// Pressed straight down onto a place of the surface, from above to `depth` below it: the last frame.
-Frame tap(const test::Stepped& renderer, const Vec3& place, double depth) {
-  constexpr double kStepMm = 0.05, kAboveMm = 2.0;
-  renderer->restart(place + kAboveMm * Vec3::UnitZ());
-  for (double h = kAboveMm; h > -depth; h -= kStepMm) (void)renderer->step(place + h * Vec3::UnitZ(), 1e-3);
-  return renderer->step(place - depth * Vec3::UnitZ(), 1e-3);
-}
-
-/// Of 30 taps over the sheet, how many are felt as the formula is felt, but for `share` of the force.
-int felt(const test::Stepped& renderer, const render::Scene& scene, double share) {
-  constexpr int kTaps = 30;
-  constexpr double kDepthMm = 0.5, kRim = 0.05;
-  Random random(5);
-  int count = 0;
-  for (int i = 0; i < kTaps; ++i) {
-    const double u = random.uniform(kRim, 1.0 - kRim), v = random.uniform(kRim, 1.0 - kRim);
-    const Vec3 place = scene.surface->at(u, v).point_mm;
-    const Frame frame = tap(renderer, place, kDepthMm);
-    const double expected = -scene.input.models[0].surface.stiffness_n_per_mm *
-                            scene.surface->signed_distance_mm(place - kDepthMm * Vec3::UnitZ());
-    count += frame.contact && std::abs(frame.force_n.norm() - expected) <= share * expected;
-  }
-  return count;
-}
-
 test::Stepped chosen(const render::Scene& scene) {
   return render::prepared(scene.input, choose_renderer(scene.input).choice);
 }
 
 const char* const kSheet = "sinusoid:points=40401:extent_mm=40:amplitude_mm=2:wavelength_mm=20:mesh=false";
-
-TEST(Holes, EveryTapIsFeltHoweverManyPostsAreMissing) {
-  for (const double share : {0.0, 0.05, 0.3, 0.5, 0.7, 0.85}) {
-    const render::Scene scene = random_holes(kSheet, share, 11);
-    EXPECT_EQ(felt(chosen(scene), scene, 0.25), 30)
-        << share << " missing, " << choose_renderer(scene.input).choice;
-  }
-}
 
 struct Errors {
   double rms_percent = 0.0;
@@ -257,8 +223,7 @@ TEST(Holes, TheForceIsThatOfTheFormula) {
     // Measured: 0.826 % on the whole lattice, 0.842 % with 70 % of it gone, 0.925 % with 85 %; cloud
     // 0.88, 4.7 and 6.5 %.
     EXPECT_LT(ours.rms_percent, share < 0.8 ? 1.05 * whole : 1.2 * whole);
-    // On the whole lattice both feel the same triangles, but for which diagonal cuts a square: 0.826 and
-    // 0.826 %.
+    // On the whole lattice both feel the same triangles, but for which diagonal cuts a square: 0.826 % both.
     const Errors cloud = against_the_formula(*render::prepared(scene.input, "cloud"), scene, path);
     EXPECT_LT(ours.rms_percent, share > 0.0 ? cloud.rms_percent : 1.01 * cloud.rms_percent);
   }

@@ -189,8 +189,7 @@ TEST(CorrectionRamp, AHipThatIsSetFreeIsLetGoBitByBit) {
   EXPECT_FALSE(at.spread.active());
 }
 
-// It comes out while a correction is still shown: what is left of that goes as the rest did, and no pull
-// grows.
+// It comes out while a correction is still shown: what is left of that goes as the rest did; no pull grows.
 TEST(CorrectionRamp, AHipThatCameOutMeanwhileIsLetGoBitByBit) {
   for (const bool was_let_go : {false, true}) {
     Corrected at;

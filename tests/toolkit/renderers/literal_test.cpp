@@ -225,8 +225,7 @@ TEST(CloudLiteral, ASweptSphereTouchesEarlier) {
   EXPECT_GT(swept->counters().sphere_only, 0u);
 }
 
-// The rule of geometry/god_object_check.h in the renderers that keep a place: what it sets right, and what it
-// may not break.
+// The rule of geometry/god_object_check.h in renderers that keep a place: what it sets right, may not break.
 
 constexpr double kSpacing = 0.25;
 

@@ -258,8 +258,6 @@ TEST(Motion, TheOracleFollowsAndAgrees) {
 
 // Many models at once: together, one by one, and the broad phase that tells which are near.
 
-constexpr double kDt = 1e-3;
-
 // The upper of two parallel planes holds the god object out of both: the lower one pushes nothing.
 TEST(ManyModels, TheOracleIsHeldJointlyWithFrictionAndRefusesWhatItCannotDo) {
   SceneInput scene;
@@ -348,8 +346,8 @@ TEST(ManyModels, OfMoreThanEightTouchedTheDeepestAnswer) {
       (void)glide(renderer, start, hip, 200);
       // To and fro under all of them: nothing of another model's state may come into it.
       for (int i = 0; i <= 200; ++i)
-        (void)renderer->step(hip + Vec3(8 * std::sin(0.1 * i), 5 * std::sin(0.07 * i), 0), kDt);
-      const Frame frame = renderer->step(hip, kDt);
+        (void)renderer->step(hip + Vec3(8 * std::sin(0.1 * i), 5 * std::sin(0.07 * i), 0), kMotionDt);
+      const Frame frame = renderer->step(hip, kMotionDt);
       status = frame.status;
       EXPECT_TRUE(frame.contact);
       const auto deepest = std::max_element(height.begin(), height.end());
@@ -405,20 +403,20 @@ TEST(ManyModels, AnyModelOfAThousandIsFeltAsIfItWereAlone) {
   for (int visit = 0; visit < 60; ++visit) {
     const double model = std::floor(1000.0 * random.uniform());
     const Vec3 over(60.0 * model + 3.0 * random.uniform(), 2.0, 5.0);
-    (void)renderer->step(over, kDt);  // a jump from one place in free space to another
+    (void)renderer->step(over, kMotionDt);  // a jump from one place in free space to another
     const Vec3 way(0.3, 0.2, -7.0);
     alone->restart(over - Vec3(60.0 * model, 0, 0));
     for (int i = 1; i <= 100; ++i) {
       const Vec3 h = over + way * (0.01 * i);
-      const Frame a = renderer->step(h, kDt);
-      const Frame b = alone->step(h - Vec3(60.0 * model, 0, 0), kDt);
+      const Frame a = renderer->step(h, kMotionDt);
+      const Frame b = alone->step(h - Vec3(60.0 * model, 0, 0), kMotionDt);
       ASSERT_EQ(a.contact, b.contact) << visit << " " << i;
       if (a.contact) {
         EXPECT_EQ(a.model, static_cast<std::int32_t>(model));
         EXPECT_LT((a.force_n - b.force_n).norm(), 1e-9);
       }
     }
-    (void)renderer->step(over, kDt);
+    (void)renderer->step(over, kMotionDt);
   }
 }
 
@@ -427,7 +425,7 @@ TEST(ManyModels, OneThatIsTouchedStaysHoweverDeep) {
   const auto renderer = prepared(scene, "cloud");
   renderer->restart(Vec3(60, 0, 5));
   for (int i = 0; i <= 500; ++i) {
-    const Frame frame = renderer->step(Vec3(60.2, 0.1, 5 - 0.2 * i), kDt);
+    const Frame frame = renderer->step(Vec3(60.2, 0.1, 5 - 0.2 * i), kMotionDt);
     if (5 - 0.2 * i < -1e-6) {
       ASSERT_TRUE(frame.contact) << i;
     }
@@ -450,7 +448,7 @@ TEST(ManyModels, OneMovesThroughTheListsOfOthers) {
   const Vec3 hip(570, 0.2, 10);
   renderer->restart(hip);
   Frame frame;
-  for (int i = 0; i < 600; ++i) frame = renderer->step(hip, kDt);
+  for (int i = 0; i < 600; ++i) frame = renderer->step(hip, kMotionDt);
   EXPECT_TRUE(frame.contact);
   EXPECT_EQ(frame.model, 20);
   EXPECT_NEAR(frame.force_n.z(), 0.5 * 1.0, 1e-6);

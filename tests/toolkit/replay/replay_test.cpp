@@ -125,10 +125,7 @@ TEST(Replay, OneFrameForEachSample) {
   EXPECT_DOUBLE_EQ(trace.frames[2].force_n.z(), 0.5);
   EXPECT_NEAR(wall.first_dt_s, 0.002, 1e-15) << "the first frame takes the dt of the second";
   EXPECT_NEAR(wall.last_dt_s, 0.007, 1e-15);
-}
-
-TEST(Replay, AForceAtTheFirstSampleIsPartOfTheTrace) {
-  Wall wall;
+  // A force at the first sample is part of the trace.
   const auto felt = test::value_of(replay(wall, path_of({-0.1, 0.5})));
   EXPECT_TRUE(felt.frames[0].contact);
   EXPECT_FALSE(felt.frames[1].contact);
@@ -256,7 +253,6 @@ TEST(TraceHash, CoversForceGodObjectAndContactOnly) {
 }
 
 // Timed passes: which frames belong together, what many passes say, and intervals that hold what they claim.
-// Never how long anything took.
 
 std::vector<render::Frame> frames_of(std::size_t n) {
   return std::vector<render::Frame>(n);

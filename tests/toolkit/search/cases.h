@@ -1,5 +1,4 @@
-// Clouds that break grids and trees, the nearest eight of their points by brute force, and segments near
-// them.
+// Clouds that break grids and trees, the nearest eight of their points by brute force, segments near them.
 #pragma once
 
 #include <algorithm>

@@ -28,8 +28,7 @@ TEST(ExactKnn, EqualsBruteForceForAnyThreads) {
   }
 }
 
-// The printed procedure, step by step: refine while the block holds more than nine, grow while it holds
-// fewer.
+// The printed procedure, step by step: refine while the block holds more than nine, grow while fewer.
 Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const ModifiedKnnOptions& options,
                     double start_mm, ModifiedKnnReport& report) {
   // The half edge of the smallest block that has each point in it.

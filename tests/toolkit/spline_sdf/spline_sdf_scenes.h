@@ -99,8 +99,7 @@ struct Score {
   int missed = 0, false_ones = 0, jumps = 0, bounds = 0;
 };
 
-/// Frames beyond `slack` mm count as missed or false; a jump is one that a hand can feel and the truth has
-/// not.
+/// Frames beyond `slack` mm count as missed or false; a jump is one that a hand feels and the truth has not.
 inline Score score(test::Stepped& renderer, const std::vector<Vec3>& path, const Truth& truth, double slack,
                    double felt_n = 0.0275) {
   Score out;
@@ -125,6 +124,12 @@ inline Score score(test::Stepped& renderer, const std::vector<Vec3>& path, const
   }
   out.rms_percent = 100.0 * std::sqrt(error / size);
   return out;
+}
+
+inline void expect_kept(const Score& s) {
+  EXPECT_EQ(s.missed, 0);
+  EXPECT_EQ(s.false_ones, 0);
+  EXPECT_EQ(s.bounds, 0);
 }
 
 inline Score torus_score(const TorusSpec& t, const std::string& spec = "cloud-smooth",

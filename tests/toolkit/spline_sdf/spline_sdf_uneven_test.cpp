@@ -10,12 +10,6 @@
 namespace palpate::render {
 namespace {
 
-void expect_kept(const Score& s) {
-  EXPECT_EQ(s.missed, 0);
-  EXPECT_EQ(s.false_ones, 0);
-  EXPECT_EQ(s.bounds, 0);
-}
-
 Score felt_on_torus(const std::vector<Vec3>& points) {
   test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
   return score(renderer, torus_path({}, 9000), torus_truth({}), 0.1);
@@ -171,8 +165,7 @@ TEST(CloudSmoothUneven, ARidgeInNoiseHolds) {
   EXPECT_LE(lost, kLostRoofs);
 }
 
-// Floor and wall: pressed into both by three spacings, the god object stands in the corner and goes on along
-// it.
+// Floor and wall: pressed into both by three spacings, the god object stands in the corner and goes along it.
 TEST(CloudSmoothUneven, ACornerHolds) {
   Random random(5);
   std::vector<Vec3> points;
@@ -202,8 +195,7 @@ TEST(CloudSmoothUneven, ACornerHolds) {
   EXPECT_LT(lost, 60);
 }
 
-// A piece of another sheet over a floor, as of a scan that was put a little off: past its border the floor
-// holds.
+// A piece of another sheet over a floor, as of a scan put a little off: past its border the floor holds.
 TEST(CloudSmoothUneven, BelowASheetThatEndsTheNextOneHolds) {
   Random random(6);
   std::vector<Vec3> points;
