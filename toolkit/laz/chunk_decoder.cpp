@@ -11,7 +11,6 @@
 namespace palpate::laz {
 namespace {
 
-constexpr const char* kDamagedRemedy = "the file is damaged: copy or fetch it again";
 // Points between two looks at the streams: a chunk that ended early is not decoded to its promise.
 constexpr std::uint64_t kPointsPerCheck = 4096;
 
@@ -22,7 +21,7 @@ Error ChunkDecoder::damaged() const {
       fmt::format("the chunk of {} bytes at byte {} is damaged between its points {} and {}", chunk_.bytes,
                   chunk_.at, decoded_ > kPointsPerCheck ? decoded_ - kPointsPerCheck : 1,
                   std::max<std::uint64_t>(decoded_, 1)),
-      kDamagedRemedy};
+      kFetchAgain};
 }
 
 Result<ChunkDecoder> ChunkDecoder::open(const Compression& how, const Chunk& chunk,
@@ -34,7 +33,7 @@ Result<ChunkDecoder> ChunkDecoder::open(const Compression& how, const Chunk& chu
   for (const Item& item : how.items) decoder.item_bytes_.push_back(item.bytes);
   if (decoder.bytes_.size() < how.point_bytes)
     return Error{fmt::format("the chunk at byte {} has {} bytes, less than a point", chunk.at, chunk.bytes),
-                 kDamagedRemedy};
+                 kFetchAgain};
   PALPATE_TRY(how.layered ? decoder.open_layered(how) : decoder.open_pointwise(how));
   return decoder;
 }
@@ -56,7 +55,7 @@ Status ChunkDecoder::open_layered(const Compression& how) {
   if (!in.good() || points != chunk_.points)
     return Error{fmt::format("the chunk at byte {} says that it has {} points, its file {}", chunk_.at,
                              points, chunk_.points),
-                 kDamagedRemedy};
+                 kFetchAgain};
   std::vector<std::uint32_t> sizes;
   for (const Item& item : how.items) {
     layered_.push_back(make_layered(item));
@@ -72,7 +71,7 @@ Status ChunkDecoder::open_layered(const Compression& how) {
   if (!in.good())
     return Error{fmt::format("the layers of the chunk at byte {} do not fit into its {} bytes", chunk_.at,
                              chunk_.bytes),
-                 kDamagedRemedy};
+                 kFetchAgain};
   return Done{};
 }
 

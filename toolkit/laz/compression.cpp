@@ -18,7 +18,6 @@ constexpr std::uint32_t kVariableChunks = 0xFFFFFFFFu;
 constexpr std::size_t kItemBytes = 6;
 constexpr const char* kConvertRemedy =
     "compress it anew: laszip -i in.laz -o out.las, then laszip -i out.las";
-constexpr const char* kCopyRemedy = "the file is damaged: copy or fetch it again";
 
 // What an item must be: its bytes (0: any), and the versions that are read.
 struct ItemRow {
@@ -60,7 +59,7 @@ Result<Item> check_item(std::uint16_t type, std::uint16_t bytes, std::uint16_t v
   if (bytes == 0 || (row->bytes != 0 && row->bytes != bytes))
     return Error{fmt::format("the LASzip item {} at byte {} has {} bytes, it should have {}", row->name, at,
                              bytes, row->bytes == 0 ? "one or more" : std::to_string(row->bytes)),
-                 kCopyRemedy};
+                 kFetchAgain};
   return Item{row->type, bytes, version};
 }
 
@@ -79,7 +78,7 @@ Result<Compression> read_compression(std::span<const std::byte> record, std::uin
   if (!in.good() || in.left() < kItemBytes * items)
     return Error{fmt::format("the LASzip record at byte {} has {} bytes, too few for its {} items", at,
                              record.size(), items),
-                 kCopyRemedy};
+                 kFetchAgain};
   if (compressor == kPointwise)
     return Error{
         fmt::format("the file is compressed without chunks (compressor {}, at byte {}), as LASzip did "
@@ -98,7 +97,7 @@ Result<Compression> read_compression(std::span<const std::byte> record, std::uin
         kConvertRemedy};
   how.chunk_points = chunk_points == kVariableChunks ? 0 : chunk_points;
   if (chunk_points == 0)
-    return Error{fmt::format("the LASzip record at byte {} promises chunks of 0 points", at), kCopyRemedy};
+    return Error{fmt::format("the LASzip record at byte {} promises chunks of 0 points", at), kFetchAgain};
   for (std::uint16_t i = 0; i < items; ++i) {
     const std::uint64_t item_at = at + in.at();
     const std::uint16_t type = in.u16(), bytes = in.u16(), version = in.u16();
@@ -113,7 +112,7 @@ Result<Compression> read_compression(std::span<const std::byte> record, std::uin
     return Error{fmt::format("the items of the LASzip record at byte {} make points of {} bytes, the header "
                              "promises {}",
                              at, how.point_bytes, point_bytes),
-                 kCopyRemedy};
+                 kFetchAgain};
   return how;
 }
 
@@ -123,14 +122,14 @@ Result<std::uint32_t> read_chunk_count(std::span<const std::byte> start, const C
   const std::uint32_t version = in.u32(), chunks = in.u32();
   if (!in.good() || version != 0)
     return Error{fmt::format("the table of chunks at byte {} has the unknown version {}", table_at, version),
-                 kCopyRemedy};
+                 kFetchAgain};
   // Every chunk begins with a whole point.
   const std::uint64_t most = table_at > first_chunk ? (table_at - first_chunk) / how.point_bytes : 0;
   if (chunks > most)
     return Error{fmt::format("the table of chunks at byte {} promises {} chunks, but there are only {} bytes "
                              "for them",
                              table_at, chunks, table_at - std::min(first_chunk, table_at)),
-                 kCopyRemedy};
+                 kFetchAgain};
   return chunks;
 }
 
@@ -159,7 +158,7 @@ Result<std::vector<Chunk>> read_chunk_table(std::span<const std::byte> table, st
       return Error{fmt::format("the table of chunks at byte {} is damaged: chunk {} at byte {} would have {} "
                                "bytes",
                                table_at, i + 1, at, chunk.bytes),
-                   kCopyRemedy};
+                   kFetchAgain};
     at += chunk.bytes;
     left -= std::min(left, chunk.points);
     if (chunk.points > 0) found.push_back(chunk);
@@ -167,7 +166,7 @@ Result<std::vector<Chunk>> read_chunk_table(std::span<const std::byte> table, st
   if (left > 0)
     return Error{fmt::format("the table of chunks at byte {} holds {} of the {} promised points", table_at,
                              points - left, points),
-                 kCopyRemedy};
+                 kFetchAgain};
   return found;
 }
 

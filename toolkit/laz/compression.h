@@ -17,6 +17,9 @@ namespace palpate::laz {
 inline constexpr const char* kLaszipUser = "laszip encoded";
 inline constexpr std::uint16_t kLaszipRecord = 22204;
 
+/// The remedy where a file contradicts itself.
+inline constexpr const char* kFetchAgain = "the file is damaged: copy or fetch it again";
+
 struct Compression {
   bool layered = false;
   std::uint32_t chunk_points = 0;  ///< 0: chunks say how many they hold
