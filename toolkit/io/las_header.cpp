@@ -32,15 +32,15 @@ constexpr const char* kDamagedHeaderRemedy =
     "the header is damaged: fetch the file again, or repair it with lasinfo -repair";
 
 // Bytes of a point and where its colour stands, by format.
-struct FormatRow {
+struct LasFormatRow {
   std::size_t bytes, colour_at;
 };
-constexpr FormatRow kFormats[] = {{20, 0}, {28, 0},  {26, 20}, {34, 28}, {57, 0}, {63, 28},
-                                  {30, 0}, {36, 30}, {38, 30}, {59, 0},  {67, 30}};
+constexpr LasFormatRow kLasFormats[] = {{20, 0}, {28, 0},  {26, 20}, {34, 28}, {57, 0}, {63, 28},
+                                        {30, 0}, {36, 30}, {38, 30}, {59, 0},  {67, 30}};
 constexpr std::uint8_t kFirstLayeredFormat = 6;
 
 // What is collected from the records.
-struct Found {
+struct LasRecords {
   std::vector<std::byte> compression;
   std::uint64_t compression_at = 0;
   std::vector<std::byte> keys;
@@ -49,13 +49,13 @@ struct Found {
 };
 
 // A record's name and place.
-struct Record {
+struct LasRecord {
   std::string_view user;
   std::uint16_t number = 0;
   std::uint64_t at = 0, bytes = 0;
 };
 
-Status take_record(const RandomAccess& file, const Record& record, Found& found) {
+Status take_las_record(const RandomAccess& file, const LasRecord& record, LasRecords& found) {
   const auto is = [&](const char* user, std::uint16_t number) {
     return record.user == user && record.number == number;
   };
@@ -78,14 +78,14 @@ Status take_record(const RandomAccess& file, const Record& record, Found& found)
 }
 
 // Walks `count` records between two places; `extended`: those at the file's end, with 64-bit lengths.
-Status walk_records(const RandomAccess& file, std::uint64_t at, std::uint64_t end, std::uint64_t count,
-                    bool extended, Found& found, LasHeader& header) {
+Status walk_las_records(const RandomAccess& file, std::uint64_t at, std::uint64_t end, std::uint64_t count,
+                        bool extended, LasRecords& found, LasHeader& header) {
   const std::size_t head_bytes = extended ? kEvlrBytes : kVlrBytes;
   for (std::uint64_t i = 0; i < count; ++i) {
     std::array<std::byte, kEvlrBytes> bytes{};
     const std::span<std::byte> head = std::span(bytes).first(head_bytes);
     std::uint64_t length = std::numeric_limits<std::uint64_t>::max();
-    Record record;
+    LasRecord record;
     if (at <= end && head_bytes <= end - at) {
       PALPATE_TRY(file.read_at(at, head));
       ByteReader in(head);
@@ -106,14 +106,14 @@ Status walk_records(const RandomAccess& file, std::uint64_t at, std::uint64_t en
       return Done{};
     }
     record.bytes = length;
-    PALPATE_TRY(take_record(file, record, found));
+    PALPATE_TRY(take_las_record(file, record, found));
     at = record.at + length;
   }
   return Done{};
 }
 
 // Counts and places of the header, before they are compared with each other.
-struct Raw {
+struct LasCounts {
   std::uint16_t encoding = 0;
   std::uint8_t minor = 0;
   std::uint16_t header_bytes = 0;
@@ -123,54 +123,54 @@ struct Raw {
   std::uint32_t extended = 0;
 };
 
-Result<Raw> read_counts(std::span<const std::byte> bytes, LasHeader& header) {
-  Raw raw;
-  raw.encoding = ByteReader(bytes.subspan(kEncodingAt)).u16();
+Result<LasCounts> read_las_counts(std::span<const std::byte> bytes, LasHeader& header) {
+  LasCounts counts;
+  counts.encoding = ByteReader(bytes.subspan(kEncodingAt)).u16();
   ByteReader version(bytes.subspan(kVersionAt));
   const std::uint8_t major = version.u8();
-  raw.minor = version.u8();
-  if (major != 1 || raw.minor > kLastMinorVersion)
-    return Error{fmt::format("LAS version {}.{} (at byte {}) is not read, only 1.0 to 1.{}", major, raw.minor,
-                             kVersionAt, kLastMinorVersion),
+  counts.minor = version.u8();
+  if (major != 1 || counts.minor > kLastMinorVersion)
+    return Error{fmt::format("LAS version {}.{} (at byte {}) is not read, only 1.0 to 1.{}", major,
+                             counts.minor, kVersionAt, kLastMinorVersion),
                  "save it as LAS 1.4: pdal translate in.las out.las --writers.las.minor_version=4"};
   ByteReader sizes(bytes.subspan(kSizesAt));
-  raw.header_bytes = sizes.u16();
+  counts.header_bytes = sizes.u16();
   header.points_at = sizes.u32();
-  raw.records = sizes.u32();
+  counts.records = sizes.u32();
   const std::uint8_t format = sizes.u8();
   header.point_bytes = sizes.u16();
   header.points = sizes.u32();
-  const std::size_t least = raw.minor >= 4   ? kHeader14Bytes
-                            : raw.minor == 3 ? kHeader13Bytes
-                                             : kHeader10Bytes;
-  if (raw.header_bytes < least || bytes.size() < least)
+  const std::size_t least = counts.minor >= 4   ? kHeader14Bytes
+                            : counts.minor == 3 ? kHeader13Bytes
+                                                : kHeader10Bytes;
+  if (counts.header_bytes < least || bytes.size() < least)
     return Error{
         fmt::format("the header has {} bytes (says byte {}) of a file of at least {}, LAS 1.{} needs {}",
-                    raw.header_bytes, kSizesAt, bytes.size(), raw.minor, least),
+                    counts.header_bytes, kSizesAt, bytes.size(), counts.minor, least),
         kDamagedHeaderRemedy};
-  raw.compressed = (format & ~kFormatMask) != 0;
+  counts.compressed = (format & ~kFormatMask) != 0;
   header.point_format = format & kFormatMask;
-  if ((raw.compressed && (format & kCompressedFlag) == 0) || header.point_format >= std::size(kFormats))
+  if ((counts.compressed && (format & kCompressedFlag) == 0) || header.point_format >= std::size(kLasFormats))
     return Error{fmt::format("the point format {} (at byte {}) is not read, only 0 to {}", format,
-                             kSizesAt + 10, std::size(kFormats) - 1),
+                             kSizesAt + 10, std::size(kLasFormats) - 1),
                  "save it as LAS 1.4: pdal translate in.las out.las --writers.las.minor_version=4"};
-  const FormatRow& row = kFormats[header.point_format];
+  const LasFormatRow& row = kLasFormats[header.point_format];
   header.colour_at = row.colour_at;
   if (header.point_bytes < row.bytes)
     return Error{fmt::format("a point has {} bytes (says byte {}), point format {} needs {}",
                              header.point_bytes, kSizesAt + 11, header.point_format, row.bytes),
                  kDamagedHeaderRemedy};
-  if (raw.minor >= 4) {
+  if (counts.minor >= 4) {
     ByteReader extended(bytes.subspan(kEvlrsAt));
-    raw.extended_at = extended.u64();
-    raw.extended = extended.u32();
+    counts.extended_at = extended.u64();
+    counts.extended = extended.u32();
     const std::uint64_t points = extended.u64();
     if (points != 0) header.points = points;
   }
-  return raw;
+  return counts;
 }
 
-Status read_lattice(std::span<const std::byte> bytes, LasHeader& header) {
+Status read_las_lattice(std::span<const std::byte> bytes, LasHeader& header) {
   ByteReader in(bytes.subspan(kScalesAt));
   header.scale = in.vec();
   header.offset = in.vec();
@@ -206,20 +206,21 @@ Result<LasHeader> read_las_header(const RandomAccess& file) {
   if (bytes.size() < kHeader10Bytes)
     return Error{fmt::format("the file ends within its header, at byte {}", bytes.size()), kLasIsCut};
   LasHeader header;
-  PALPATE_ASSIGN(const Raw raw, read_counts(bytes, header));
-  PALPATE_TRY(read_lattice(bytes, header));
-  if (header.points_at < raw.header_bytes || header.points_at > file.size())
+  PALPATE_ASSIGN(const LasCounts counts, read_las_counts(bytes, header));
+  PALPATE_TRY(read_las_lattice(bytes, header));
+  if (header.points_at < counts.header_bytes || header.points_at > file.size())
     return Error{
         fmt::format("the points should begin at byte {} (says byte {}), the header ends at {} and the "
                     "file at {}",
-                    header.points_at, kSizesAt + 2, raw.header_bytes, file.size()),
+                    header.points_at, kSizesAt + 2, counts.header_bytes, file.size()),
         header.points_at > file.size() ? kLasIsCut : kDamagedHeaderRemedy};
-  Found found;
-  PALPATE_TRY(walk_records(file, raw.header_bytes, header.points_at, raw.records, false, found, header));
-  if (raw.extended > 0)
-    PALPATE_TRY(walk_records(file, std::max(raw.extended_at, header.points_at), file.size(), raw.extended,
-                             true, found, header));
-  if (raw.compressed) {
+  LasRecords found;
+  PALPATE_TRY(
+      walk_las_records(file, counts.header_bytes, header.points_at, counts.records, false, found, header));
+  if (counts.extended > 0)
+    PALPATE_TRY(walk_las_records(file, std::max(counts.extended_at, header.points_at), file.size(),
+                                 counts.extended, true, found, header));
+  if (counts.compressed) {
     if (found.compression_at == 0)
       return Error{
           fmt::format("the points are compressed (says byte {}), but no record says how", kSizesAt + 10),
@@ -229,11 +230,11 @@ Result<LasHeader> read_las_header(const RandomAccess& file) {
                                          header.point_format >= kFirstLayeredFormat));
   }
   header.format = fmt::format("{} 1.{}, point format {}",
-                              !raw.compressed ? "LAS"
-                              : found.copc    ? "COPC, LAZ"
-                                              : "LAZ",
-                              raw.minor, header.point_format);
-  header.unit = unit_of_las(found.keys, found.text, (raw.encoding & kTextFlag) != 0);
+                              !counts.compressed ? "LAS"
+                              : found.copc       ? "COPC, LAZ"
+                                                 : "LAZ",
+                              counts.minor, header.point_format);
+  header.unit = unit_of_las(found.keys, found.text, (counts.encoding & kTextFlag) != 0);
   header.warnings.insert(header.warnings.end(), header.unit.warnings.begin(), header.unit.warnings.end());
   return header;
 }
