@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 
 #include <palpate/progress.h>
 #include "tests/toolkit/laz/las_files.h"
@@ -348,6 +349,18 @@ TEST(Laz, CutAndDamagedFilesDoNoHarm) {
       test::expect_harmless(bad);
     }
   }
+}
+
+// What fuzzing begins with (tests/fuzz/fuzz_las.cpp), and what it found.
+TEST(Laz, FilesOfTheCorpusDoNoHarm) {
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(std::string(PALPATE_CORPUS) + "/las")) {
+    SCOPED_TRACE(entry.path().string());
+    const std::string text = test::value_of(read_file(entry.path().string(), std::uint64_t{1} << 20));
+    test::expect_harmless(std::as_bytes(std::span(text)));
+    ++files;
+  }
+  EXPECT_GE(files, 6u);
 }
 
 }  // namespace
