@@ -135,6 +135,11 @@ Result<DecodedFile> read_las(const RandomAccess& file, const std::string& name, 
   return decoded;
 }
 
+Result<DecodedFile> read_las_bytes(const ReaderInput& input) {
+  PALPATE_ASSIGN(const std::vector<std::byte> bytes, read_all(input.bytes, input.options.max_bytes));
+  return read_las(MemoryAccess(bytes), input.name, input.options, input.progress);
+}
+
 Result<std::unique_ptr<PointStream>> las_stream(std::unique_ptr<RandomAccess> file, const std::string& name,
                                                 int threads) {
   Result<LasHeader> header = read_las_header(*file);

@@ -17,4 +17,7 @@ namespace palpate::io {
 [[nodiscard]] Result<DecodedFile> read_las(const RandomAccess& file, const std::string& name,
                                            const ReadOptions& options, Progress& progress);
 
+/// The same as a Reader (read_model.h), from bytes that come one after the other: they are held as a whole.
+[[nodiscard]] Result<DecodedFile> read_las_bytes(const ReaderInput& input);
+
 }  // namespace palpate::io

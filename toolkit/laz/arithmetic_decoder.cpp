@@ -82,43 +82,12 @@ void SymbolModel::update() noexcept {
   until_update_ = cycle_;
 }
 
-std::uint32_t SymbolModel::find(std::uint32_t share) const noexcept {
-  std::uint32_t low = 0, end = symbols_;
-  if (table_size_ > 0) {
-    // An interval of at least 2^24 makes `share` at most 1 + 2^-9, and a table entry is at least as wide.
-    const std::uint32_t* const entry = numbers_.data() + std::size_t{2} * symbols_ + (share >> table_shift_);
-    low = entry[0];
-    end = entry[1] + 1;
-  }
-  while (end > low + 1) {
-    const std::uint32_t middle = (low + end) >> 1;
-    if (numbers_[middle] > share)
-      end = middle;
-    else
-      low = middle;
-  }
-  return low;
-}
-
 ArithmeticDecoder::ArithmeticDecoder(std::span<const std::byte> stream) noexcept : stream_(stream) {
   for (std::size_t i = 0; i < sizeof value_; ++i) value_ = value_ << 8 | next_byte();
   // No encoder gives the interval's own end; everything below relies on standing before it.
   if (value_ == kWholeInterval) {
     damaged_ = true;
     value_ = 0;
-  }
-}
-
-std::uint32_t ArithmeticDecoder::next_byte() noexcept {
-  if (at_ < stream_.size()) return static_cast<std::uint32_t>(stream_[at_++]);
-  damaged_ = true;
-  return 0;
-}
-
-void ArithmeticDecoder::refill() noexcept {
-  while (length_ < kShortestInterval) {
-    value_ = value_ << 8 | next_byte();
-    length_ <<= 8;
   }
 }
 

@@ -107,4 +107,37 @@ class ArithmeticDecoder {
   bool damaged_ = false;
 };
 
+// Inline: together they are most of the time of decoding.
+
+inline std::uint32_t SymbolModel::find(std::uint32_t share) const noexcept {
+  std::uint32_t low = 0, end = symbols_;
+  if (table_size_ > 0) {
+    // An interval of at least 2^24 makes `share` at most 1 + 2^-9, and a table entry is at least as wide.
+    const std::uint32_t* const entry = numbers_.data() + std::size_t{2} * symbols_ + (share >> table_shift_);
+    low = entry[0];
+    end = entry[1] + 1;
+  }
+  while (end > low + 1) {
+    const std::uint32_t middle = (low + end) >> 1;
+    if (numbers_[middle] > share)
+      end = middle;
+    else
+      low = middle;
+  }
+  return low;
+}
+
+inline std::uint32_t ArithmeticDecoder::next_byte() noexcept {
+  if (at_ < stream_.size()) return static_cast<std::uint32_t>(stream_[at_++]);
+  damaged_ = true;
+  return 0;
+}
+
+inline void ArithmeticDecoder::refill() noexcept {
+  while (length_ < kShortestInterval) {
+    value_ = value_ << 8 | next_byte();
+    length_ <<= 8;
+  }
+}
+
 }  // namespace palpate::laz

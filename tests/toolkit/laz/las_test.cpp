@@ -158,6 +158,21 @@ TEST(Las, PositionsAndPropertiesOfEveryFormat) {
   }
 }
 
+TEST(Las, AsAReaderOfBytes) {
+  const Bytes bytes = test::las_bytes(some_file(3, 100, true));
+  Readers readers;
+  readers.add({"laz"}, read_las_bytes);
+  ReadOptions options;
+  options.unit = Unit::kMillimetre;
+  const Result<ReadModel> model = readers.read(std::make_unique<MemorySource>(bytes), "a.laz", options);
+  ASSERT_TRUE(model) << model.error().message();
+  EXPECT_EQ(model->cloud.size(), 100u);
+  EXPECT_EQ(model->cloud.properties.size(), 4u);
+  EXPECT_EQ(model->format, "LAZ 1.4, point format 3");
+  options.max_bytes = bytes.size() - 1;
+  EXPECT_TRUE(test::refused(readers.read(std::make_unique<MemorySource>(bytes), "a.laz", options), "memory"));
+}
+
 TEST(Las, StreamsInOddPiecesAndAgain) {
   const test::LasFile file = some_file(7, 3000, true);
   const Bytes bytes = test::las_bytes(file);
