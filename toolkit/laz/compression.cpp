@@ -16,6 +16,10 @@ constexpr std::uint16_t kPointwise = 1, kPointwiseChunked = 2, kLayeredChunked =
 constexpr std::uint16_t kArithmeticCoder = 0;
 constexpr std::uint32_t kVariableChunks = 0xFFFFFFFFu;
 constexpr std::size_t kItemBytes = 6;
+// The most points that a byte can hold. However often a symbol came, the others keep 2^-15 each, so that a
+// point with nothing new costs 63 of them and then 3 times 32 (pointwise: what changed, lengths of x, y and
+// z), or 127 and twice 32 (layered): at least 0.007 bits.
+constexpr std::uint64_t kMostPointsPerByte = 1200;
 constexpr const char* kConvertRemedy =
     "compress it anew: laszip -i in.laz -o out.las, then laszip -i out.las";
 
@@ -158,6 +162,10 @@ Result<std::vector<Chunk>> read_chunk_table(std::span<const std::byte> table, st
       return Error{fmt::format("the table of chunks at byte {} is damaged: chunk {} at byte {} would have {} "
                                "bytes",
                                table_at, i + 1, at, chunk.bytes),
+                   kFetchAgain};
+    if (chunk.points > 1 + kMostPointsPerByte * chunk.bytes)
+      return Error{fmt::format("the chunk of {} bytes at byte {} cannot hold the {} points that it promises",
+                               chunk.bytes, at, chunk.points),
                    kFetchAgain};
     at += chunk.bytes;
     left -= std::min(left, chunk.points);

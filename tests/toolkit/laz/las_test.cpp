@@ -344,6 +344,16 @@ TEST(Laz, WrongRecordsAndTablesHaveErrors) {
   }
 }
 
+TEST(Laz, PointsThatNoChunkCanHoldAreRefused) {
+  Bytes bytes = test::las_bytes(some_file(6, 100, true));
+  constexpr std::uint32_t kPromised = 100'000'000;
+  constexpr std::size_t kCountAt = 247, kChunkPointsAt = 375 + 54 + 12;
+  ByteWriter(std::span(bytes).subspan(kCountAt)).u64(kPromised);
+  ByteWriter(std::span(bytes).subspan(kChunkPointsAt)).u32(kPromised);
+  EXPECT_TRUE(
+      test::refused(las_stream(copy_of(bytes), "a.laz", 1), "cannot hold the 100000000 points", "byte"));
+}
+
 TEST(Laz, CutAndDamagedFilesDoNoHarm) {
   for (std::uint8_t format = 0; format < kFormats; ++format) {
     test::LasFile file = some_file(format, 300, true);
