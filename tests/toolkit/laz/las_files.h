@@ -1,0 +1,42 @@
+// LAS and LAZ files made in memory for the tests, of points with everything that a scanner may give them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <palpate/result.h>
+#include "toolkit/io/byte_source.h"
+
+namespace palpate::test {
+
+struct LasFile {
+  std::uint8_t minor = 4, format = 0;
+  std::size_t extra_bytes = 0;
+  bool compressed = false;
+  std::uint32_t chunk_points = 700;  ///< 0: chunks say how many they hold
+  std::uint32_t layered_version = 3;
+  std::vector<std::byte> points;   ///< whole records
+  std::vector<std::byte> records;  ///< VLRs, heads included
+  std::uint32_t record_count = 0;
+};
+
+[[nodiscard]] std::size_t las_point_bytes(std::uint8_t format) noexcept;
+/// Points along scan lines, with several returns, channels, flight lines and rare jumps.
+[[nodiscard]] std::vector<std::byte> scanned_points(std::uint8_t format, std::size_t extra_bytes,
+                                                    std::size_t count, std::uint64_t seed);
+void add_record(LasFile& file, const std::string& user, std::uint16_t number,
+                std::span<const std::byte> content);
+/// The file's bytes: scales of 0.01, offsets of 100, 200 and 300.
+[[nodiscard]] std::vector<std::byte> las_bytes(const LasFile& file);
+
+/// All points as they stand in a LAS or LAZ file, or decoded to that.
+[[nodiscard]] Result<std::vector<std::byte>> raw_points(const io::RandomAccess& file, int threads);
+
+/// Expects what holds for any bytes: an Error with a remedy, or as many points as the header promises.
+void expect_harmless(std::span<const std::byte> bytes);
+
+}  // namespace palpate::test

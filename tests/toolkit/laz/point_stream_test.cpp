@@ -1,0 +1,145 @@
+// Points in pieces, opened by content whatever the name: LAS, binary PLY, binary PCD; and what is refused.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "tests/in_folder.h"
+#include "tests/toolkit/laz/las_files.h"
+#include "tests/toolkit/messages.h"
+#include "toolkit/io/point_stream.h"
+
+namespace palpate::io {
+namespace {
+
+constexpr std::size_t kPoints = 1000;
+
+Vec3 point_of(std::size_t i) {
+  const auto at = static_cast<double>(i);
+  return {at, 0.5 * at, -2.0 * at};
+}
+
+// The bytes of a number, the first one first, or last where `swap`.
+template <class T>
+std::string bytes_of(T number, bool swap = false) {
+  auto bytes = std::bit_cast<std::array<char, sizeof(T)>>(number);
+  if (swap) std::reverse(bytes.begin(), bytes.end());
+  return {bytes.data(), bytes.size()};
+}
+
+// Rows of a byte, y and z as float, a short, and x as double.
+std::string rows(bool swap) {
+  std::string text;
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    const Vec3 p = point_of(i);
+    text += std::string("!") + bytes_of(static_cast<float>(p.y()), swap) +
+            bytes_of(static_cast<float>(p.z()), swap) + bytes_of(std::uint16_t{7}, swap) +
+            bytes_of(p.x(), swap);
+  }
+  return text;
+}
+
+std::string ply(const std::string& format, bool swap) {
+  return fmt::format(
+             "ply\nformat {} 1.0\ncomment unit mm\nelement camera 2\nproperty float f\nelement vertex {}\n"
+             "property uchar kind\nproperty float y\nproperty float z\nproperty short s\nproperty double x\n"
+             "element face 1\nproperty list uchar int vertex_indices\nend_header\n",
+             format, kPoints) +
+         "camera88" + rows(swap) + std::string("\3") + std::string(12, '\0');
+}
+
+std::string pcd(const std::string& data) {
+  return fmt::format(
+      "# .PCD v0.7\nVERSION 0.7\nFIELDS kind y z s x\nSIZE 1 4 4 2 8\nTYPE U F F U F\nCOUNT 1 1 1 1 1\n"
+      "WIDTH {}\nHEIGHT 1\nPOINTS {}\nDATA {}\n",
+      kPoints, kPoints, data);
+}
+
+class Streams : public InFolder {
+ protected:
+  [[nodiscard]] std::string write(const std::string& name, const std::string& content) const {
+    std::ofstream(in(name), std::ios::binary) << content;
+    return in(name);
+  }
+};
+
+void expect_points(const std::string& path) {
+  SCOPED_TRACE(path);
+  const std::unique_ptr<PointStream> stream = test::value_of(open_point_stream(path, 1));
+  EXPECT_EQ(stream->header().points, kPoints);
+  for (int turn = 0; turn < 2; ++turn) {
+    std::array<Vec3, 300> piece;
+    std::size_t at = 0;
+    while (const std::size_t got = test::value_of(stream->read(piece)))
+      for (std::size_t i = 0; i < got; ++i) ASSERT_EQ(piece[i], point_of(at++));
+    EXPECT_EQ(at, kPoints);
+    ASSERT_TRUE(stream->rewind());
+  }
+}
+
+TEST_F(Streams, BinaryPlyInBothOrdersOfBytes) {
+  expect_points(write("a.ply", ply("binary_little_endian", false)));
+  const std::string big = write("b.dat", ply("binary_big_endian", true));
+  expect_points(big);
+  EXPECT_EQ(test::value_of(open_point_stream(big, 1))->header().unit, Unit::kMillimetre);
+}
+
+TEST_F(Streams, BinaryPcd) {
+  const std::string path = write("a.pcd", pcd("binary") + rows(false));
+  expect_points(path);
+  EXPECT_EQ(test::value_of(open_point_stream(path, 1))->header().conventional_unit, Unit::kMetre);
+}
+
+TEST_F(Streams, LasAndLaz) {
+  test::LasFile file;
+  file.points = test::scanned_points(0, 0, kPoints, 3);
+  for (const bool compressed : {false, true}) {
+    file.compressed = compressed;
+    const std::vector<std::byte> bytes = test::las_bytes(file);
+    const std::string path =
+        write("scan", std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+    const std::unique_ptr<PointStream> stream = test::value_of(open_point_stream(path, 2));
+    EXPECT_TRUE(test::contains(stream->header().format, compressed ? "LAZ" : "LAS", "point format 0"));
+    std::vector<Vec3> points(2 * kPoints);
+    EXPECT_EQ(test::value_of(stream->read(points)), kPoints);
+    EXPECT_EQ(test::value_of(stream->read(points)), 0u);
+  }
+}
+
+TEST_F(Streams, WhatCannotBeReadInPiecesIsRefusedWithARemedy) {
+  struct Case {
+    std::string content, part;
+  };
+  const std::string cut = pcd("binary") + rows(false).substr(1);
+  const Case cases[] = {
+      {"", "empty"},
+      {"hello\nworld\n", "first bytes"},
+      {"\x1F\x8B\x08 gzip", "gunzip"},
+      {"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float "
+       "z\nend_header\n"
+       "1 2 3\n",
+       "binary PLY"},
+      {"ply\nformat binary_little_endian 1.0\nelement face 0\nproperty list uchar int i\nelement vertex 0\n"
+       "property float x\nproperty float y\nproperty float z\nend_header\n",
+       "lists"},
+      {"ply\nformat binary_little_endian 1.0\nelement other 0\nproperty int i\nend_header\n", "vertex"},
+      {pcd("ascii") + "1 2 3 4 5\n", "binary PCD"},
+      {pcd("binary_compressed") + rows(false), "compressed"},
+      {cut, "promises 1000"},
+  };
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.part);
+    const auto stream = open_point_stream(write("bad", c.content), 1);
+    ASSERT_TRUE(test::refused(stream, c.part, in("bad")));
+    EXPECT_FALSE(stream.error().remedy.empty());
+  }
+  EXPECT_TRUE(test::refused(open_point_stream(in("missing"), 1), "missing"));
+}
+
+}  // namespace
+}  // namespace palpate::io
