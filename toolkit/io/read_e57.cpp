@@ -194,8 +194,7 @@ void E57Reader::place(const E57Scan& scan, std::size_t count) {
   }
 }
 
-Result<std::unique_ptr<PointStream>> open_e57_stream(std::unique_ptr<RandomAccess> file,
-                                                     const std::string& name) {
+Result<std::unique_ptr<PointStream>> e57_stream(std::unique_ptr<RandomAccess> file, const std::string& name) {
   Result<E57Reader> reader = E57Reader::open(*file, false);
   if (!reader) return std::move(reader).error().in_file(name);
   return std::unique_ptr<PointStream>(std::make_unique<E57Stream>(std::move(file), name, std::move(*reader)));
@@ -204,7 +203,7 @@ Result<std::unique_ptr<PointStream>> open_e57_stream(std::unique_ptr<RandomAcces
 Result<std::unique_ptr<PointStream>> open_e57_stream(const std::string& path) {
   Result<std::unique_ptr<RandomAccess>> file = open_random_access(path);
   if (!file) return std::move(file).error().in_file(path);
-  return open_e57_stream(std::move(*file), path);
+  return e57_stream(std::move(*file), path);
 }
 
 Result<DecodedFile> read_e57(const ReaderInput& input) {

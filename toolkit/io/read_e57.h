@@ -85,8 +85,8 @@ class E57Reader {
 
 /// Points in pieces; open_e57_stream() of a path stands in toolkit/io/point_stream_formats.h. The header's
 /// points are the records, of which invalid ones are left out. `name` is for messages.
-[[nodiscard]] Result<std::unique_ptr<PointStream>> open_e57_stream(std::unique_ptr<RandomAccess> file,
-                                                                   const std::string& name);
+[[nodiscard]] Result<std::unique_ptr<PointStream>> e57_stream(std::unique_ptr<RandomAccess> file,
+                                                              const std::string& name);
 
 /// The whole file with its properties. Needs the file's bytes in memory, which may have come compressed.
 [[nodiscard]] Result<DecodedFile> read_e57(const ReaderInput& input);

@@ -29,7 +29,7 @@ Result<DecodedFile> decode(const std::string& file, std::uint64_t max_bytes = kM
 // All points of a stream over `file`, `piece` at a time.
 Result<std::vector<Vec3>> stream(const std::string& file, std::size_t piece) {
   PALPATE_ASSIGN(auto points,
-                 open_e57_stream(std::make_unique<MemoryAccess>(std::as_bytes(std::span(file))), "a.e57"));
+                 e57_stream(std::make_unique<MemoryAccess>(std::as_bytes(std::span(file))), "a.e57"));
   std::vector<Vec3> all, some(piece);
   while (true) {
     PALPATE_ASSIGN(const std::size_t n, points->read(some));
@@ -153,8 +153,8 @@ TEST(E57, StatedBoundsAreTurnedWithTheScan) {
       "<cartesianBounds><xMinimum>0</xMinimum><xMaximum>1</xMaximum><yMinimum>0</yMinimum>"
       "<yMaximum>2</yMaximum><zMinimum>0</zMinimum><zMaximum>3</zMaximum></cartesianBounds>";
   const std::string file = file_of(scan);
-  const auto points = test::value_of(
-      open_e57_stream(std::make_unique<MemoryAccess>(std::as_bytes(std::span(file))), "a.e57"));
+  const auto points =
+      test::value_of(e57_stream(std::make_unique<MemoryAccess>(std::as_bytes(std::span(file))), "a.e57"));
   ASSERT_TRUE(points->header().bounds);
   EXPECT_LE((points->header().bounds->low_mm - Vec3(9, -2, 0)).norm(), 1e-12);
   EXPECT_LE((points->header().bounds->high_mm - Vec3(10, 0, 3)).norm(), 1e-12);
