@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -146,7 +145,8 @@ Status read_text(std::span<const std::byte> file, FacetTaker& facets, DecodedFil
   BufferedInput in(source);
   std::string_view line;
   std::array<Vec3, kStlCorners> corners;
-  std::optional<std::size_t> have;  // corners of the facet that is open
+  bool open = false;     // a facet
+  std::size_t have = 0;  // its corners
   bool ended = false;
   const auto at_line = [&](std::string what, std::string remedy = kCheckLine) {
     return in.error_or({std::move(what), std::move(remedy)});
@@ -156,19 +156,19 @@ Status read_text(std::span<const std::byte> file, FacetTaker& facets, DecodedFil
     if (word.empty()) continue;
     ended = word == "endsolid";
     if (word == "facet") {
-      if (have) return at_line("a facet begins within another");
+      if (open) return at_line("a facet begins within another");
+      open = true;
       have = 0;
     } else if (word == "vertex") {
-      if (!have) return at_line("a vertex stands outside of a facet");
-      if (*have == kStlCorners) return at_line("a facet has more than three corners");
+      if (!open) return at_line("a vertex stands outside of a facet");
+      if (have == kStlCorners) return at_line("a facet has more than three corners");
       const Result<Vec3> corner = next_vertex(line);
       if (!corner) return at_line(corner.error().what, corner.error().remedy);
-      corners[(*have)++] = *corner;
+      corners[have++] = *corner;
     } else if (word == "endfacet") {
-      if (have != kStlCorners)
-        return at_line(have ? fmt::format("a facet has {} corners instead of three", *have)
-                            : std::string("a facet ends that has not begun"));
-      have.reset();
+      if (!open) return at_line("a facet ends that has not begun");
+      if (have != kStlCorners) return at_line(fmt::format("a facet has {} corners instead of three", have));
+      open = false;
       facets.set_done(in.fraction());
       PALPATE_TRY(facets.take(corners));
     } else if (word != "solid" && word != "outer" && word != "endloop" && word != "endsolid") {
@@ -176,7 +176,7 @@ Status read_text(std::span<const std::byte> file, FacetTaker& facets, DecodedFil
     }
   }
   if (in.error()) return *in.error();
-  if (have) return at_line("the file ends within a facet", kFetchStl);
+  if (open) return at_line("the file ends within a facet", kFetchStl);
   if (!ended)
     return at_line(fmt::format("the file ends after {} facets without \"endsolid\"", facets.facets()),
                    kFetchStl);
