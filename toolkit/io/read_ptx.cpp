@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "toolkit/core/csv_dialect.h"
 #include "toolkit/core/messages.h"
@@ -19,7 +20,7 @@ namespace {
 
 // Numbers of one line, exactly N.
 template <std::size_t N>
-std::optional<std::array<double, N>> numbers_in(std::string_view line) {
+std::optional<std::array<double, N>> finite_numbers(std::string_view line) {
   std::array<double, N> numbers{};
   for (double& number : numbers) {
     const std::optional<double> value = parse_real(next_token(line));
@@ -110,12 +111,12 @@ class PtxRows final : public ScanRows {
     }
     for (std::size_t i = 0; i < kPoseLines; ++i) {
       if (!next_line(line)) return cut_header(scan);
-      if (!numbers_in<3>(line))
+      if (!finite_numbers<3>(line))
         return at_line(fmt::format("the pose of {} needs three numbers here, not {}", scan, shown(line)));
     }
     for (std::size_t i = 0; i < kMatrixLines; ++i) {
       if (!next_line(line)) return cut_header(scan);
-      const auto row = numbers_in<4>(line);
+      const auto row = finite_numbers<4>(line);
       if (!row)
         return at_line(fmt::format("the matrix of {} needs four numbers here, not {}", scan, shown(line)));
       // Points are rows, so the translation is the matrix's last row, and its last column is that of the unit
@@ -258,8 +259,8 @@ bool starts_as_ptx(std::string_view front) {
     const std::optional<std::string_view> line = next_whole_line(front);
     if (!line) return false;
     const bool right = i < 2                ? lone_count(*line).has_value()
-                       : i < 2 + kPoseLines ? numbers_in<3>(*line).has_value()
-                                            : numbers_in<4>(*line).has_value();
+                       : i < 2 + kPoseLines ? finite_numbers<3>(*line).has_value()
+                                            : finite_numbers<4>(*line).has_value();
     if (!right) return false;
   }
   return true;
@@ -269,7 +270,7 @@ bool starts_as_pts(std::string_view front) {
   const std::optional<std::string_view> count = next_whole_line(front);
   if (!count || !lone_count(*count)) return false;
   front.remove_prefix(std::min(front.find_first_not_of(" \t\r\n"), front.size()));
-  std::string_view row = trimmed(front.substr(0, front.find('\n')));
+  std::string_view row = trimmed(front.substr(0, front.find_first_of("\r\n")));
   for (std::size_t axis = 0; axis < kAxesOfRow; ++axis)
     if (!parse_real(next_token(row))) return false;
   return true;
@@ -295,10 +296,17 @@ Result<DecodedFile> read_ptx(const ReaderInput& input) {
 }
 
 Result<DecodedFile> read_pts(const ReaderInput& input) {
-  PtsRows rows(input.bytes);
+  // In memory, because two readers look at the front.
+  PALPATE_ASSIGN(const std::vector<std::byte> bytes, read_all(input.bytes, input.options.max_bytes));
+  MemorySource source(bytes);
+  const ReaderInput again{source, input.name, input.options, input.progress};
+  const std::string_view front(reinterpret_cast<const char*>(bytes.data()),
+                               std::min(bytes.size(), kScanTextFrontBytes));
+  if (!starts_as_pts(front)) return read_xyz(again);
+  PtsRows rows(source);
   PALPATE_TRY(rows.begin());
   PALPATE_TRY(check_memory(rows.counted(), sizeof(Vec3), "points", input.options));
-  return decode_scan_rows(input, rows);
+  return decode_scan_rows(again, rows);
 }
 
 }  // namespace palpate::io

@@ -33,6 +33,7 @@ inline constexpr std::size_t kScanTextFrontBytes = 4096;
 /// A file of one scan keeps its grid: a raster's rows are the columns of the PTX file, which lists its points
 /// column by column.
 [[nodiscard]] Result<DecodedFile> read_ptx(const ReaderInput& input);
+/// A file that does not begin with a count, as some name their columns of text, is read by read_xyz().
 [[nodiscard]] Result<DecodedFile> read_pts(const ReaderInput& input);
 
 }  // namespace palpate::io

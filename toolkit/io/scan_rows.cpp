@@ -172,7 +172,7 @@ std::optional<std::uint64_t> lone_count(std::string_view line) {
 
 std::optional<std::string_view> next_whole_line(std::string_view& front) {
   while (true) {
-    const std::size_t end = front.find('\n');
+    const std::size_t end = front.find_first_of("\r\n");
     if (end == std::string_view::npos) return std::nullopt;
     const std::string_view line = trimmed(front.substr(0, end));
     front.remove_prefix(end + 1);

@@ -113,7 +113,7 @@ TEST(Pts, ColumnsAreIntensityAndColour) {
 }
 
 TEST(Pts, BlocksFollowEachOther) {
-  const std::string text = "# by a scanner\n2\n1 2 3 9\n4 5 6 9\n1\n\n7 8 9 1 2 3 4\n0\n";
+  const std::string text = "2\n1 2 3 9\n4 5 6 9\n1\n\n7 8 9 1 2 3 4\n0\n";
   const DecodedFile decoded = test::value_of(decode(read_pts, text));
   EXPECT_EQ(decoded.points, (std::vector<Vec3>{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}}));
   EXPECT_EQ(decoded.conventional_unit, Unit::kMetre);
@@ -123,7 +123,17 @@ TEST(Pts, BlocksFollowEachOther) {
   const DecodedFile more = test::value_of(decode(read_pts, "1\n1 2 3\n4 5 6\n7 8 9\n"));
   EXPECT_EQ(more.points.size(), 3u);
   EXPECT_TRUE(test::contains(more.warnings.at(0), "promises 1 points, the file holds 2 more"));
+  EXPECT_EQ(test::value_of(stream(pts_stream, "# by a scanner\n1\n1 2 3\n", 2)).size(), 1u);
+  EXPECT_EQ(test::value_of(stream(pts_stream, "1 2 3\n4 5 6\n", 1)).size(), 2u);
+}
+
+// Columns of text that are only named like a scanner's keep their names, their decimal commas and their unit.
+TEST(Pts, OtherColumnsOfTextAreReadAsSuch) {
+  const DecodedFile named = test::value_of(decode(read_pts, "# I x(cm) y(cm) z(cm)\n2\n9 1 2 3\n9 4 5 6\n"));
+  EXPECT_EQ(named.points, (std::vector<Vec3>{{1, 2, 3}, {4, 5, 6}}));
+  EXPECT_EQ(named.unit, Unit::kCentimetre);
   EXPECT_EQ(test::value_of(decode(read_pts, "1 2 3\n4 5 6\n")).points.size(), 2u);
+  EXPECT_EQ(test::value_of(decode(read_pts, "1\n1,5 2 3\n")).points[0], Vec3(1.5, 2, 3));
 }
 
 class ScanTextFiles : public InFolder {};
@@ -159,6 +169,7 @@ TEST(ScanText, FormatsAreToldByTheirFirstLines) {
   EXPECT_FALSE(starts_as_pts(ptx));
   EXPECT_TRUE(starts_as_pts(pts));
   EXPECT_TRUE(starts_as_pts("2\r\n\r\n1 2 3\r\n"));
+  EXPECT_TRUE(starts_as_pts("2\r1 2 3\r"));
   EXPECT_FALSE(starts_as_pts("1 2 3\n4 5 6\n"));
   EXPECT_FALSE(starts_as_pts("2\n3\n"));
   EXPECT_FALSE(starts_as_ptx(ptx.substr(0, ptx.size() - 1))) << "the last line may go on";
@@ -203,7 +214,7 @@ TEST(ScanTextHostile, EachWrongThingIsNamed) {
       {read_pts, pts_stream, "\n# nothing\n", {"no points"}, 2},
       {read_pts, pts_stream, "3\n1 2 3\n", {"promises 3 points", "holds 1"}, 2},
       {read_pts, pts_stream, "1\n1 2 3\n2\n1 2 3\n", {"block 2 promises 2 points"}, 4},
-      {read_pts, pts_stream, "1\n1,5 2 3\n", {"'1,5' is not a number"}, 2},
+      {read_pts, pts_stream, "1\n1 2 3\n1,5 2 3\n", {"'1,5' is not a number"}, 3},
       {read_pts, pts_stream, "2\n1 2 3\n1 2 3 4\n", {"4 columns, the first has 3"}, 3},
       {read_pts, pts_stream, "-2\n1 2 3\n", {"at least 3 columns"}, 1},
       {read_pts,
