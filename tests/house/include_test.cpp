@@ -108,7 +108,7 @@ const std::map<std::string, std::string> kPublic = {
 constexpr std::array kToolkitLine = {
     "core",        "geometry",   "cloud",       "search",    "surface", "local_delaunay", "render", "points",
     "deformation", "spline_sdf", "heightfield", "renderers", "control", "trace",          "paths",  "metrics",
-    "io",          "pcd",        "voronoi",     "dem",       "scene",   "plan",
+    "laz",         "io",         "pcd",         "voronoi",   "dem",     "scene",          "plan",
 };
 
 // The same for device.
@@ -156,6 +156,7 @@ const std::vector<Heavy> kHeavy = {
      {"experiments/driver/json_document.h", "tests/experiments/program.h"}},  // documents
     {"valijson/", {"tests/json_schema.cpp"}, {}},
     {"spdlog/", {"experiments/", "tests/experiments/"}, {}},
+    {"pugixml", {"toolkit/io/"}, {}},
     {"nanoflann", {"toolkit/search/", "experiments/benchmarks/", "tests/"}, {}},
     // Parallelism goes through one wrapper (toolkit/core/parallel.h); otherwise ThreadSanitizer sees nothing.
     {"tbb/", {"toolkit/core/"}, {}},

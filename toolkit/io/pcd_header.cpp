@@ -245,12 +245,8 @@ std::string canonical_header(const PcdHeader& header) {
       names, sizes, types, counts, header.width, header.height, header.points(), data);
 }
 
-}  // namespace
-
-Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& options) {
-  const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
-  PALPATE_ASSIGN(const std::size_t mark, byte_order_mark(text));
-  PcdLines lines{text, mark};
+// The lines up to DATA and with it, where `lines` stands then.
+Result<PcdHeader> parse_lines(PcdLines& lines) {
   Raw raw;
   std::string_view line;
   while (!raw.data) {
@@ -264,6 +260,25 @@ Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& 
   header.body_at = lines.at;
   PALPATE_TRY(take_fields(raw, header));
   PALPATE_TRY(take_size(raw, header));
+  return header;
+}
+
+Result<PcdLines> lines_of(std::span<const std::byte> file) {
+  const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
+  PALPATE_ASSIGN(const std::size_t mark, byte_order_mark(text));
+  return PcdLines{text, mark};
+}
+
+}  // namespace
+
+Result<PcdHeader> parse_pcd_header(std::span<const std::byte> begin) {
+  PALPATE_ASSIGN(PcdLines lines, lines_of(begin));
+  return parse_lines(lines);
+}
+
+Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& options) {
+  PALPATE_ASSIGN(PcdLines lines, lines_of(file));
+  PALPATE_ASSIGN(PcdHeader header, parse_lines(lines));
   if (header.points() > kMaxCloudBytes / header.point_bytes)
     return Error{
         fmt::format("the header promises {} points of {} bytes, more than the 2 GiB that PCL can hold",

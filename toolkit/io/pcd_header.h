@@ -36,6 +36,9 @@ struct PcdHeader {
   [[nodiscard]] std::uint64_t points() const noexcept { return std::uint64_t{width} * height; }
 };
 
+/// The header alone, from a file's first bytes: its body may be longer than memory, and is not looked at.
+[[nodiscard]] Result<PcdHeader> parse_pcd_header(std::span<const std::byte> begin);
+
 /// Parses the header and checks it against all of the file's bytes: the promised points fit into what follows
 /// and into options.max_bytes; the sizes of compressed data agree with the header, with the file, and with
 /// what LZF can unpack; every row of an ASCII file has its numbers. x, y and z are there. O(file).

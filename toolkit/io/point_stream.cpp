@@ -14,6 +14,8 @@
 #include "toolkit/io/pcd_header.h"
 #include "toolkit/io/ply_header.h"
 #include "toolkit/io/point_stream_formats.h"
+#include "toolkit/io/read_ptx.h"
+
 
 namespace palpate::io {
 namespace {
@@ -181,17 +183,7 @@ Result<std::unique_ptr<PointStream>> pcd_stream(std::unique_ptr<RandomAccess> fi
 
 enum class StreamFormat { kUnknown, kCompressed, kLas, kE57, kPly, kPcd, kPtx, kPts };
 
-// How many numbers a line begins with, at most four; 0 where it has something else among them.
-int numbers_in(std::string_view line) {
-  int numbers = 0;
-  constexpr int kEnough = 4;
-  for (std::string_view token = next_token(line); !token.empty() && numbers < kEnough;
-       token = next_token(line)) {
-    if (!parse_real(token)) return 0;
-    ++numbers;
-  }
-  return numbers;
-}
+
 
 StreamFormat format_of(std::string_view first) {
   if (detect_compression(std::as_bytes(std::span(first))) != Compression::kNone)
@@ -201,19 +193,8 @@ StreamFormat format_of(std::string_view first) {
   if (first.starts_with("ply\n") || first.starts_with("ply\r")) return StreamFormat::kPly;
   for (const std::string_view word : {"# .PCD", "VERSION", "FIELDS", "COLUMNS"})
     if (first.starts_with(word)) return StreamFormat::kPcd;
-  // PTX begins with its counts of columns and rows, each on its line; PTS with its count of points, then a
-  // row.
-  std::array<int, 2> numbers{};
-  for (int& count : numbers) {
-    const std::size_t end = first.find_first_of("\r\n");
-    if (end == std::string_view::npos) return StreamFormat::kUnknown;
-    count = numbers_in(first.substr(0, end));
-    first.remove_prefix(end);
-    first.remove_prefix(std::min(first.size(), first.find_first_not_of("\r\n")));
-  }
-  if (numbers[0] != 1) return StreamFormat::kUnknown;
-  if (numbers[1] == 1) return StreamFormat::kPtx;
-  return numbers[1] >= 3 ? StreamFormat::kPts : StreamFormat::kUnknown;
+  if (starts_as_ptx(first)) return StreamFormat::kPtx;
+  return starts_as_pts(first) ? StreamFormat::kPts : StreamFormat::kUnknown;
 }
 
 Result<std::unique_ptr<PointStream>> open_stream(const std::string& path, int threads) {

@@ -10,6 +10,10 @@
 
 #include "toolkit/core/hash.h"
 #include "toolkit/io/decoding.h"
+#include "toolkit/io/read_e57.h"
+#include "toolkit/io/read_las.h"
+#include "toolkit/io/read_ptx.h"
+#include "toolkit/io/read_stl.h"
 
 namespace palpate::io {
 namespace {
@@ -212,26 +216,10 @@ std::string extension_of(const std::string& name, std::string& compression_endin
   return dot == std::string::npos ? std::string() : lower.substr(dot + 1);
 }
 
-// Formats of points and meshes that are met and not read, and what makes a readable file of them.
-struct ForeignFormat {
-  std::string_view extension, name, remedy;
-};
-constexpr std::array<ForeignFormat, 5> kForeign{{
-    {"las", "a LAS scan", "convert it: pdal translate in.las out.ply"},
-    {"laz", "a LAZ scan", "convert it: pdal translate in.laz out.ply"},
-    {"e57", "an E57 scan", "convert it: pdal translate in.e57 out.ply, or save it as PLY in CloudCompare"},
-    {"ptx", "a PTX scan", "convert it: pdal translate in.ptx out.ply, or save it as PLY in CloudCompare"},
-    {"stl", "an STL mesh", "convert it: assimp export in.stl out.ply, or export it as PLY in MeshLab"},
-}};
-
 Error unknown_type(const std::string& extension, const std::string& known, const std::string& name) {
   const std::string understood = fmt::format("understood are {}, each also with .gz or .xz", known);
   if (extension.empty())
     return Error{"the file's name has no ending that tells its format", understood, name};
-  for (const ForeignFormat& foreign : kForeign)
-    if (extension == foreign.extension)
-      return Error{fmt::format("{} ({}) is not read", foreign.name, shown("." + extension)),
-                   fmt::format("{}; {}", foreign.remedy, understood), name};
   return Error{fmt::format("unknown file type {}", shown("." + extension)), understood, name};
 }
 
@@ -404,10 +392,15 @@ Result<ReadModel> Readers::read(std::unique_ptr<ByteSource> source, const std::s
 
 void add_standard_readers(Readers& readers) {
   readers.add({"ply"}, read_ply);
-  readers.add({"xyz", "csv", "txt", "asc", "pts"}, read_xyz);
+  readers.add({"xyz", "csv", "txt", "asc"}, read_xyz);
   readers.add({"obj"}, read_obj);
   readers.add({"off"}, read_off);
   readers.add({"pfm"}, read_pfm);
+  readers.add({"e57"}, read_e57);
+  readers.add({"ptx"}, read_ptx);
+  readers.add({"pts"}, read_pts);
+  readers.add({"stl"}, read_stl);
+  readers.add({"las", "laz"}, read_las_bytes);
 }
 
 }  // namespace palpate::io

@@ -109,8 +109,8 @@ class Readers {
   std::vector<Entry> entries_;
 };
 
-/// Adds PLY, XYZ/CSV/TXT/ASC/PTS, OBJ, OFF and PFM. PCD (toolkit/pcd) and GDAL's height grids (toolkit/dem)
-/// are separate targets.
+/// Adds PLY, XYZ/CSV/TXT/ASC, OBJ, OFF, STL, PFM, LAS, LAZ, E57, PTX and PTS. PCD (toolkit/pcd) and GDAL's
+/// height grids (toolkit/dem) are separate targets.
 void add_standard_readers(Readers& readers);
 
 }  // namespace palpate::io
