@@ -148,7 +148,9 @@ Status CellFile::check_entry(std::size_t cell, std::uint64_t offset) const {
   bool good = entry.offset == offset && entry.depth <= kKeyBits && entry.shift <= kAxisBits &&
               entry.points >= 1 && entry.points <= kMostCellPoints && entry.halo <= kMostHaloPoints &&
               entry.halo_mm >= 0.0 && std::isfinite(entry.halo_mm);
-  good = good && (cell == 0 || entries_[cell - 1].key <= entry.key);
+  // Only cells of equal points have one key.
+  good = good && (cell == 0 || entries_[cell - 1].key < entry.key ||
+                  (entries_[cell - 1].key == entry.key && entry.depth == kKeyBits));
   for (std::size_t axis = 0; good && axis < 3; ++axis) {
     constexpr std::uint64_t kCubes = std::uint64_t{1} << kAxisBits;
     good = entry.low[axis] <= entry.high[axis] && entry.high[axis] < kCubes &&
