@@ -192,6 +192,21 @@ TEST_F(CellFiles, StreamGivesAllOwnPointsInPiecesOfAnySize) {
   EXPECT_EQ(value_of(stream->read({})), 0u);
 }
 
+/// Files of an earlier day: what the layout's version promises. The fuzzer begins with them.
+TEST(CellCorpus, IsReadAsItWasWritten) {
+  const std::string folder = PALPATE_CORPUS;
+  EXPECT_EQ(value_of(CellFile::open(folder + "/no_points.cells")).size(), 0u);
+  const CellFile two = value_of(CellFile::open(folder + "/two_points.cells"));
+  ASSERT_EQ(two.size(), 1u);
+  const CellPoints points = value_of(two.read_cell(0));
+  ASSERT_EQ(points.own, 2u);
+  EXPECT_LE((points.points_mm[0] - Vec3(1.0, 2.0, 3.0)).cwiseAbs().maxCoeff(), 0.5 * points.quantum_mm);
+  EXPECT_LE((points.points_mm[1] - Vec3(4.0, 5.0, 7.0)).cwiseAbs().maxCoeff(), 0.5 * points.quantum_mm);
+  const CellFile sheet = value_of(CellFile::open(folder + "/small_sheet.cells"));
+  EXPECT_GT(sheet.info().halo_points, 0u);
+  for (std::size_t cell = 0; cell < sheet.size(); ++cell) EXPECT_TRUE(sheet.read_cell(cell).ok());
+}
+
 TEST_F(CellFiles, APreparedFileIsPreparedAgain) {
   const Sheet sheet = Sheet::make(90, 0.3, {5.0, 6.0, 7.0}, 15);
   PrepareCellsOptions options;
@@ -199,8 +214,14 @@ TEST_F(CellFiles, APreparedFileIsPreparedAgain) {
   const auto first = std::make_shared<const CellFile>(open("first"));
   const auto stream = stream_cells(first);
   ASSERT_TRUE(prepare_cells(*stream, options, in("second")).ok());
-  EXPECT_EQ(open("second").info().points, sheet.points.size());
-  EXPECT_EQ(open("second").info().bounds_mm.low_mm.size(), 3);
+  const CellFile second = open("second");
+  EXPECT_EQ(second.info().points, sheet.points.size());
+  for (int axis = 0; axis < 3; ++axis) {
+    EXPECT_NEAR(second.info().bounds_mm.low_mm[axis], first->info().bounds_mm.low_mm[axis],
+                first->info().quantum_mm);
+    EXPECT_NEAR(second.info().bounds_mm.high_mm[axis], first->info().bounds_mm.high_mm[axis],
+                first->info().quantum_mm);
+  }
   EXPECT_LT(first->bytes_per_point(), 8.0);
   EXPECT_GT(first->bytes_per_point(), static_cast<double>(kBytesPerPoint));
 }
