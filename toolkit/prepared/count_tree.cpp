@@ -1,14 +1,16 @@
 #include "toolkit/prepared/count_tree.h"
 
 #include <algorithm>
+#include <bit>
 #include <numeric>
 
 namespace palpate::prepared {
 
-CountTree::CountTree() {
+CountTree::CountTree(std::uint64_t expected_points) {
   Grid root;
-  root.bits = kRootBits;
-  root.counts.resize(std::size_t{1} << kRootBits);
+  root.bits = std::clamp(static_cast<int>(std::bit_width(expected_points)), kLeastRootBits, kMostRootBits);
+  root_shift_ = kCodeBits - root.bits;
+  root.counts.resize(std::size_t{1} << root.bits);
   grids_.push_back(std::move(root));
 }
 

@@ -1,6 +1,6 @@
-// How many points lie where: a grid of 128 cubes per axis over the lattice, whose crowded cubes are divided
-// again by further passes over the points. It gives the nodes from which cells are cut, and the regions of
-// which each fits in memory.
+// How many points lie where: a grid of up to 128 cubes per axis over the lattice, whose crowded cubes are
+// divided again by further passes over the points. It gives the nodes from which cells are cut, and the
+// regions of which each fits in memory.
 #pragma once
 
 #include <cstdint>
@@ -36,9 +36,10 @@ class CountTree {
     std::uint32_t slot = 0;
   };
 
-  CountTree();
+  /// The grid has as many cubes as points are expected, within limits; nothing else depends on the number.
+  explicit CountTree(std::uint64_t expected_points);
   [[nodiscard]] Place find(const LatticePoint& p) const noexcept {
-    return grids_.size() == 1 ? Place{0, static_cast<std::uint32_t>(upper_code(p) >> kRootShift)}
+    return grids_.size() == 1 ? Place{0, static_cast<std::uint32_t>(upper_code(p) >> root_shift_)}
                               : find_deep(p);
   }
   /// Counts a point; grids that were counted in an earlier pass stay as they are.
@@ -59,8 +60,8 @@ class CountTree {
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
  private:
-  static constexpr int kRootBits = 21;  ///< 128 cubes per axis: 16 MB of counts
-  static constexpr int kRootShift = kCodeBits - kRootBits;
+  static constexpr int kMostRootBits = 21;  ///< 128 cubes per axis: 16 MB of counts
+  static constexpr int kLeastRootBits = 6;
   static constexpr int kDivideBits =
       14;  ///< 128 KB of counts for a crowded cube; three end where a code does
   struct Grid {
@@ -78,6 +79,7 @@ class CountTree {
   bool emit_grid(std::uint32_t grid, std::uint64_t expected);
 
   std::vector<Grid> grids_;
+  int root_shift_ = 0;
   std::uint32_t first_uncounted_ = 0;
   std::vector<CountedNode> nodes_;
   std::vector<Region> regions_;

@@ -39,6 +39,8 @@ class PointPasses {
 
   /// What the header says of the bounds, in mm, if it can be.
   [[nodiscard]] std::optional<geometry::Aabb> promised_bounds_mm() const;
+  /// What it says of their number; a wrong one does no harm.
+  [[nodiscard]] std::uint64_t promised_points() const noexcept { return stream_->header().points; }
   [[nodiscard]] int passes() const noexcept { return passes_; }
   /// The points differ from pass to pass.
   [[nodiscard]] static Error changed();

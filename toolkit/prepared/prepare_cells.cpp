@@ -164,14 +164,14 @@ Result<PassFindings> Preparation::count(CountTree& tree) {
   PALPATE_ASSIGN(PassFindings first, passes_.count(guess, tree));
   lattice = CellLattice::over(first.bounds_mm);
   if (guess == lattice || first.points == 0) return first;
-  tree = CountTree();
+  tree = CountTree(first.points);
   PALPATE_ASSIGN(const PassFindings second, passes_.count(lattice, tree));
   if (second.points != first.points || second.outside != 0) return PointPasses::changed();
   return first;
 }
 
 Status Preparation::scatter() {
-  CountTree tree;
+  CountTree tree(passes_.promised_points());
   PALPATE_ASSIGN(const PassFindings found, count(tree));
   CellFileInfo& info = state_.info;
   info.points = found.points;
