@@ -25,9 +25,10 @@ constexpr std::uint64_t kFixedBytes = std::uint64_t{96} << 20;
 constexpr std::uint64_t kScatterBufferBytes = std::uint64_t{64} << 20;
 /// Cells kept for their neighbours' halos: a row of cells across a large scan.
 constexpr std::uint64_t kMostHaloBytes = std::uint64_t{256} << 20;
-/// Per cell: the table twice, a box and a number; cells have a thousand points at least where the quantum
+/// Per cell: the table twice, and its box in a tree; cells have a thousand points at least where the quantum
 /// does not divide them, so a quarter of a byte per point.
 constexpr std::uint64_t kPointsPerTableByte = 4;
+constexpr std::uint64_t kTableBytesPerCell = 2 * sizeof(CellEntry) + 2 * sizeof(geometry::Aabb);
 /// Below it chunks would be smaller than what is made at once.
 constexpr std::uint64_t kLeastWorkBytes = std::uint64_t{32} << 20;
 constexpr NumberRange kHaloWidths{0.0, 64.0};  // a cell is about 64 spacings wide
@@ -122,6 +123,10 @@ class Preparation {
     const std::uint64_t most = std::min(
         {options_->most_chunk_points, points / 2 + kMostCellPoints, work_bytes(points) / kSortBytesPerPoint});
     return std::max<std::uint64_t>(most / kMostCellPoints, 1) * kMostCellPoints;
+  }
+  /// What a chunk at work leaves.
+  [[nodiscard]] std::uint64_t most_table_bytes() const noexcept {
+    return options_->memory_bytes - kFixedBytes - most_chunk_points(state_.info.points) * kSortBytesPerPoint;
   }
   [[nodiscard]] std::vector<Chunk> chunks() const {
     const std::uint64_t most = most_chunk_points(state_.info.points);
@@ -219,6 +224,11 @@ Status Preparation::sort_chunks() {
     // A region in several chunks is one node, of equal points.
     if (chunk.points != region.points) nodes.front().points = chunk.points;
     PALPATE_TRY(journal_.sorted_chunk(state_, cut_cells(points, nodes, rules, options_->threads)));
+    if (state_.cut.size() * kTableBytesPerCell > most_table_bytes())
+      return over_memory_limit(
+          fmt::format("a quantum of {} mm, which gives over {} cells,", format_number(options_->quantum_mm),
+                      format_count(state_.cut.size())),
+          options_->memory_bytes);
   }
   return Done{};
 }
@@ -246,7 +256,8 @@ Status Preparation::write_cells() {
   std::uint64_t offset = kCellHeaderBytes;
   for (const CellEntry& entry : state_.written) offset += entry.bytes();
   const PointScratch points_file = scratch();
-  const std::uint64_t memory = std::min(kMostHaloBytes, work_bytes(state_.info.points) / 2);
+  const std::uint64_t memory = std::min(
+      kMostHaloBytes, (options_->memory_bytes - kFixedBytes - state_.cut.size() * kTableBytesPerCell) / 2);
   HaloMaker maker(state_.cut, state_.info.lattice, points_file, static_cast<std::size_t>(memory),
                   options_->threads);
   std::vector<std::byte> bytes;

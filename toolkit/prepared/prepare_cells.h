@@ -42,9 +42,10 @@ struct PrepareCellsReport {
 
 /// Writes `path`, whole or not at all. Points that are not finite, or farther than a million kilometres from
 /// the origin, are dropped and counted. The bytes depend on the points, the unit, the quantum and the halo
-/// only: not on threads, memory, chunks, or the points' order. Scratch: 24 bytes a point at most, and two
-/// times 4,096 points. Time is linear; the stream is read two or three times, more often where most points
-/// lie in a tiny part of the whole.
+/// only: not on threads, memory, chunks, or the points' order. Scratch: 24 bytes a point at most, and 64 KB.
+/// Memory: within the option, of which the table of cells takes a quarter of a byte a point, more where the
+/// quantum makes small cells. Time is linear; the stream is read two or three times, more often where most
+/// points lie in a tiny part of the whole.
 [[nodiscard]] Result<PrepareCellsReport> prepare_cells(io::PointStream& stream,
                                                        const PrepareCellsOptions& options,
                                                        const std::string& path,

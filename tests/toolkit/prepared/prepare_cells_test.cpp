@@ -4,10 +4,11 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <limits>
 #include <map>
-#include <numeric>
+#include <thread>
 
 #include "tests/toolkit/prepared/prepared_points.h"
 
@@ -220,6 +221,16 @@ TEST_F(Prepared, AnOutlierFarAwayCostsPassesOnly) {
   EXPECT_TRUE(
       palpate::test::refused(prepare_cells(stream, options, in("fine")), "cannot be stored", "far away"));
   EXPECT_FALSE(std::filesystem::exists(in("fine")));
+  // One point in most cells: their table alone would not fit.
+  options.quantum_mm = 3e-4;
+  options.memory_bytes = std::uint64_t{140} << 20;
+  std::vector<Vec3> many;
+  Random random(9);
+  for (int i = 0; i < 200000; ++i)
+    many.emplace_back(random.uniform(0.0, 1e8), random.uniform(0.0, 1e8), random.uniform(0.0, 1e8));
+  MemoryStream wide(many);
+  EXPECT_TRUE(palpate::test::refused(prepare_cells(wide, options, in("fine")), "quantum", "cells"));
+  EXPECT_FALSE(std::filesystem::exists(in("fine")));
 }
 
 /// Ends its process at a report, as a kill does: nothing is destroyed or flushed.
@@ -293,6 +304,28 @@ TEST_F(StoppedPreparation, GoesOnWhereItDied) {
   EXPECT_GT(report, 10) << "a few passes, chunks and pieces";
   // All deaths in the three passes leave the same work; later ones ever less.
   EXPECT_GE(lengths.size() + 3, static_cast<std::size_t>(report) - 1);
+}
+
+TEST_F(StoppedPreparation, GoesOnAfterAKillAtAnyMoment) {
+  // A millisecond longer each time, so that the kills fall into all parts of the work.
+  constexpr int kKills = 40;
+  for (int kill = 0; kill < kKills; ++kill) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      MemoryStream stream(sheet_.points);
+      ::_exit(prepare_cells(stream, options_, in("cells")).ok() ? 0 : 1);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(kill));
+    ::kill(child, SIGKILL);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    EXPECT_FALSE(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+    if (!std::filesystem::exists(in("cells"))) continue;
+    EXPECT_TRUE(bytes() == reference_) << "nothing, or a whole file";
+    std::filesystem::remove(in("cells"));
+  }
+  bool resumed = false;
+  (void)finish(resumed);
 }
 
 TEST_F(StoppedPreparation, AJournalTornInItsLastRecordLosesThatStepOnly) {
