@@ -256,7 +256,7 @@ class StoppedPreparation : public Prepared {
     sheet_ = Sheet::make(150, 0.3, Vec3::Zero(), 6);
     write("input", "stands for the file behind the stream");
     options_.threads = 1;        // no thread of another process
-    options_.quantum_mm = 5e-5;  // several hundred cells, so that they are written in several pieces
+    options_.quantum_mm = 1e-4;  // several hundred cells, so that they are written in several pieces
     options_.most_chunk_points = kMostCellPoints;
     options_.input_path = in("input");
     (void)prepare(sheet_.points, options_, "reference");
