@@ -1,0 +1,54 @@
+// Makes a file of cells from a stream of points, of any number, in bounded memory: counts them in a grid,
+// scatters them to regions that fit in memory, sorts and cuts these, and gives each cell its halo.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <palpate/progress.h>
+#include <palpate/result.h>
+#include "toolkit/io/point_stream.h"
+#include "toolkit/prepared/cell_file.h"
+
+namespace palpate::prepared {
+
+/// Points sorted at once: 320 MB; more would not be faster.
+inline constexpr std::uint64_t kMostChunkPoints = 5'000'000;
+/// Four neighbours deep: a plane or a quadric fitted at a cell's border sees what it sees inside.
+inline constexpr double kHaloSpacings = 4.0;
+inline constexpr std::uint64_t kPrepareMemoryBytes = std::uint64_t{1} << 31;
+
+struct PrepareCellsOptions {
+  double mm_per_unit = 1.0;  ///< of the stream's numbers
+  std::uint64_t memory_bytes = kPrepareMemoryBytes;
+  int threads = 0;             ///< 0: all
+  std::string scratch_folder;  ///< empty: beside the file
+  double quantum_mm = 1.0;     ///< of stored coordinates, at most; cells whose extent is large are divided
+  double halo_spacings = kHaloSpacings;
+  /// The file behind the stream. If it is given, a run that was stopped is gone on with, as long as the file
+  /// has the same size and time and the options are the same.
+  std::string input_path;
+  std::uint64_t most_chunk_points = kMostChunkPoints;  ///< for tests; the result does not depend on it
+};
+
+struct PrepareCellsReport {
+  CellFileInfo info;
+  std::uint64_t chunks = 0;
+  std::uint64_t scratch_bytes = 0;
+  std::uint64_t file_bytes = 0;
+  int passes = 0;        ///< over the stream
+  bool resumed = false;  ///< parts were there from an earlier run
+};
+
+/// Writes `path`, whole or not at all. Points that are not finite, or farther than a million kilometres from
+/// the origin, are dropped and counted. The bytes depend on the points, the unit, the quantum and the halo
+/// only: not on threads, memory, chunks, or the points' order. Scratch: 24 bytes a point at most, and 64 KB.
+/// Memory: within the option, of which the table of cells takes a quarter of a byte a point, more where the
+/// quantum makes small cells. Time is linear; the stream is read two or three times, more often where most
+/// points lie in a tiny part of the whole.
+[[nodiscard]] Result<PrepareCellsReport> prepare_cells(io::PointStream& stream,
+                                                       const PrepareCellsOptions& options,
+                                                       const std::string& path,
+                                                       Progress& progress = no_progress());
+
+}  // namespace palpate::prepared
