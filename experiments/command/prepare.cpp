@@ -1,5 +1,8 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include <palpate/progress.h>
@@ -10,13 +13,15 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
+#include "toolkit/io/point_stream.h"
+#include "toolkit/prepared/prepare_cells.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 
 namespace palpate::experiments {
 namespace {
 
-/// Extension of a file of prepared surfaces.
-constexpr const char* kExtension = ".palsurf";
+/// Of a file of surfaces, and of one of cells of points.
+constexpr const char *kSurfaces = ".palsurf", *kCells = ".palcells";
 
 struct PrepareArguments {
   std::string model, out;
@@ -27,7 +32,10 @@ struct PrepareArguments {
 
 void declare_prepare(const Declaration& declare, PrepareArguments& a) {
   declare.required("MODEL", a.model, kSceneHelp);
-  declare.required("--out", a.out, fmt::format("the file to write, {}", kExtension));
+  declare.required("--out", a.out,
+                   fmt::format("the file to write: {} for the surface, {} for the points of a scan, or of a "
+                               "folder of its tiles, that may be larger than memory",
+                               kSurfaces, kCells));
   declare_force(declare, a.force);
   declare_json(declare, a.json);
   declare_model(declare, a.load);
@@ -53,13 +61,74 @@ void print_prepared(const render::SurfaceFile& file, const render::PrepareReport
              static_cast<double>(file.bytes()) / static_cast<double>(file.points()), file.path());
 }
 
+/// The unit that was given, or that of the file: without one nothing is guessed, since the points are not
+/// seen before.
+Result<double> mm_per_number(const PrepareArguments& arguments, const io::StreamHeader& header) {
+  PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
+  const std::optional<io::Unit> unit = options.unit  ? options.unit
+                                       : header.unit ? header.unit
+                                                     : header.conventional_unit;
+  if (!unit)
+    return Error{"the file does not say its unit", "give it: --unit m, cm, mm, um or in", arguments.model};
+  return io::mm_per(*unit) * options.scale.value_or(1.0);
+}
+
+void print_cells(const prepared::PrepareCellsReport& report, double seconds, const std::string& path,
+                 bool json) {
+  const prepared::CellFileInfo& info = report.info;
+  const auto points = static_cast<double>(std::max<std::uint64_t>(info.points, 1));
+  if (json) {
+    fmt::print("{}\n", nlohmann::ordered_json{{"points", info.points},
+                                              {"dropped", info.dropped},
+                                              {"halo_points", info.halo_points},
+                                              {"cells", info.cells},
+                                              {"quantum_mm", info.quantum_mm},
+                                              {"bytes", report.file_bytes},
+                                              {"scratch_bytes", report.scratch_bytes},
+                                              {"resumed", report.resumed},
+                                              {"seconds", seconds}}
+                           .dump(2));
+    return;
+  }
+  fmt::print("{} points in {} cells, each point within {:.3g} mm; {} were not finite\n", info.points,
+             info.cells, 0.5 * info.quantum_mm, info.dropped);
+  fmt::print("{:.3g} s, {:.3g} million points a second; {:.3g} bytes a point, scratch {:.3g}: {}\n", seconds,
+             points * 1e-6 / std::max(seconds, 1e-9), static_cast<double>(report.file_bytes) / points,
+             static_cast<double>(report.scratch_bytes) / points, path);
+}
+
+/// Sorts the points of a file, or of a folder of tiles, into cells; they never stand in memory together.
+Result<int> run_cells(const PrepareArguments& arguments, Context& context) {
+  const bool folder = std::filesystem::is_directory(arguments.model);
+  if (!folder) PALPATE_TRY(check_output({arguments.out, {kCells}, arguments.force}, {arguments.model}));
+  if (folder) PALPATE_TRY(check_output({arguments.out, {kCells}, arguments.force}, {}));
+  PALPATE_ASSIGN(const std::unique_ptr<io::PointStream> stream,
+                 folder ? io::open_folder_stream(arguments.model, arguments.load.threads)
+                        : io::open_point_stream(arguments.model, arguments.load.threads));
+  prepared::PrepareCellsOptions options;
+  PALPATE_ASSIGN(options.mm_per_unit, mm_per_number(arguments, stream->header()));
+  options.threads = arguments.load.threads;
+  if (!folder) options.input_path = arguments.model;
+  StopCallback stop_callback([&] { return arguments.out + " was not written; the same command goes on"; });
+  const auto start = std::chrono::steady_clock::now();
+  PALPATE_ASSIGN(const prepared::PrepareCellsReport report,
+                 prepared::prepare_cells(*stream, options, arguments.out, context.progress));
+  stop_callback.drop();
+  context.progress.clear();
+  for (const std::string& warning : stream->header().warnings) tell("palpate: warning: {}\n", warning);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  print_cells(report, took.count(), arguments.out, arguments.json);
+  return kExitOk;
+}
+
 Result<int> run_prepare(const PrepareArguments& arguments, Context& context) {
+  if (arguments.out.ends_with(kCells)) return run_cells(arguments, context);
   PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
   PALPATE_ASSIGN(const scene::SceneFile file, open_scene(arguments.model, all_renderers(), context.progress));
   if (file.models.size() != 1)
     return Error{fmt::format("a prepared file has one model, the scene has {}", file.models.size()),
                  "prepare the models one by one", file.path};
-  PALPATE_TRY(check_output({arguments.out, {kExtension}, arguments.force}, files_read(file)));
+  PALPATE_TRY(check_output({arguments.out, {kSurfaces, kCells}, arguments.force}, files_read(file)));
   StopCallback stop_callback([&] { return arguments.out + " was not written"; });
   PALPATE_ASSIGN(const scene::LoadedScene loaded,
                  scene::load(file, all_readers(), options, context.progress));
@@ -85,7 +154,7 @@ Subcommand prepare_subcommand() {
   return subcommand("prepare",
                     "makes a file of a scan's smooth surface: `cloud-smooth` feels it at once, and from disk",
                     {"palpate prepare scan.ply --unit m --out scan.palsurf",
-                     "palpate live scan.palsurf --renderers cloud-smooth"},
+                     "palpate prepare tiles --unit m --out hall.palcells"},
                     declare_prepare, run_prepare);
 }
 

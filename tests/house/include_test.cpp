@@ -108,7 +108,7 @@ const std::map<std::string, std::string> kPublic = {
 constexpr std::array kToolkitLine = {
     "core",        "geometry",   "cloud",       "search",    "surface", "local_delaunay", "render", "points",
     "deformation", "spline_sdf", "heightfield", "renderers", "control", "trace",          "paths",  "metrics",
-    "laz",         "io",         "pcd",         "voronoi",   "dem",     "scene",          "plan",
+    "laz",         "io",         "prepared",    "pcd",       "voronoi", "dem",            "scene",   "plan",
 };
 
 // The same for device.

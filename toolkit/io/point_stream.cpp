@@ -6,8 +6,12 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <filesystem>
+#include <memory>
 #include <string_view>
+#include <system_error>
 #include <utility>
+#include <vector>
 
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/las_header.h"
@@ -15,7 +19,6 @@
 #include "toolkit/io/ply_header.h"
 #include "toolkit/io/point_stream_formats.h"
 #include "toolkit/io/read_ptx.h"
-
 
 namespace palpate::io {
 namespace {
@@ -183,8 +186,6 @@ Result<std::unique_ptr<PointStream>> pcd_stream(std::unique_ptr<RandomAccess> fi
 
 enum class StreamFormat { kUnknown, kCompressed, kLas, kE57, kPly, kPcd, kPtx, kPts };
 
-
-
 StreamFormat format_of(std::string_view first) {
   if (detect_compression(std::as_bytes(std::span(first))) != Compression::kNone)
     return StreamFormat::kCompressed;
@@ -195,6 +196,46 @@ StreamFormat format_of(std::string_view first) {
     if (first.starts_with(word)) return StreamFormat::kPcd;
   if (starts_as_ptx(first)) return StreamFormat::kPtx;
   return starts_as_pts(first) ? StreamFormat::kPts : StreamFormat::kUnknown;
+}
+
+/// Streams one after another.
+class JoinedStream final : public PointStream {
+ public:
+  JoinedStream(std::vector<std::unique_ptr<PointStream>> parts, StreamHeader header)
+      : parts_(std::move(parts)), header_(std::move(header)) {}
+  const StreamHeader& header() const noexcept override { return header_; }
+  Result<std::size_t> read(std::span<Vec3> out) override {
+    for (; at_ < parts_.size() && !out.empty(); ++at_) {
+      PALPATE_ASSIGN(const std::size_t got, parts_[at_]->read(out));
+      if (got > 0) return got;
+    }
+    return std::size_t{0};
+  }
+  Status rewind() override {
+    at_ = 0;
+    for (const std::unique_ptr<PointStream>& part : parts_) PALPATE_TRY(part->rewind());
+    return Done{};
+  }
+
+ private:
+  std::vector<std::unique_ptr<PointStream>> parts_;
+  StreamHeader header_;
+  std::size_t at_ = 0;
+};
+
+/// Adds a part's facts to those of the parts before it.
+Status join(const StreamHeader& part, StreamHeader& all) {
+  if (part.unit != all.unit || part.conventional_unit != all.conventional_unit)
+    return Error{"its unit is not that of the folder's first file", "give files of one unit"};
+  all.points += part.points;
+  if (all.bounds && part.bounds) {
+    all.bounds->add(part.bounds->low_mm);
+    all.bounds->add(part.bounds->high_mm);
+  } else {
+    all.bounds.reset();
+  }
+  all.warnings.insert(all.warnings.end(), part.warnings.begin(), part.warnings.end());
+  return Done{};
 }
 
 Result<std::unique_ptr<PointStream>> open_stream(const std::string& path, int threads) {
@@ -231,6 +272,29 @@ Result<std::unique_ptr<PointStream>> open_point_stream(const std::string& path, 
   Result<std::unique_ptr<PointStream>> stream = open_stream(path, threads);
   if (!stream) return std::move(stream).error().in_file(path);
   return stream;
+}
+
+Result<std::unique_ptr<PointStream>> open_folder_stream(const std::string& folder, int threads) {
+  std::error_code failed;
+  std::vector<std::string> paths;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, failed))
+    if (entry.is_regular_file(failed)) paths.push_back(entry.path().string());
+  if (failed)
+    return Error{fmt::format("cannot list the folder: {}", failed.message()), "check the path", folder};
+  if (paths.empty()) return Error{"the folder has no files", "give a folder of a scan's tiles", folder};
+  std::sort(paths.begin(), paths.end());
+  std::vector<std::unique_ptr<PointStream>> parts;
+  StreamHeader header;
+  for (const std::string& path : paths) {
+    PALPATE_ASSIGN(std::unique_ptr<PointStream> part, open_point_stream(path, threads));
+    if (parts.empty())
+      header = part->header();
+    else if (const Status joined = join(part->header(), header); !joined)
+      return Error(joined.error()).in_file(path);
+    parts.push_back(std::move(part));
+  }
+  header.format = fmt::format("{} files, {}", parts.size(), header.format);
+  return std::unique_ptr<PointStream>(std::make_unique<JoinedStream>(std::move(parts), std::move(header)));
 }
 
 }  // namespace palpate::io

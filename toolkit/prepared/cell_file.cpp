@@ -184,6 +184,11 @@ Status CellFile::read_table(std::uint64_t table_offset, std::uint64_t table_hash
   return Done{};
 }
 
+bool CellFile::begins_as_one(std::span<const std::byte> first_bytes) noexcept {
+  const auto magic = std::as_bytes(std::span(kCellFileMagic));
+  return first_bytes.size() >= magic.size() && std::ranges::equal(first_bytes.first(magic.size()), magic);
+}
+
 Result<CellFile> CellFile::open(const std::string& path) {
   PALPATE_ASSIGN(InputFile input, InputFile::open(path));
   CellFile file(std::move(input));

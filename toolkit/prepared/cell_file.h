@@ -86,6 +86,8 @@ class CellFile {
  public:
   /// Reads and checks the table; the points are checked cell by cell when read.
   [[nodiscard]] static Result<CellFile> open(const std::string& path);
+  /// Whether a file's first bytes are those of one.
+  [[nodiscard]] static bool begins_as_one(std::span<const std::byte> first_bytes) noexcept;
 
   [[nodiscard]] const CellFileInfo& info() const noexcept { return info_; }
   [[nodiscard]] std::size_t size() const noexcept { return entries_.size(); }

@@ -13,6 +13,7 @@
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/prepared/cell_file.h"
 #include "toolkit/spline_sdf/surface_file.h"
 
 namespace palpate::scene {
@@ -21,6 +22,8 @@ namespace {
 using surface::PointProperties;
 
 constexpr double kDeepest = 65535.0;  // of 16 bits
+// Of a file of cells: a point as three doubles and three floats.
+constexpr std::uint64_t kBytesOfReading = 36;
 
 Status fill_column(const cloud::Cloud& cloud, const std::string& name, std::vector<float>& values) {
   if (name.empty()) return Done{};
@@ -210,10 +213,8 @@ Status add_views(const SceneModel& model, const io::Readers& readers, const io::
   return Done{};
 }
 
-/// Opens a file of prepared surfaces: nothing of it is converted, so nothing may be asked of it that changes
-/// its points.
-Status load_prepared(const SceneModel& model, double scale, const LoadOptions& options,
-                     render::ModelInput& input, Provenance& provenance) {
+/// A prepared file is in mm and has its points: nothing of it is converted.
+Status refuse_changes(const SceneModel& model, double scale, const LoadOptions& options, bool surfaces) {
   const auto refuse = [&](std::string_view what) {
     return Error{fmt::format("is a prepared file, which {}", what),
                  "say it when the scan is prepared: palpate prepare SCAN --out FILE", model.cloud};
@@ -221,7 +222,14 @@ Status load_prepared(const SceneModel& model, double scale, const LoadOptions& o
   if (scale != 1.0) return refuse("has its scale already");
   if (options.unit || (model.unit && *model.unit != io::Unit::kMillimetre))
     return refuse("has its unit already");
-  if (!model.clean.empty() || model.sample || !model.views.empty()) return refuse("has its points already");
+  if (surfaces && (!model.clean.empty() || model.sample || !model.views.empty()))
+    return refuse("has its surface already");
+  return Done{};
+}
+
+Status load_prepared(const SceneModel& model, double scale, const LoadOptions& options,
+                     render::ModelInput& input, Provenance& provenance) {
+  PALPATE_TRY(refuse_changes(model, scale, options, true));
   PALPATE_ASSIGN(const std::shared_ptr<const render::SurfaceFile> file,
                  render::SurfaceFile::open(model.cloud));
   provenance.source = model.cloud;
@@ -234,12 +242,42 @@ Status load_prepared(const SceneModel& model, double scale, const LoadOptions& o
   return Done{};
 }
 
-/// Whether a file begins as one of prepared surfaces; false where it cannot be read, which the reader says.
-bool is_prepared(const std::string& path) {
+/// Reads all points of a file of cells.
+Status load_cells(const SceneModel& model, double scale, const LoadOptions& options, Progress& progress,
+                  render::ModelInput& input, Provenance& provenance) {
+  PALPATE_TRY(refuse_changes(model, scale, options, false));
+  PALPATE_ASSIGN(prepared::CellFile opened, prepared::CellFile::open(model.cloud));
+  const auto file = std::make_shared<const prepared::CellFile>(std::move(opened));
+  if (file->info().points > options.max_bytes / kBytesOfReading)
+    return over_memory_limit(fmt::format("{} points", file->info().points), options.max_bytes);
+  std::vector<Vec3> points(static_cast<std::size_t>(file->info().points));
+  const std::unique_ptr<io::PointStream> stream = prepared::stream_cells(file);
+  for (std::size_t at = 0; at < points.size();) {
+    progress.report("loading " + model.name, static_cast<double>(at) / static_cast<double>(points.size()));
+    if (progress.cancelled()) return Error{"stopped while loading the scene"};
+    const std::size_t most = std::min(points.size() - at, std::size_t{1} << 20);
+    PALPATE_ASSIGN(const std::size_t got, stream->read(std::span(points).subspan(at, most)));
+    if (got == 0)
+      return Error{"its cells have fewer points than its header says", "prepare the scan again", model.cloud};
+    at += got;
+  }
+  PALPATE_ASSIGN(cloud::Cloud cloud, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+  provenance.source = model.cloud;
+  provenance.format = fmt::format("cells of points, {} of them, each point within {:.3g} mm", file->size(),
+                                  0.5 * file->info().quantum_mm);
+  provenance.content_hash = hash_of(cloud);
+  provenance.file_points = points.size();
+  input.cloud = std::make_shared<const cloud::Cloud>(std::move(cloud));
+  return Done{};
+}
+
+/// Whether a file begins as one that `palpate prepare` makes; false where it cannot be read, which the reader
+/// says.
+template <class Begins>
+bool begins(const std::string& path, Begins&& as) {
   std::array<std::byte, 8> first{};
   Result<InputFile> file = InputFile::open(path);
-  return file && file->size() >= first.size() && file->read_at(0, first) &&
-         render::SurfaceFile::begins_as_one(first);
+  return file && file->size() >= first.size() && file->read_at(0, first) && as(first);
 }
 
 Status load_file(const SceneModel& model, double scale, const io::Readers& readers,
@@ -248,7 +286,10 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   if (model.cloud.empty())
     return Error{fmt::format("the scan '{}' is not here", model.scan),
                  fmt::format("`palpate fetch {}` brings it", model.scan)};
-  if (is_prepared(model.cloud)) return load_prepared(model, scale, options, input, provenance);
+  if (begins(model.cloud, render::SurfaceFile::begins_as_one))
+    return load_prepared(model, scale, options, input, provenance);
+  if (begins(model.cloud, prepared::CellFile::begins_as_one))
+    return load_cells(model, scale, options, progress, input, provenance);
   io::ReadOptions read;
   read.unit = model.unit ? model.unit : options.unit;
   read.scale = scale;
