@@ -144,9 +144,8 @@ std::vector<std::uint32_t> points_of_vertices(const SurfaceMesh& mesh, const clo
                                               int threads) {
   const search::PointSearch points(cloud);
   std::vector<std::uint32_t> nearest(mesh.vertices().size());
-  parallel_chunks(nearest.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v)
-      nearest[v] = static_cast<std::uint32_t>(points.nearest(mesh.vertices()[v] + mesh.origin_mm()));
+  parallel_each(nearest.size(), kChunk, threads, [&](std::size_t v) {
+    nearest[v] = static_cast<std::uint32_t>(points.nearest(mesh.vertices()[v] + mesh.origin_mm()));
   });
   return nearest;
 }

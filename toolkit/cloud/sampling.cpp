@@ -36,9 +36,7 @@ class AreaTable {
       : patches_(patches), middle_x_(box.centre_mm().x()), density_(density) {
     up_to_.resize(patches.size() * kCells * kCells);
     std::vector<double> area(up_to_.size());
-    parallel_chunks(patches.size() * kCells, 1, 0, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t row = begin; row < end; ++row) fill_row(row, area);
-    });
+    parallel_each(patches.size() * kCells, 1, 0, [&](std::size_t row) { fill_row(row, area); });
     double sum = 0.0;
     for (std::size_t i = 0; i < area.size(); ++i) {
       area_ += area[i];
@@ -86,11 +84,9 @@ class AreaTable {
 
 std::vector<Vec3> random_places(const AreaTable& table, std::size_t count, std::uint64_t seed) {
   std::vector<Vec3> points(count);
-  parallel_chunks(count, kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Random random = random_for(Use::kPlace, seed, i);
-      points[i] = table.pick(random).point;
-    }
+  parallel_each(count, kPointsPerChunk, 0, [&](std::size_t i) {
+    Random random = random_for(Use::kPlace, seed, i);
+    points[i] = table.pick(random).point;
   });
   return points;
 }
@@ -166,21 +162,19 @@ void add_noise_and_outliers(const Shape& shape, double spacing_mm, const Samplin
                             std::uint64_t seed, std::vector<Vec3>& points_mm) {
   if (options.noise == 0.0 && options.outliers == 0.0) return;
   const geometry::Aabb box = shape.surface->box_mm();
-  parallel_chunks(points_mm.size(), kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Vec3& p = points_mm[i];
-      Random chance = random_for(Use::kOutlier, seed, i);
-      if (options.outliers > 0.0 && chance.uniform() < options.outliers) {
-        if (options.outliers_near) {
-          const double side = chance.uniform() < 0.5 ? -1.0 : 1.0;
-          p += side * chance.uniform(kNearestOutlier, kFarthestOutlier) * spacing_mm * shape.normal_at(p);
-        } else {
-          for (int axis = 0; axis < 3; ++axis) p[axis] = chance.uniform(box.low_mm[axis], box.high_mm[axis]);
-        }
-      } else if (options.noise > 0.0) {
-        Random random = random_for(Use::kNoise, seed, i);
-        p += random.normal() * options.noise * spacing_mm * shape.normal_at(p);
+  parallel_each(points_mm.size(), kPointsPerChunk, 0, [&](std::size_t i) {
+    Vec3& p = points_mm[i];
+    Random chance = random_for(Use::kOutlier, seed, i);
+    if (options.outliers > 0.0 && chance.uniform() < options.outliers) {
+      if (options.outliers_near) {
+        const double side = chance.uniform() < 0.5 ? -1.0 : 1.0;
+        p += side * chance.uniform(kNearestOutlier, kFarthestOutlier) * spacing_mm * shape.normal_at(p);
+      } else {
+        for (int axis = 0; axis < 3; ++axis) p[axis] = chance.uniform(box.low_mm[axis], box.high_mm[axis]);
       }
+    } else if (options.noise > 0.0) {
+      Random random = random_for(Use::kNoise, seed, i);
+      p += random.normal() * options.noise * spacing_mm * shape.normal_at(p);
     }
   });
 }

@@ -187,11 +187,9 @@ template <class Table, class RandomOf>
   std::vector<DiskSample> candidates(kPointsPerChunk);
   double tried = 0.0;
   for (std::size_t block = 0; kept.size() < count; ++block) {
-    parallel_chunks(candidates.size(), kPointsPerChunk / 16, 0, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        Random random = random_of(block * candidates.size() + i);
-        candidates[i] = table.pick(random);
-      }
+    parallel_each(candidates.size(), kPointsPerChunk / 16, 0, [&](std::size_t i) {
+      Random random = random_of(block * candidates.size() + i);
+      candidates[i] = table.pick(random);
     });
     for (const DiskSample& pick : candidates) {
       if (kept.size() == count) break;

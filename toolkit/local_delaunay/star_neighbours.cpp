@@ -243,14 +243,10 @@ void keep_directions(const CandidateTriangulation& candidate, std::uint32_t self
 void find_nearest(CandidateTriangulation& candidate, const std::vector<std::uint8_t>& duplicate) {
   candidate.near.resize(candidate.size());
   candidate.normal.resize(candidate.size());
-  parallel_chunks(candidate.size(), kPointsPerChunk, candidate.threads,
-                  [&](std::size_t begin, std::size_t end) {
-                    for (std::size_t i = begin; i < end; ++i) {
-                      candidate.normal[i] = Vec3f::Zero();
-                      if (duplicate[i] != 0)
-                        candidate.near[i].fill(static_cast<std::uint32_t>(i));  // nothing searches them
-                    }
-                  });
+  parallel_each(candidate.size(), kPointsPerChunk, candidate.threads, [&](std::size_t i) {
+    candidate.normal[i] = Vec3f::Zero();
+    if (duplicate[i] != 0) candidate.near[i].fill(static_cast<std::uint32_t>(i));  // nothing searches them
+  });
   find_nearest_of(candidate, duplicate, {});
 }
 

@@ -56,12 +56,8 @@ Result<search::NeighbourTable> neighbours_of(const cloud::Cloud& cloud, const st
 template <class Value>
 auto largest(std::size_t n, int threads, const Value& value) {
   using Found = decltype(value(std::size_t{}));
-  std::vector<Found> worst((n + kPointsPerChunk - 1) / kPointsPerChunk, Found{});
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    Found here{};
-    for (std::size_t i = begin; i < end; ++i) here = std::max(here, value(i));
-    worst[begin / kPointsPerChunk] = here;
-  });
+  const auto worst = parallel_parts<Found>(
+      n, kPointsPerChunk, threads, [&](std::size_t i, Found& here) { here = std::max(here, value(i)); });
   return *std::max_element(worst.begin(), worst.end());
 }
 

@@ -53,27 +53,23 @@ void fill_points(const cloud::Cloud& cloud, const search::NeighbourTable& table,
   const std::size_t n = cloud.size();
   const auto order = order_of(model);
   std::vector<std::uint32_t> place_of(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place)
-      place_of[order[place]] = static_cast<std::uint32_t>(place);
-  });
+  parallel_each(n, kPointsPerChunk, threads,
+                [&](std::size_t place) { place_of[order[place]] = static_cast<std::uint32_t>(place); });
   model.points.resize(n);
   model.neighbours.resize(n);
   if (decided.box != BoxSize::kGlobal) model.half_box_mm.resize(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place) {
-      const std::uint32_t i = order[place];
-      model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
-      Vec3 half = Vec3::Zero();
-      for (std::size_t k = 0; k < search::kNeighbours; ++k) {
-        const std::uint32_t other = table.of[i][k];
-        model.neighbours[place][k] = place_of[other];
-        half = half.cwiseMax((cloud.local_mm(other) - cloud.local_mm(i)).cwiseAbs());
-      }
-      if (decided.box == BoxSize::kPerVertexCube) half.setConstant(half.maxCoeff());
-      if (decided.box != BoxSize::kGlobal)
-        for (int axis = 0; axis < 3; ++axis) model.half_box_mm[place][axis] = stored_half_box(half[axis]);
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t place) {
+    const std::uint32_t i = order[place];
+    model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
+    Vec3 half = Vec3::Zero();
+    for (std::size_t k = 0; k < search::kNeighbours; ++k) {
+      const std::uint32_t other = table.of[i][k];
+      model.neighbours[place][k] = place_of[other];
+      half = half.cwiseMax((cloud.local_mm(other) - cloud.local_mm(i)).cwiseAbs());
     }
+    if (decided.box == BoxSize::kPerVertexCube) half.setConstant(half.maxCoeff());
+    if (decided.box != BoxSize::kGlobal)
+      for (int axis = 0; axis < 3; ++axis) model.half_box_mm[place][axis] = stored_half_box(half[axis]);
   });
 }
 

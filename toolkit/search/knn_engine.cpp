@@ -42,13 +42,10 @@ constexpr std::size_t kPlacesPerChunk = std::size_t{1} << 16;
 template <class Code>
 std::size_t occupied(const std::vector<Code>& codes, int shift, int threads) {
   if (shift >= std::numeric_limits<Code>::digits) return codes.empty() ? 0 : 1;
-  std::vector<std::size_t> parts((codes.size() + kPlacesPerChunk - 1) / kPlacesPerChunk);
-  parallel_chunks(codes.size(), kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::size_t cells = begin == 0 ? 1 : 0;
-    for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i)
-      cells += (codes[i] >> shift) != (codes[i - 1] >> shift);
-    parts[begin / kPlacesPerChunk] = cells;
-  });
+  const auto parts = parallel_parts<std::size_t>(
+      codes.size(), kPlacesPerChunk, threads, [&](std::size_t i, std::size_t& cells) {
+        cells += i == 0 || (codes[i] >> shift) != (codes[i - 1] >> shift);
+      });
   return std::accumulate(parts.begin(), parts.end(), std::size_t{0});
 }
 
@@ -64,10 +61,8 @@ struct Family {
 /// The families of sorted codes, in order. `shift`: code bits below a cell.
 std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shift, int threads) {
   const std::size_t n = codes.size();
-  std::vector<std::vector<Family>> parts((n + kPlacesPerChunk - 1) / kPlacesPerChunk);
-  parallel_chunks(n, kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+  const auto look = [&](std::size_t begin, std::size_t end, std::vector<Family>& mine) {
     // A chunk owns the families that begin in it.
-    auto& mine = parts[begin / kPlacesPerChunk];
     std::size_t i = begin;
     while (i > 0 && i < n && codes[i] >> (shift + 3) == codes[i - 1] >> (shift + 3)) ++i;
     while (i < end) {
@@ -80,10 +75,8 @@ std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shi
       for (; sibling < family.begin.size(); ++sibling) family.begin[sibling] = static_cast<std::uint32_t>(i);
       mine.push_back(family);
     }
-  });
-  std::vector<Family> families;
-  for (const auto& part : parts) families.insert(families.end(), part.begin(), part.end());
-  return families;
+  };
+  return parallel_list<Family>(n, kPlacesPerChunk, threads, look);
 }
 
 /// Which siblings of an adjacent family touch this one, as ranges of begin[].
@@ -258,14 +251,12 @@ void KnnEngine::copy_places() {
   const std::size_t n = cloud_.size();
   places_.make_room(n);
   places_.close(n);
-  parallel_chunks(n, kPlacesPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place) {
-      const std::uint32_t i = sorted_.order[place];
-      places_.x[place] = cloud_.x_mm[i];
-      places_.y[place] = cloud_.y_mm[i];
-      places_.z[place] = cloud_.z_mm[i];
-      places_.index[place] = i;
-    }
+  parallel_each(n, kPlacesPerChunk, threads_, [&](std::size_t place) {
+    const std::uint32_t i = sorted_.order[place];
+    places_.x[place] = cloud_.x_mm[i];
+    places_.y[place] = cloud_.y_mm[i];
+    places_.z[place] = cloud_.z_mm[i];
+    places_.index[place] = i;
   });
 }
 

@@ -32,15 +32,9 @@ std::uint64_t morton_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) noe
 }
 
 geometry::Aabb local_box(const cloud::Cloud& cloud, int threads) {
-  const std::size_t n = cloud.size();
-  std::vector<geometry::Aabb> parts((n + kChunk - 1) / kChunk);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    geometry::Aabb box;
-    for (std::size_t i = begin; i < end; ++i) box.add(cloud.local_mm(i));
-    parts[begin / kChunk] = box;
-  });
+  const auto add = [&](std::size_t i, geometry::Aabb& box) { box.add(cloud.local_mm(i)); };
   geometry::Aabb box;
-  for (const geometry::Aabb& part : parts) {
+  for (const auto& part : parallel_parts<geometry::Aabb>(cloud.size(), kChunk, threads, add)) {
     box.add(part.low_mm);
     box.add(part.high_mm);
   }
@@ -72,18 +66,13 @@ int bits_of(std::uint64_t all) noexcept {
 template <class Sorted, class Make>
 std::uint64_t encode(const cloud::Cloud& cloud, const Lattice& lattice, std::vector<Sorted>& items,
                      int threads, Make&& make) {
-  const std::size_t n = cloud.size();
-  items.resize(n);
-  std::vector<std::uint64_t> used((n + kChunk - 1) / kChunk, 0);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::uint64_t any = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const std::uint64_t code = code_at(cloud, i, lattice);
-      items[i] = make(code, i);
-      any |= code;
-    }
-    used[begin / kChunk] = any;
-  });
+  items.resize(cloud.size());
+  const auto used =
+      parallel_parts<std::uint64_t>(cloud.size(), kChunk, threads, [&](std::size_t i, std::uint64_t& any) {
+        const std::uint64_t code = code_at(cloud, i, lattice);
+        items[i] = make(code, i);
+        any |= code;
+      });
   std::uint64_t all = 0;
   for (const std::uint64_t u : used) all |= u;
   return all;
@@ -112,11 +101,9 @@ MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, in
   MortonOrder sorted;
   sorted.codes.resize(n);
   sorted.order.resize(n);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      sorted.codes[i] = items[i].code;
-      sorted.order[i] = items[i].index;
-    }
+  parallel_each(n, kChunk, threads, [&](std::size_t i) {
+    sorted.codes[i] = items[i].code;
+    sorted.order[i] = items[i].index;
   });
   return sorted;
 }

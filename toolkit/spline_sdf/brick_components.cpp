@@ -55,9 +55,7 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
                            std::vector<std::uint64_t>& codes) {
   const double per = grid.per_voxel * grid.per_voxel_of(level) / kBrickCells;
   const auto last = static_cast<double>(((grid.last_brick + 1) << level) - 1);
-  std::vector<std::vector<std::uint64_t>> found((points.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::vector<std::uint64_t>& mine = found[begin / kPointsPerChunk];
+  const auto look = [&](std::size_t begin, std::size_t end, std::vector<std::uint64_t>& mine) {
     for (std::size_t i = begin; i < end; ++i) {
       if (of_points[i].patch[0] == PointPatches::kNone) continue;
       const Vec3 at = (points[i] - grid.low_mm) * per;
@@ -73,8 +71,10 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
     }
     std::sort(mine.begin(), mine.end());
     mine.erase(std::unique(mine.begin(), mine.end()), mine.end());
-  });
-  for (const std::vector<std::uint64_t>& f : found) codes.insert(codes.end(), f.begin(), f.end());
+  };
+  using Codes = std::vector<std::uint64_t>;
+  for (const Codes& found : parallel_parts<Codes>(points.size(), kPointsPerChunk, threads, look))
+    codes.insert(codes.end(), found.begin(), found.end());
   sort_unique(codes, threads);
 }
 

@@ -133,9 +133,8 @@ class BrickBuilder {
       }
     });
     tiles_ = LargePageVector<Tile>(codes.size());
-    parallel_chunks(codes.size(), kTileGrain, threads_, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) sharpen(coordinate_of_code(codes[i]), values, i);
-    });
+    parallel_each(codes.size(), kTileGrain, threads_,
+                  [&](std::size_t i) { sharpen(coordinate_of_code(codes[i]), values, i); });
   }
   [[nodiscard]] bool is_crowded(std::span<const std::uint32_t> patches) const {
     return level_ < grid_.coarser && patches.size() > kMaxPatches;

@@ -78,11 +78,9 @@ MortonPoints::MortonPoints(const cloud::Cloud& cloud, int threads) {
   search::MortonOrder sorted = search::sort_by_morton(cloud, lattice_, threads);
   const std::size_t n = sorted.order.size();
   at_.resize(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const std::uint32_t i = sorted.order[k];
-      at_[k] = Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
-    }
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t k) {
+    const std::uint32_t i = sorted.order[k];
+    at_[k] = Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
   });
   order_ = std::move(sorted.order);
   remove_duplicates(sorted.codes);

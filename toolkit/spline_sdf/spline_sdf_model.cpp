@@ -63,14 +63,12 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
     std::uint64_t code = 0;
     double points = 0.0, cubes = 0.0;  ///< sum over the points of each one's share of a cube
   };
-  std::vector<std::vector<Stay>> parts((points.size() + kPointsPerChunk - 1) / kPointsPerChunk);
   const Vec3 low = points.box_mm().low_mm;
-  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::vector<Stay>& stays = parts[begin / kPointsPerChunk];
+  const auto visit = [&](std::size_t begin, std::size_t end, std::vector<Stay>& left) {
     // The curve soon returns to a cube and adds to what is remembered.
     std::vector<Stay> last(std::size_t{1} << kLastCubeBits);
     const auto leave = [&](const Stay& stay) {
-      if (stay.points > 0.0) stays.push_back(stay);
+      if (stay.points > 0.0) left.push_back(stay);
     };
     for (std::size_t i = begin; i < end; ++i) {
       const Vec3 cube = (points[i] - low) / edge_mm;
@@ -88,9 +86,8 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
       stay.cubes -= 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges));
     }
     for (const Stay& stay : last) leave(stay);
-  });
-  std::vector<Stay> stays;
-  for (const std::vector<Stay>& part : parts) stays.insert(stays.end(), part.begin(), part.end());
+  };
+  std::vector<Stay> stays = parallel_list<Stay>(points.size(), kPointsPerChunk, threads, visit);
   std::uint64_t codes = 0;
   for (const Stay& stay : stays) codes |= stay.code;
   radix_sort(stays, static_cast<int>(std::bit_width(codes)), threads, [](const Stay& s) { return s.code; });

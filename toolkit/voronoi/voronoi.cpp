@@ -117,31 +117,28 @@ NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, co
                              int threads, VoronoiReport& report) {
   NeighbourTable table;
   table.of.resize(cloud.size());
-  std::vector<VoronoiReport> parts((cloud.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(cloud.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    VoronoiReport& part = parts[begin / kPointsPerChunk];
-    for (auto self = static_cast<std::uint32_t>(begin); self < end; ++self) {
-      const Vec3 p = cloud.local_mm(self);
-      search::NearestEight best;
-      std::size_t found = 0;
-      const auto offer = [&](std::uint32_t place) {
-        const auto first = places.members.first(place), last = places.members.last(place);
-        found += static_cast<std::size_t>(last - first);
-        for (auto m = first; m != last && m < first + kOfOnePlace; ++m)
-          if (*m != self) best.offer((cloud.local_mm(*m) - p).squaredNorm(), *m);
-      };
-      const std::uint32_t home = places.of[self];
-      offer(home);
-      --found;  // itself
-      for (const std::uint32_t other : natural.of(home)) offer(other);
-      best.store(self, table.of[self]);
-      part.more_than_eight += found > kNeighbours;
-      part.fewer_than_eight += found < kNeighbours;
-    }
-  });
+  const auto look = [&](std::size_t i, VoronoiReport& part) {
+    const auto self = static_cast<std::uint32_t>(i);
+    const Vec3 p = cloud.local_mm(self);
+    search::NearestEight best;
+    std::size_t found = 0;
+    const auto offer = [&](std::uint32_t place) {
+      const auto first = places.members.first(place), last = places.members.last(place);
+      found += static_cast<std::size_t>(last - first);
+      for (auto m = first; m != last && m < first + kOfOnePlace; ++m)
+        if (*m != self) best.offer((cloud.local_mm(*m) - p).squaredNorm(), *m);
+    };
+    const std::uint32_t home = places.of[self];
+    offer(home);
+    --found;  // itself
+    for (const std::uint32_t other : natural.of(home)) offer(other);
+    best.store(self, table.of[self]);
+    part.more_than_eight += found > kNeighbours;
+    part.fewer_than_eight += found < kNeighbours;
+  };
   report.places = places.size();
   report.natural = natural.ends.size() / 2;
-  for (const VoronoiReport& part : parts) {
+  for (const auto& part : parallel_parts<VoronoiReport>(cloud.size(), kPointsPerChunk, threads, look)) {
     report.more_than_eight += part.more_than_eight;
     report.fewer_than_eight += part.fewer_than_eight;
   }
