@@ -235,12 +235,11 @@ class VectorFieldModel : public RivalModel {
     const VoxelFieldOptions& field = wanted_;
     const double sign = open_sign(points.points) * (options.flag("flip") ? -1.0 : 1.0);
     phases.begin("field");
-    Result<VoxelField> made =
-        VoxelField::build([&](std::size_t i) { return points.points[i].at(); }, points.points.size(),
-                          search::local_box(*input.cloud, context.threads), field,
-                          PlaneSampler(points, tree, sign, beside_mm_), context.threads);
-    if (!made) return std::move(made).error();
-    field_ = std::move(*made);
+    PALPATE_ASSIGN(VoxelField made,
+                   VoxelField::build([&](std::size_t i) { return points.points[i].at(); },
+                                     points.points.size(), search::local_box(*input.cloud, context.threads),
+                                     field, PlaneSampler(points, tree, sign, beside_mm_), context.threads));
+    field_ = std::move(made);
     phases.end();
     report.bytes += field_.bytes();
     report.notes.push_back(fmt::format("voxel {:.4g} mm, {:.4g} mm deep, {} bricks, {:.1f} MB",

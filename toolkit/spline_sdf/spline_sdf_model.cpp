@@ -269,9 +269,7 @@ Status prepare_properties(const ModelInput& input, SplineSdfBody& body, const Pr
                           PrepareReport& report) {
   std::vector<std::uint32_t> order(input.cloud->size());
   std::iota(order.begin(), order.end(), 0u);
-  Result<SurfaceField> built = build_surface_field(input, order, report);
-  if (!built) return std::move(built).error();
-  body.surface = *std::move(built);
+  PALPATE_ASSIGN(body.surface, build_surface_field(input, order, report));
   if (body.surface.by_point.empty()) return Done{};
   PreparePhases phases(report, context);
   phases.begin("properties");
@@ -291,11 +289,10 @@ Status prepare_properties(const ModelInput& input, SplineSdfBody& body, const Pr
 
 Result<SplineSdfDecision> decide_spline_sdf(const ModelInput& input, const SplineSdfOptions& build,
                                             const PrepareContext& context) {
-  Result<SurfaceDecision> surface = decide_surface(input);
-  if (!surface) return std::move(surface).error();
+  PALPATE_ASSIGN(SurfaceDecision surface, decide_surface(input));
   const MortonPoints points(*input.cloud, context.threads);
   SplineSdfDecision out = measure(points, build, estimate_noise(points, context.threads), context.threads);
-  out.surface = *std::move(surface);
+  out.surface = std::move(surface);
   return out;
 }
 
