@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <mutex>
 #include <nanoflann.hpp>
 #include <numeric>
 
-#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/search/morton_order.h"
 
 namespace palpate::search {
 namespace {
@@ -115,30 +114,20 @@ struct KnnEngine::Level {
   int level = 0;  ///< of the cells; families are one above
   double cell_mm = 0.0;
   std::vector<Family> families;
-  std::vector<std::uint32_t> slots;  ///< hash of families: index + 1, 0 = free
-  int hash_shift = 0;
+  MortonCellTable table;  ///< of families
 
-  Level(const search::MortonOrder& sorted, const search::Lattice& lattice, int cell_level, int threads)
+  Level(const MortonOrder& sorted, const Lattice& lattice, int cell_level, int threads)
       : level(cell_level),
         cell_mm(lattice.unit_mm * static_cast<double>(std::int64_t{1} << cell_level)),
         families(families_of(sorted.codes, 3 * cell_level, threads)) {
-    const std::size_t size = std::bit_ceil(std::max<std::size_t>(2 * families.size(), 2));
-    slots.assign(size, 0);
-    hash_shift = 64 - std::countr_zero(size);
-    for (std::size_t f = 0; f < families.size(); ++f) {
-      std::size_t at = slot(families[f].code);
-      while (slots[at] != 0) at = (at + 1) & (size - 1);
-      slots[at] = static_cast<std::uint32_t>(f + 1);
-    }
-  }
-  [[nodiscard]] std::size_t slot(std::uint64_t code) const noexcept {
-    return (code * kGolden64) >> hash_shift;
+    std::vector<std::uint64_t> codes(families.size());
+    std::transform(families.begin(), families.end(), codes.begin(), [](const Family& f) { return f.code; });
+    table.build(codes);
   }
   /// Null if no family has that code.
   [[nodiscard]] const Family* find(std::uint64_t code) const noexcept {
-    for (std::size_t at = slot(code); slots[at] != 0; at = (at + 1) & (slots.size() - 1))
-      if (families[slots[at] - 1].code == code) return &families[slots[at] - 1];
-    return nullptr;
+    const std::uint32_t found = table.find(code);
+    return found == MortonCellTable::kNone ? nullptr : &families[found];
   }
 };
 

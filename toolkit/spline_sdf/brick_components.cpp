@@ -100,7 +100,7 @@ struct Piece {
 /// In voxels.
 geometry::AreaElement part_of(const BrickGrid& grid, const BuiltBrick& one, std::uint64_t code, int level) {
   const double size = 1.0 / grid.per_voxel_of(level);
-  const BrickGrid::Coordinate c = coordinate_of_code(code);
+  const BrickGrid::Coordinate c = search::coordinate_of_code(code);
   const int count = std::popcount(one.brick.mask | one.beyond);
   const Vec3 middle = (Vec3(c[0], c[1], c[2]) * kBrickCells + one.places / count) * size;
   return {middle.cast<float>(), (one.normals * (kCellArea * size * size)).cast<float>()};

@@ -10,36 +10,6 @@
 
 namespace palpate::render {
 
-void MortonCellTable::build(std::span<const std::uint64_t> codes) {
-  if (codes.empty()) return;
-  std::size_t blocks = 1;
-  for (std::size_t i = 1; i < codes.size(); ++i) blocks += codes[i] >> kBits != codes[i - 1] >> kBits;
-  const std::size_t size = std::bit_ceil(blocks * 2);
-  slots_.assign(size, Slot{});
-  mask_ = size - 1;
-  shift_ = 64 - std::countr_zero(size);
-  for (std::size_t i = 0; i < codes.size();) {
-    const std::uint64_t block = codes[i] >> kBits;
-    std::size_t at = slot(block);
-    while (slots_[at].cells != 0) at = (at + 1) & mask_;
-    Slot& here = slots_[at];
-    here.block = block;
-    here.first = static_cast<std::uint32_t>(i);
-    for (; i < codes.size() && codes[i] >> kBits == block; ++i)
-      here.cells |= std::uint64_t{1} << (codes[i] & (kCells - 1));
-  }
-}
-
-std::vector<std::uint64_t> MortonCellTable::codes(std::size_t cells) const {
-  std::vector<std::uint64_t> out(cells, 0);
-  for (const Slot& slot : slots_) {
-    std::size_t at = slot.first;
-    for (std::uint64_t left = slot.cells; left != 0; left &= left - 1)
-      out[at++] = slot.block << kBits | static_cast<std::uint64_t>(std::countr_zero(left));
-  }
-  return out;
-}
-
 namespace {
 
 /// Lattice cells along the longest side: one bit less than a Morton code, so rounding at the far face stays
@@ -62,14 +32,6 @@ constexpr double kBlockCells = 3.0, kSparseArea = 1.2;
 constexpr std::size_t kCellGrain = 1024;
 
 }  // namespace
-
-std::array<std::int32_t, 3> coordinate_of_code(std::uint64_t code) noexcept {
-  std::array<std::int32_t, 3> c{};
-  for (int bit = 0; bit < search::kMortonBits; ++bit)
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      c[axis] |= static_cast<std::int32_t>((code >> (3 * bit + static_cast<int>(axis))) & 1u) << bit;
-  return c;
-}
 
 MortonPoints::MortonPoints(const cloud::Cloud& cloud, int threads) {
   box_mm_ = search::local_box(cloud, threads);
@@ -215,24 +177,17 @@ void MortonPoints::measure_spacing_near(int threads) {
 }
 
 std::uint32_t MortonPoints::points_around_cell(const Level& level, std::uint64_t code) noexcept {
-  const std::array<std::int32_t, 3> at = coordinate_of_code(code);
-  const auto before = [&](std::size_t axis) { return static_cast<std::uint32_t>(std::max(at[axis] - 1, 0)); };
-  const std::array<std::uint32_t, 3> low{before(0), before(1), before(2)};
-  const auto past = [&](std::size_t axis) { return static_cast<std::uint32_t>(at[axis]) + 2; };
-  std::uint32_t count = 0;
-  const std::uint64_t code_y = search::morton_code(0, low[1], 0);
-  const std::uint64_t code_z = search::morton_code(0, 0, low[2]);
-  std::uint64_t cx = search::morton_code(low[0], 0, 0);
-  for (std::uint32_t x = low[0]; x < past(0); ++x, cx = next_code<0>(cx)) {
-    std::uint64_t cy = code_y;
-    for (std::uint32_t y = low[1]; y < past(1); ++y, cy = next_code<1>(cy)) {
-      std::uint64_t cz = code_z;
-      for (std::uint32_t z = low[2]; z < past(2); ++z, cz = next_code<2>(cz)) {
-        const std::uint32_t cell = level.table.find(cx | cy | cz);
-        if (cell != MortonCellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
-      }
-    }
+  const std::array<std::int32_t, 3> at = search::coordinate_of_code(code);
+  std::array<std::int64_t, 3> low{}, high{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    low[axis] = std::max(at[axis] - 1, 0);
+    high[axis] = at[axis] + 1;
   }
+  std::uint32_t count = 0;
+  search::visit_codes(low, high, [&](std::uint64_t there) {
+    const std::uint32_t cell = level.table.find(there);
+    if (cell != search::MortonCellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
+  });
   return count;
 }
 

@@ -11,6 +11,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
+#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/render/prepare.h"
 #include "toolkit/search/knn.h"
@@ -75,7 +76,7 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
       const std::uint64_t code =
           search::morton_code(static_cast<std::uint32_t>(cube.x()), static_cast<std::uint32_t>(cube.y()),
                               static_cast<std::uint32_t>(cube.z()));
-      Stay& stay = last[fibonacci_hash(code) >> (64 - kLastCubeBits)];
+      Stay& stay = last[(code * kGolden64) >> (64 - kLastCubeBits)];
       if (stay.code != code) {
         leave(stay);
         stay = {code};

@@ -69,8 +69,8 @@ PALPATE_AVX2 void add_wide(const Form& p, Sums& sums) noexcept {
 }  // namespace
 
 TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid& grid,
-                         const MortonCellTable& tiles, std::span<const std::uint64_t> codes, double voxel_mm,
-                         int threads) {
+                         const search::MortonCellTable& tiles, std::span<const std::uint64_t> codes,
+                         double voxel_mm, int threads) {
   const std::size_t count = codes.size();
   using Pair = std::pair<std::uint32_t, std::uint32_t>;  // tile, patch
   const double per = 1.0 / voxel_mm;
@@ -94,7 +94,7 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
     // A patch of coarse points may reach more tiles than exist.
     if ((past - low + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
       for (std::uint32_t tile = 0; tile < count; ++tile) {
-        const BrickGrid::Coordinate c = coordinate_of_code(codes[tile]);
+        const BrickGrid::Coordinate c = search::coordinate_of_code(codes[tile]);
         if (reaches(Vec3(c[0], c[1], c[2]))) mine.push_back({tile, static_cast<std::uint32_t>(k)});
       }
       return;
@@ -105,7 +105,7 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
           if (!reaches(Vec3(x, y, z))) continue;
           const std::uint32_t tile = tiles.find(search::morton_code(
               static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
-          if (tile != MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
+          if (tile != search::MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
         }
   };
   const auto found = parallel_parts<std::vector<Pair>>(patches.size(), kScatterGrain, threads, scatter);
