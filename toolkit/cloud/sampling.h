@@ -23,6 +23,10 @@
 
 namespace palpate::cloud {
 
+/// Uses of random numbers, each with its own sequence.
+enum class RandomUse : std::uint64_t { kPlace = 1, kLine, kNoise, kOutlier, kOrder, kView = 11, kRay };
+[[nodiscard]] Random random_for(RandomUse use, std::uint64_t seed, std::size_t index);
+
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
 
 /// Options of every generator; lengths already scaled.

@@ -17,10 +17,6 @@ namespace {
 /// Largest cell distance from the first box; coordinates are stored in 32 bits.
 constexpr std::int64_t kFarCell = (std::int64_t{1} << 31) - 1;
 
-/// Fibonacci hashing for x; two more odd constants mix the axes (Steele, Lea and Flood 2014).
-constexpr std::uint64_t kMixY = 0xBF58476D1CE4E5B9u;
-constexpr std::uint64_t kMixZ = 0x94D049BB133111EBu;
-
 bool is_near(const Cell& cell) noexcept {
   const auto near = [](std::int64_t c) { return -kFarCell <= c && c <= kFarCell; };
   return near(cell.x) && near(cell.y) && near(cell.z);
@@ -65,8 +61,8 @@ LeafStatistics DynamicGrid::statistics() const noexcept {
 }
 
 std::size_t DynamicGrid::first_slot(std::int64_t x, std::int64_t y, std::int64_t z) const noexcept {
-  const auto key = static_cast<std::uint64_t>(x) * kGolden64 ^ static_cast<std::uint64_t>(y) * kMixY ^
-                   static_cast<std::uint64_t>(z) * kMixZ;
+  const auto key = static_cast<std::uint64_t>(x) * kGolden64 ^ static_cast<std::uint64_t>(y) * kMixFirst64 ^
+                   static_cast<std::uint64_t>(z) * kMixSecond64;
   return (key * kGolden64) >> shift_;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::render {
 
@@ -147,10 +148,7 @@ void MortonPoints::measure_spacing() {
     std::nth_element(sq.begin(), sq.begin() + kSpacingNeighbours, sq.end());
     found.push_back(std::sqrt(std::numbers::pi * sq[kSpacingNeighbours] / double{kSpacingNeighbours}));
   }
-  if (found.empty()) return;
-  const auto middle = found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2);
-  std::nth_element(found.begin(), middle, found.end());
-  spacing_mm_ = *middle;
+  if (!found.empty()) spacing_mm_ = upper_median(std::move(found));
 }
 
 void MortonPoints::measure_spacing_near(int threads) {

@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <exception>
-#include <numeric>
 #include <vector>
 
 #include <palpate/registry.h>
 #include <palpate/result.h>
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/knn_kernels.h"
@@ -50,12 +50,7 @@ Places places_of(const cloud::Cloud& cloud) {
   const auto at = [&](std::uint32_t i) { return std::array{cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]}; };
   Places places;
   std::vector<std::uint32_t>& order = places.members.values;
-  order.resize(cloud.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    const auto p = at(a), q = at(b);
-    return p != q ? p < q : a < b;
-  });
+  order = cloud::indices_by_place(cloud);
   places.of.resize(cloud.size());
   for (std::uint32_t k = 0; k < order.size(); ++k) {
     if (k == 0 || at(order[k]) != at(order[k - 1])) places.members.begin.push_back(k);
