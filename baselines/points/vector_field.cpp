@@ -235,11 +235,10 @@ class VectorFieldModel : public RivalModel {
     const VoxelFieldOptions& field = wanted_;
     const double sign = open_sign(points.points) * (options.flag("flip") ? -1.0 : 1.0);
     phases.begin("field");
-    PALPATE_ASSIGN(VoxelField made,
-                   VoxelField::build([&](std::size_t i) { return points.points[i].at(); },
-                                     points.points.size(), search::local_box(*input.cloud, context.threads),
-                                     field, PlaneSampler(points, tree, sign, beside_mm_), context.threads));
-    field_ = std::move(made);
+    PALPATE_ASSIGN(
+        field_, VoxelField::build([&](std::size_t i) { return points.points[i].at(); }, points.points.size(),
+                                  search::local_box(*input.cloud, context.threads), field,
+                                  PlaneSampler(points, tree, sign, beside_mm_), context.threads));
     phases.end();
     report.bytes += field_.bytes();
     report.notes.push_back(fmt::format("voxel {:.4g} mm, {:.4g} mm deep, {} bricks, {:.1f} MB",

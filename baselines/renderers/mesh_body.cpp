@@ -177,8 +177,7 @@ Status prepare_surface(const render::ModelInput& input, MeshBody& body, const re
   std::vector<std::uint32_t> order;
   if (input.surface.per_point != nullptr)
     order = points_of_vertices(body.mesh(), *input.cloud, context.threads);
-  PALPATE_ASSIGN(render::SurfaceField surface, render::build_surface_field(input, order, report));
-  body.surface = std::move(surface);
+  PALPATE_ASSIGN(body.surface, render::build_surface_field(input, order, report));
   if ((body.surface.features & render::kVaried) == 0) return Done{};
   const std::size_t softer = blend(body);
   report.notes.push_back(
