@@ -72,21 +72,20 @@ struct Return {
 /// One view's exact returns, row by row.
 std::vector<Return> look(const FirstHit& first_hit, const ScanView& view, std::size_t side) {
   std::vector<Return> returns(side * side);
-  parallel_chunks(side, 1, 0, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row)
-      for (std::size_t column = 0; column < side; ++column) {
-        const auto at = [side](std::size_t i) {
-          return 2.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(side) - 1.0;
-        };
-        Return& r = returns[row * side + column];
-        r.range = -1.0;
-        const std::optional<geometry::SurfacePoint> hit = first_hit(view.eye, view.end(at(column), at(row)));
-        if (!hit) continue;
-        r.point = hit->point_mm;
-        r.ray = (r.point - view.eye).normalized();
-        r.cosine = -r.ray.dot(hit->normal);
-        if (r.cosine >= kGrazing) r.range = (r.point - view.eye).norm();
-      }
+  parallel_each(side, 1, 0, [&](std::size_t row) {
+    for (std::size_t column = 0; column < side; ++column) {
+      const auto at = [side](std::size_t i) {
+        return 2.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(side) - 1.0;
+      };
+      Return& r = returns[row * side + column];
+      r.range = -1.0;
+      const std::optional<geometry::SurfacePoint> hit = first_hit(view.eye, view.end(at(column), at(row)));
+      if (!hit) continue;
+      r.point = hit->point_mm;
+      r.ray = (r.point - view.eye).normalized();
+      r.cosine = -r.ray.dot(hit->normal);
+      if (r.cosine >= kGrazing) r.range = (r.point - view.eye).norm();
+    }
   });
   return returns;
 }

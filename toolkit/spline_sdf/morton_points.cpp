@@ -91,7 +91,7 @@ void MortonPoints::build_levels(const std::vector<std::uint64_t>& codes, int thr
   while (bits < search::kMortonBits - 1 && cells_now * kPointsPerCell > n)
     cells_now -= begins[static_cast<std::size_t>(++bits)];
   levels_.resize(static_cast<std::size_t>(std::min(kLevels, search::kMortonBits - bits)));
-  parallel_chunks(levels_.size(), 1, threads, [&](std::size_t l, std::size_t) {
+  parallel_each(levels_.size(), 1, threads, [&](std::size_t l) {
     Level& level = levels_[l];
     level.bits = bits + static_cast<int>(l);
     level.cell_mm = std::ldexp(lattice_.unit_mm, level.bits);
@@ -157,19 +157,17 @@ void MortonPoints::measure_spacing_near(int threads) {
     const Level& level = levels_[l];
     const std::vector<std::uint64_t> codes = level.table.codes(level.begin.size() - 1);
     const bool last = l + 1 == levels_.size();
-    parallel_chunks(codes.size(), kCellGrain, threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t cell = begin; cell < end; ++cell) {
-        // Keeps what a finer level has set.
-        const std::uint32_t first = level.begin[cell], past = level.begin[cell + 1];
-        if (std::none_of(spacing_near_.begin() + first, spacing_near_.begin() + past,
-                         [](float s) { return s == 0.0f; }))
-          continue;
-        const std::uint32_t count = points_around_cell(level, codes[cell]);
-        if (count < kMinInBlock && !last) continue;
-        const auto spacing = static_cast<float>(kBlockCells * level.cell_mm * std::sqrt(kSparseArea / count));
-        for (std::uint32_t i = first; i < past; ++i)
-          if (spacing_near_[i] == 0.0f) spacing_near_[i] = spacing;
-      }
+    parallel_each(codes.size(), kCellGrain, threads, [&](std::size_t cell) {
+      // Keeps what a finer level has set.
+      const std::uint32_t first = level.begin[cell], past = level.begin[cell + 1];
+      if (std::none_of(spacing_near_.begin() + first, spacing_near_.begin() + past,
+                       [](float s) { return s == 0.0f; }))
+        return;
+      const std::uint32_t count = points_around_cell(level, codes[cell]);
+      if (count < kMinInBlock && !last) return;
+      const auto spacing = static_cast<float>(kBlockCells * level.cell_mm * std::sqrt(kSparseArea / count));
+      for (std::uint32_t i = first; i < past; ++i)
+        if (spacing_near_[i] == 0.0f) spacing_near_[i] = spacing;
     });
   }
 }
