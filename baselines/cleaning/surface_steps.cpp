@@ -181,9 +181,8 @@ Result<scene::CleaningStepOutput> fill_holes(const scene::CleaningStepInput& inp
   request.method = "advancing-front";
   request.limits.time_s = input.options.number("time_limit_s");
   request.threads = input.threads;
-  const Result<Reconstruction> made = reconstruct(request, input.cloud, input.progress);
-  if (!made) return made.error();
-  Mesh mesh = mesh_of(made->mesh, input.options.number("edge"), input);
+  PALPATE_ASSIGN(const Reconstruction made, reconstruct(request, input.cloud, input.progress));
+  Mesh mesh = mesh_of(made.mesh, input.options.number("edge"), input);
   std::size_t wide = 0, filled = 0, refused = 0;
   scene::CleaningStepOutput output;
   output.from.resize(input.cloud.size());

@@ -27,9 +27,8 @@ template <class KeysOf>
   made.begin.resize(keys + 1);
   std::fill(made.begin.begin(), made.begin.end(), 0u);
   const auto for_items = [&](const auto& visit) {
-    parallel_chunks(count, kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
-      for (std::size_t item = from; item < to; ++item)
-        keys_of(item, [&](std::uint32_t key) { visit(static_cast<std::uint32_t>(item), key); });
+    parallel_each(count, kPointsPerChunk, threads, [&](std::size_t item) {
+      keys_of(item, [&](std::uint32_t key) { visit(static_cast<std::uint32_t>(item), key); });
     });
   };
   // Holds bucket ends first; filling from the back turns them into beginnings.
@@ -40,9 +39,8 @@ template <class KeysOf>
   for_items([&](std::uint32_t item, std::uint32_t key) {
     made.items[Slot(made.begin[key]).fetch_sub(1, kRelaxed) - 1] = item;
   });
-  parallel_chunks(keys, kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
-    for (std::size_t key = from; key < to; ++key)
-      std::sort(made.items.begin() + made.begin[key], made.items.begin() + made.begin[key + 1]);
+  parallel_each(keys, kPointsPerChunk, threads, [&](std::size_t key) {
+    std::sort(made.items.begin() + made.begin[key], made.items.begin() + made.begin[key + 1]);
   });
   return made;
 }

@@ -70,16 +70,15 @@ void SurfaceMesh::add_uses(std::uint32_t vertex, Uses& uses) const {
 }
 
 bool SurfaceMesh::connect_edges(const std::vector<bool>& two_sided, int threads) {
-  std::vector<Found> parts((vertices_.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(vertices_.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+  const auto connect = [&](std::size_t begin, std::size_t end, Found& found) {
     Uses uses;
-    Found& found = parts[begin / kPointsPerChunk];
     for (std::size_t v = begin; v < end; ++v) {
       uses.clear();
       add_uses(static_cast<std::uint32_t>(v), uses);
       for_edges(uses, [&](std::span<const std::uint64_t> edge) { connect_edge(edge, two_sided, found); });
     }
-  });
+  };
+  std::vector<Found> parts = parallel_parts<Found>(vertices_.size(), kPointsPerChunk, threads, connect);
   counts_.edges = counts_.boundary_edges = counts_.flipped_edges = counts_.radial_edges = 0;
   radial_.clear();
   bool repeated = false;

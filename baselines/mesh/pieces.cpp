@@ -61,13 +61,11 @@ void free_trivial_arrays(Pieces& pieces) {
 Pieces pieces_of(const SurfaceMesh& mesh, int threads) {
   const std::size_t facets = mesh.facets().size();
   OrientedDisjointSets sets(facets, threads);
-  std::vector<std::vector<Link>> links((facets + kFacetsPerChunk - 1) / kFacetsPerChunk);
-  parallel_chunks(facets, kFacetsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    join_chunk(mesh, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end), sets,
-               links[begin / kFacetsPerChunk]);
-  });
-  for (const std::vector<Link>& part : links)
-    for (const Link& link : part) sets.join(link.facet, link.other, link.turned);
+  const auto join = [&](std::size_t begin, std::size_t end, std::vector<Link>& later) {
+    join_chunk(mesh, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end), sets, later);
+  };
+  for (const Link& link : parallel_list<Link>(facets, kFacetsPerChunk, threads, join))
+    sets.join(link.facet, link.other, link.turned);
   Pieces pieces;
   pieces.number = numbered(sets, facets, pieces.count);
   for (std::uint32_t i = 0; i < facets; ++i)
@@ -142,13 +140,12 @@ struct Sums {
 /// Sums of one piece over fixed chunks.
 Sums sums_of_one(const SurfaceMesh& mesh, const Pieces& pieces, int threads) {
   const std::size_t facets = mesh.facets().size();
-  std::vector<Sums> parts((facets + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(facets, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (auto i = static_cast<std::uint32_t>(begin); i < end; ++i)
-      parts[begin / kPointsPerChunk].add(mesh.facet(i), pieces.side(i));
-  });
+  const auto add = [&](std::size_t i, Sums& sums) {
+    const auto facet = static_cast<std::uint32_t>(i);
+    sums.add(mesh.facet(facet), pieces.side(facet));
+  };
   Sums all;
-  for (const Sums& part : parts) all.add(part);
+  for (const Sums& part : parallel_parts<Sums>(facets, kPointsPerChunk, threads, add)) all.add(part);
   return all;
 }
 

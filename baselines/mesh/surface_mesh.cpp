@@ -39,14 +39,9 @@ std::size_t first_bad(std::size_t count, int threads, const Bad& bad) {
 /// Box of all that visit(i, box) adds for i < `count`.
 template <class Visit>
 geometry::Aabb box_of(std::size_t count, int threads, const Visit& visit) {
-  std::vector<geometry::Aabb> parts((count + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(count, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    geometry::Aabb box;
-    for (std::size_t i = begin; i < end; ++i) visit(i, box);
-    parts[begin / kPointsPerChunk] = box;
-  });
   geometry::Aabb box;
-  for (const geometry::Aabb& part : parts) box.add(part);
+  for (const auto& part : parallel_parts<geometry::Aabb>(count, kPointsPerChunk, threads, visit))
+    box.add(part);
   return box;
 }
 
@@ -79,13 +74,11 @@ search::MortonOrder along_curve(const std::vector<Vec3>& given, const geometry::
   places.x_mm.resize(n);
   places.y_mm.resize(n);
   places.z_mm.resize(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3f p = (given[i] - middle).cast<float>();
-      places.x_mm[i] = p.x();
-      places.y_mm[i] = p.y();
-      places.z_mm[i] = p.z();
-    }
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t i) {
+    const Vec3f p = (given[i] - middle).cast<float>();
+    places.x_mm[i] = p.x();
+    places.y_mm[i] = p.y();
+    places.z_mm[i] = p.z();
   });
   // n vertices of a sheet have about sqrt(n) a side: cubes of half their spacing separate them; finer ones
   // cost sorting passes. Affects speed only.
@@ -124,14 +117,12 @@ std::vector<std::uint32_t> first_at_place(const std::vector<Vec3>& given, search
       first[order[k]] = at;
     }
   };
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    // A cube belongs to the chunk in which it begins.
-    for (std::size_t k = begin; k < end; ++k) {
-      if (k > 0 && codes[k] == codes[k - 1]) continue;
-      std::size_t stop = k + 1;
-      while (stop < n && codes[stop] == codes[k]) ++stop;
-      one_cube(k, stop);
-    }
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t k) {
+    // A cube belongs to the point with which it begins.
+    if (k > 0 && codes[k] == codes[k - 1]) return;
+    std::size_t stop = k + 1;
+    while (stop < n && codes[stop] == codes[k]) ++stop;
+    one_cube(k, stop);
   });
   return first;
 }
@@ -171,9 +162,8 @@ std::vector<std::uint32_t> SurfaceMesh::weld(const std::vector<Vec3>& given, con
     number[i] = first[i] == i ? count++ : number[first[i]];
   }
   vertices_.resize(count);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      if (first[i] == i) vertices_[number[i]] = given[i] - origin_mm_;
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t i) {
+    if (first[i] == i) vertices_[number[i]] = given[i] - origin_mm_;
   });
   counts_.vertices = count;
   counts_.welded_vertices = n - count;
@@ -215,11 +205,10 @@ void SurfaceMesh::fill_facets(const geometry::TriangleMesh& mesh, const std::vec
 }
 
 void SurfaceMesh::count_flat(int threads) {
-  std::vector<std::size_t> parts((facets_.size() + kPointsPerChunk - 1) / kPointsPerChunk, 0);
-  parallel_chunks(facets_.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      parts[begin / kPointsPerChunk] += facets_[i].flat(facets_[i].scaled_normal().norm());
-  });
+  const auto parts = parallel_parts<std::size_t>(facets_.size(), kPointsPerChunk, threads,
+                                                 [this](std::size_t i, std::size_t& part) {
+                                                   part += facets_[i].flat(facets_[i].scaled_normal().norm());
+                                                 });
   counts_.flat_facets = std::accumulate(parts.begin(), parts.end(), std::size_t{0});
 }
 

@@ -197,9 +197,8 @@ Gaps measure_gaps(const cloud::Cloud& cloud, int threads) {
   const PointGrid points = build_point_grid(cloud, kGapCellSpacings * gaps.spacing_mm, threads);
   const std::vector<Vec3> samples = gap_samples(points);
   std::vector<GapSample> found(samples.size());
-  parallel_chunks(samples.size(), kSamplesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) found[i] = gap_at(points, samples[i], gaps.spacing_mm);
-  });
+  parallel_each(samples.size(), kSamplesPerChunk, threads,
+                [&](std::size_t i) { found[i] = gap_at(points, samples[i], gaps.spacing_mm); });
   std::vector<double> known;
   std::size_t in_line = 0;
   for (const GapSample& sample : found) {
@@ -250,9 +249,7 @@ std::vector<float> smoothed_spacings(const cloud::Cloud& cloud, const search::Ne
   const std::size_t n = cloud.size();
   std::vector<float> own(n), mean(n);
   const auto each = [&](std::vector<float>& out, const auto& value) {
-    parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) out[i] = static_cast<float>(value(i));
-    });
+    parallel_each(n, kPointsPerChunk, threads, [&](std::size_t i) { out[i] = static_cast<float>(value(i)); });
   };
   each(own, [&](std::size_t i) {
     double most_sq = 0.0;

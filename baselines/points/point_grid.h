@@ -53,11 +53,9 @@ template <class Grid>
   made.grid = Grid::build(cloud, options, threads);
   const auto order = made.grid.order();
   made.points.resize(cloud.size());
-  parallel_chunks(cloud.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place) {
-      const std::uint32_t i = order[place];
-      made.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
-    }
+  parallel_each(cloud.size(), kPointsPerChunk, threads, [&](std::size_t place) {
+    const std::uint32_t i = order[place];
+    made.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
   });
   return made;
 }

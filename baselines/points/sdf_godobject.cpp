@@ -81,10 +81,9 @@ class SdfGodobject : public RivalModel {
   Status prepare(const RivalInput& given) {
     const auto& [input, options, context, report] = given;
     render::PreparePhases phases(report, context);
-    Result<OrientedGrid> built =
-        build_oriented_grid(input, 2.0 * wanted_.voxel_mm, neighbours_, false, context, report);
-    if (!built) return std::move(built).error();
-    const PointGrid& points = built->points;
+    PALPATE_ASSIGN(OrientedGrid built,
+                   build_oriented_grid(input, 2.0 * wanted_.voxel_mm, neighbours_, false, context, report));
+    const PointGrid& points = built.points;
     phases.begin("sphere tree");
     SphereTree tree;
     tree.build(points.points, context.threads);
@@ -97,7 +96,7 @@ class SdfGodobject : public RivalModel {
     report.notes.push_back(fmt::format("voxel {:.4g} mm, {} voxels, {:.1f} MB", field_.voxel_mm(),
                                        field_.voxels(),
                                        static_cast<double>(field_.bytes()) / kSdfBytesPerMb));
-    if (!built->closed)
+    if (!built.closed)
       phases.warn(
           "the surface has a border: sdf-godobject feels it from one side alone (option flip takes the "
           "other), and up to one and a half gaps past the border");

@@ -27,23 +27,19 @@ void SphereTree::build(std::span<const surface::OrientedPoint> points, int threa
   levels_ = levels_for(points.size());
   spheres_.resize((std::size_t{2} << levels_) - 1);
   for (int level = 0; level <= levels_; ++level) {
-    parallel_chunks(std::size_t{1} << level, kNodesPerChunk, threads,
-                    [&](std::size_t first, std::size_t last) {
-                      for (std::size_t number = first; number < last; ++number) {
-                        const Node node{level, static_cast<std::uint32_t>(number)};
-                        geometry::Aabb box;
-                        for (std::uint32_t place = begin(node); place < end(node); ++place)
-                          box.add(points[place].at());
-                        const Vec3f middle = box.centre_mm().cast<float>();
-                        Sphere sphere{middle.x(), middle.y(), middle.z(), 0.0f};
-                        double most_sq = 0.0;
-                        for (std::uint32_t place = begin(node); place < end(node); ++place)
-                          most_sq = std::max(most_sq, (points[place].at() - sphere.at()).squaredNorm());
-                        sphere.radius = std::nextafter(static_cast<float>(std::sqrt(most_sq)),
-                                                       std::numeric_limits<float>::infinity());
-                        spheres_[index(node)] = sphere;
-                      }
-                    });
+    parallel_each(std::size_t{1} << level, kNodesPerChunk, threads, [&](std::size_t number) {
+      const Node node{level, static_cast<std::uint32_t>(number)};
+      geometry::Aabb box;
+      for (std::uint32_t place = begin(node); place < end(node); ++place) box.add(points[place].at());
+      const Vec3f middle = box.centre_mm().cast<float>();
+      Sphere sphere{middle.x(), middle.y(), middle.z(), 0.0f};
+      double most_sq = 0.0;
+      for (std::uint32_t place = begin(node); place < end(node); ++place)
+        most_sq = std::max(most_sq, (points[place].at() - sphere.at()).squaredNorm());
+      sphere.radius =
+          std::nextafter(static_cast<float>(std::sqrt(most_sq)), std::numeric_limits<float>::infinity());
+      spheres_[index(node)] = sphere;
+    });
   }
 }
 

@@ -13,7 +13,7 @@
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
 #include "toolkit/render/prepare.h"
-#include "toolkit/search/dynamic_partition.h"
+#include "toolkit/search/dynamic_grid.h"
 
 namespace palpate::baselines {
 namespace {
@@ -164,9 +164,8 @@ class StreamProxy : public RivalModel {
       for (std::uint32_t i = 0; i < place_of_.size(); ++i) {
         surface::OrientedPoint& point = points_.points[place_of_[i]];
         const Vec3f to(original_->x_mm[i], original_->y_mm[i], original_->z_mm[i]);
-        if (points_.grid.move(place_of_[i], to, [&](std::uint32_t) {
-              return Vec3f(point.x_mm, point.y_mm, point.z_mm);
-            }) == search::MoveStatus::kFull)
+        const Vec3f from(point.x_mm, point.y_mm, point.z_mm);
+        if (points_.grid.move(place_of_[i], from, to) == search::MoveStatus::kFull)
           continue;  // cannot be: it was there before
         point = {to.x(), to.y(), to.z(), surface::kNoNormal};
       }
@@ -196,8 +195,7 @@ class StreamProxy : public RivalModel {
       if (i >= place_of_.size()) continue;
       surface::OrientedPoint& point = points_.points[place_of_[i]];
       const Vec3f to = batch->to_mm[k];
-      const auto status = points_.grid.move(
-          place_of_[i], to, [&](std::uint32_t) { return Vec3f(point.x_mm, point.y_mm, point.z_mm); });
+      const auto status = points_.grid.move(place_of_[i], Vec3f(point.x_mm, point.y_mm, point.z_mm), to);
       if (status == search::MoveStatus::kFull || !to.allFinite()) continue;
       point = {to.x(), to.y(), to.z(), surface::kNoNormal};
       moved_ = true;

@@ -88,14 +88,12 @@ Result<VoxelField> VoxelField::build(const std::function<Vec3(std::size_t)>& poi
   // Bricks whose middle is so far outside, or so deep, that nothing in them counts are left out unsampled.
   const double half_diagonal = 0.5 * kVoxelDiagonal * brick;
   std::vector<std::uint8_t> kept(candidates.size(), 0);
-  parallel_chunks(candidates.size(), kBricksPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      std::uint32_t hint = kNoHint;
-      const FieldSample middle = sample(field.corner_of(candidates[i]) + Vec3::Constant(0.5 * brick),
-                                        options.depth_mm + half_diagonal, hint);
-      const double d = static_cast<double>(middle.distance);
-      kept[i] = d < half_diagonal && d > -options.depth_mm - half_diagonal;
-    }
+  parallel_each(candidates.size(), kBricksPerChunk, threads, [&](std::size_t i) {
+    std::uint32_t hint = kNoHint;
+    const FieldSample middle = sample(field.corner_of(candidates[i]) + Vec3::Constant(0.5 * brick),
+                                      options.depth_mm + half_diagonal, hint);
+    const double d = static_cast<double>(middle.distance);
+    kept[i] = d < half_diagonal && d > -options.depth_mm - half_diagonal;
   });
   // This depth includes all corners of a voxel that the wanted depth enters.
   const double deepest = options.depth_mm + kVoxelDiagonal * options.voxel_mm;
@@ -107,17 +105,15 @@ Result<VoxelField> VoxelField::build(const std::function<Vec3(std::size_t)>& poi
   if (bytes > static_cast<double>(options.most_bytes)) return too_large(bytes, options);
   field.directory_.assign(static_cast<std::size_t>(all), kNoBrick);
   field.samples_.resize(bricks.size() * kSamplesPerBrick);
-  parallel_chunks(bricks.size(), kBricksPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t b = begin; b < end; ++b) {
-      field.directory_[bricks[b]] = static_cast<std::uint32_t>(b);
-      const Vec3 corner = field.corner_of(bricks[b]);
-      FieldSample* out = &field.samples_[b * kSamplesPerBrick];
-      std::uint32_t hint = kNoHint;
-      for (int z = 0; z < kBrickSamples; ++z)
-        for (int y = 0; y < kBrickSamples; ++y)
-          for (int x = 0; x < kBrickSamples; ++x)
-            *out++ = sample(corner + field.voxel_ * Vec3(x, y, z), deepest, hint);
-    }
+  parallel_each(bricks.size(), kBricksPerChunk, threads, [&](std::size_t b) {
+    field.directory_[bricks[b]] = static_cast<std::uint32_t>(b);
+    const Vec3 corner = field.corner_of(bricks[b]);
+    FieldSample* out = &field.samples_[b * kSamplesPerBrick];
+    std::uint32_t hint = kNoHint;
+    for (int z = 0; z < kBrickSamples; ++z)
+      for (int y = 0; y < kBrickSamples; ++y)
+        for (int x = 0; x < kBrickSamples; ++x)
+          *out++ = sample(corner + field.voxel_ * Vec3(x, y, z), deepest, hint);
   });
   return field;
 }
@@ -239,12 +235,10 @@ class VectorFieldModel : public RivalModel {
     const VoxelFieldOptions& field = wanted_;
     const double sign = open_sign(points.points) * (options.flag("flip") ? -1.0 : 1.0);
     phases.begin("field");
-    Result<VoxelField> made =
-        VoxelField::build([&](std::size_t i) { return points.points[i].at(); }, points.points.size(),
-                          search::local_box(*input.cloud, context.threads), field,
-                          PlaneSampler(points, tree, sign, beside_mm_), context.threads);
-    if (!made) return std::move(made).error();
-    field_ = std::move(*made);
+    PALPATE_ASSIGN(
+        field_, VoxelField::build([&](std::size_t i) { return points.points[i].at(); }, points.points.size(),
+                                  search::local_box(*input.cloud, context.threads), field,
+                                  PlaneSampler(points, tree, sign, beside_mm_), context.threads));
     phases.end();
     report.bytes += field_.bytes();
     report.notes.push_back(fmt::format("voxel {:.4g} mm, {:.4g} mm deep, {} bricks, {:.1f} MB",

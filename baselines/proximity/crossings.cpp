@@ -132,11 +132,9 @@ void pairs_of_edge(const SurfaceMesh& mesh, const SegmentIndex& index, std::uint
 
 std::vector<Pair> find_all(const SurfaceMesh& mesh, const SegmentIndex& index, int threads) {
   const std::size_t facets = mesh.facets().size(), vertices = mesh.vertices().size();
-  std::vector<std::vector<Pair>> parts((facets + kCrossingChunk - 1) / kCrossingChunk);
-  parallel_chunks(facets, kCrossingChunk, threads, [&](std::size_t begin, std::size_t end) {
+  const auto at_edges = [&](std::size_t begin, std::size_t end, std::vector<Pair>& mine) {
     std::vector<std::uint32_t> met;
     std::vector<NearFacet> near(kNearBorder);
-    std::vector<Pair>& mine = parts[begin / kCrossingChunk];
     for (auto facet = static_cast<std::uint32_t>(begin); facet < end; ++facet)
       for (std::uint32_t e = 0; e < 3; ++e) {
         // Each edge once, from its lower facet; edges of several facets from each, with duplicates removed by
@@ -148,15 +146,13 @@ std::vector<Pair> find_all(const SurfaceMesh& mesh, const SegmentIndex& index, i
           continue;
         pairs_of_edge(mesh, index, facet, e, met, mine);
       }
-  });
-  std::vector<std::vector<Pair>> at_vertices((vertices + kCrossingChunk - 1) / kCrossingChunk);
-  parallel_chunks(vertices, kCrossingChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v)
-      pairs_at_vertex(mesh, static_cast<std::uint32_t>(v), at_vertices[begin / kCrossingChunk]);
-  });
-  std::vector<Pair> all;
-  for (const auto* list : {&parts, &at_vertices})
-    for (const std::vector<Pair>& part : *list) all.insert(all.end(), part.begin(), part.end());
+  };
+  const auto at_vertex = [&](std::size_t v, std::vector<Pair>& mine) {
+    pairs_at_vertex(mesh, static_cast<std::uint32_t>(v), mine);
+  };
+  std::vector<Pair> all = parallel_list<Pair>(facets, kCrossingChunk, threads, at_edges);
+  const auto more = parallel_list<Pair>(vertices, kCrossingChunk, threads, at_vertex);
+  all.insert(all.end(), more.begin(), more.end());
   std::sort(all.begin(), all.end());
   all.erase(std::unique(all.begin(), all.end()), all.end());
   return all;

@@ -109,10 +109,9 @@ struct SegmentIndex::State {
     const std::size_t n = mesh->vertices().size();
     vertices.resize(3 * n + 1);
     vertices.back() = 0.0f;
-    parallel_chunks(n, kPointsPerChunk, threads, [this](std::size_t begin, std::size_t end) {
-      for (std::size_t v = begin; v < end; ++v)
-        for (std::size_t axis = 0; axis < 3; ++axis)
-          vertices[3 * v + axis] = static_cast<float>(mesh->vertices()[v][static_cast<Eigen::Index>(axis)]);
+    parallel_each(n, kPointsPerChunk, threads, [this](std::size_t v) {
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        vertices[3 * v + axis] = static_cast<float>(mesh->vertices()[v][static_cast<Eigen::Index>(axis)]);
     });
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, vertices.data(), 0,
                                3 * sizeof(float), n);
@@ -322,22 +321,18 @@ MeshGap gap_to(const SurfaceMesh& mesh, const SegmentIndex& index, std::span<con
   struct Part {
     double sum_sq = 0.0, most_sq = 0.0;
   };
-  std::vector<Part> parts((places.size() + kPlacesPerChunk - 1) / kPlacesPerChunk);
   const geometry::Aabb& box = mesh.local_box_mm();
-  parallel_chunks(places.size(), kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    Part& part = parts[begin / kPlacesPerChunk];
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3 p = places[i] - mesh.origin_mm();
-      const double reach = (p - box.centre_mm()).norm() + box.extent_mm().norm();
-      const std::uint32_t facet = index.nearest(p, reach);
-      if (facet == kNoFacet) continue;
-      const double distance_sq = closest_on_facet(mesh.facet(facet), p).distance_sq;
-      part.sum_sq += distance_sq;
-      part.most_sq = std::max(part.most_sq, distance_sq);
-    }
-  });
+  const auto measure = [&](std::size_t i, Part& part) {
+    const Vec3 p = places[i] - mesh.origin_mm();
+    const double reach = (p - box.centre_mm()).norm() + box.extent_mm().norm();
+    const std::uint32_t facet = index.nearest(p, reach);
+    if (facet == kNoFacet) return;
+    const double distance_sq = closest_on_facet(mesh.facet(facet), p).distance_sq;
+    part.sum_sq += distance_sq;
+    part.most_sq = std::max(part.most_sq, distance_sq);
+  };
   Part all;
-  for (const Part& part : parts) {
+  for (const Part& part : parallel_parts<Part>(places.size(), kPlacesPerChunk, threads, measure)) {
     all.sum_sq += part.sum_sq;
     all.most_sq = std::max(all.most_sq, part.most_sq);
   }

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <exception>
 #include <new>
-#include <numeric>
 #include <tuple>
 #include <utility>
 
 #include "baselines/failure.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/surface/oriented_points.h"
@@ -176,10 +176,7 @@ std::vector<Vec3> plane_normals(const MethodInput& input, render::PreparePhases&
 /// Indices of the points, only the first at each place.
 std::vector<std::uint32_t> distinct(const cloud::Cloud& cloud) {
   const auto place = [&](std::uint32_t i) { return std::tuple(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]); };
-  std::vector<std::uint32_t> order(cloud.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::sort(order.begin(), order.end(),
-            [&](auto a, auto b) { return std::tuple(place(a), a) < std::tuple(place(b), b); });
+  std::vector<std::uint32_t> order = cloud::indices_by_place(cloud);
   order.erase(std::unique(order.begin(), order.end(), [&](auto a, auto b) { return place(a) == place(b); }),
               order.end());
   std::sort(order.begin(), order.end());

@@ -26,9 +26,8 @@ std::uint32_t highest(const Triangle& t) noexcept {
 /// Calls body(first, last) in parallel with the range of each bucket in buckets.items.
 template <class Body>
 void for_buckets(const Buckets& buckets, int threads, const Body& body) {
-  parallel_chunks(buckets.begin.size() - 1, kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
-    for (std::size_t v = from; v < to; ++v) body(buckets.begin[v], buckets.begin[v + 1]);
-  });
+  parallel_each(buckets.begin.size() - 1, kPointsPerChunk, threads,
+                [&](std::size_t v) { body(buckets.begin[v], buckets.begin[v + 1]); });
 }
 
 /// Sorts triangles by corners regardless of orientation; equal ones keep their order.
@@ -48,9 +47,10 @@ void order_by_corners(geometry::TriangleMesh& mesh, Buckets& of_lowest, int thre
   mesh.triangles = std::move(ordered);
 }
 
+using IndexPair = std::pair<std::uint32_t, std::uint32_t>;
+
 /// Pairs of triangles that share an edge, enough to connect all at each edge.
-std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> neighbours(
-    const geometry::TriangleMesh& mesh, int threads) {
+std::vector<IndexPair> neighbours(const geometry::TriangleMesh& mesh, int threads) {
   const std::size_t vertices = mesh.vertices_mm.size();
   // An edge belongs to its lower end: the lowest corner has two, the middle one the third.
   const Buckets around =
@@ -58,11 +58,8 @@ std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> neighbours(
         visit(mesh.triangles[t][0]);
         visit(middle(mesh.triangles[t]));
       });
-  std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> parts((vertices + kPointsPerChunk - 1) /
-                                                                          kPointsPerChunk);
-  parallel_chunks(vertices, kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> uses;  // higher end of the edge, triangle
-    auto& found = parts[from / kPointsPerChunk];
+  const auto look = [&](std::size_t from, std::size_t to, std::vector<IndexPair>& found) {
+    std::vector<IndexPair> uses;  // higher end of the edge, triangle
     for (std::size_t v = from; v < to; ++v) {
       uses.clear();
       for (std::uint32_t i = around.begin[v]; i < around.begin[v + 1]; ++i) {
@@ -75,8 +72,8 @@ std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> neighbours(
       for (std::size_t i = 1; i < uses.size(); ++i)
         if (uses[i - 1].first == uses[i].first) found.emplace_back(uses[i - 1].second, uses[i].second);
     }
-  });
-  return parts;
+  };
+  return parallel_list<IndexPair>(vertices, kPointsPerChunk, threads, look);
 }
 
 /// The lowest member of every member's set.
@@ -88,8 +85,7 @@ std::vector<std::uint32_t> lowest_of(OrientedDisjointSets& sets, std::size_t mem
 
 std::vector<std::uint32_t> firsts_of_pieces(const geometry::TriangleMesh& mesh, int threads) {
   OrientedDisjointSets sets(mesh.triangles.size(), threads);
-  for (const auto& part : neighbours(mesh, threads))
-    for (const auto& [a, b] : part) sets.join(a, b);
+  for (const auto& [a, b] : neighbours(mesh, threads)) sets.join(a, b);
   return lowest_of(sets, mesh.triangles.size());
 }
 
@@ -97,9 +93,8 @@ std::vector<std::uint32_t> firsts_of_pieces(const geometry::TriangleMesh& mesh, 
 
 void fix_order(geometry::TriangleMesh& mesh, int threads) {
   const auto for_all = [&](const auto& body) {
-    parallel_chunks(mesh.triangles.size(), kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
-      for (std::size_t t = from; t < to; ++t) body(t, mesh.triangles[t]);
-    });
+    parallel_each(mesh.triangles.size(), kPointsPerChunk, threads,
+                  [&](std::size_t t) { body(t, mesh.triangles[t]); });
   };
   for_all([](std::size_t, Triangle& t) {
     std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());

@@ -12,7 +12,6 @@
 #include <cmath>
 #include <iterator>
 #include <optional>
-#include <tuple>
 #include <vector>
 
 #include <palpate/geometry.h>
@@ -46,25 +45,14 @@ Vec3 plain(const ExactKernel::Point_3& p) {
 
 /// Boundary edges of each facet (bit i: corner i to the next) and corners on such edges (bit 3 + i).
 std::vector<std::uint8_t> open_parts(const std::vector<TriangleCorners>& facets, std::size_t vertices) {
-  struct Side {
-    std::uint32_t low, high, facet, edge;
-    [[nodiscard]] bool same(const Side& o) const { return low == o.low && high == o.high; }
-  };
-  std::vector<Side> sides;
-  for (std::uint32_t f = 0; f < facets.size(); ++f)
-    for (std::uint32_t e = 0; e < 3; ++e) {
-      const auto [low, high] = std::minmax(facets[f][e], facets[f][(e + 1) % 3]);
-      sides.push_back({low, high, f, e});
-    }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return std::tie(a.low, a.high, a.facet, a.edge) < std::tie(b.low, b.high, b.facet, b.edge);
-  });
+  const std::vector<geometry::TriangleSide> sides = geometry::sides_of(facets);
   std::vector<std::uint8_t> open(facets.size(), 0);
   std::vector<bool> rim(vertices, false);
   for (std::size_t i = 0; i < sides.size(); ++i) {
     if ((i > 0 && sides[i].same(sides[i - 1])) || (i + 1 < sides.size() && sides[i].same(sides[i + 1])))
       continue;
-    open[sides[i].facet] = static_cast<std::uint8_t>(open[sides[i].facet] | (1u << sides[i].edge));
+    std::uint8_t& facet = open[sides[i].triangle];
+    facet = static_cast<std::uint8_t>(facet | (1u << sides[i].corner));
     rim[sides[i].low] = rim[sides[i].high] = true;
   }
   for (std::size_t f = 0; f < facets.size(); ++f)

@@ -156,9 +156,7 @@ std::pair<double, double> summary(std::size_t count, int threads,
                                   const std::function<double(std::size_t)>& distance) {
   constexpr std::size_t kGrain = 256;
   std::vector<double> all(count);
-  parallel_chunks(count, kGrain, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) all[i] = distance(i);
-  });
+  parallel_each(count, kGrain, threads, [&](std::size_t i) { all[i] = distance(i); });
   double squares = 0.0, most = 0.0;
   for (const double d : all) {
     squares += d * d;

@@ -144,9 +144,8 @@ std::vector<std::uint32_t> points_of_vertices(const SurfaceMesh& mesh, const clo
                                               int threads) {
   const search::PointSearch points(cloud);
   std::vector<std::uint32_t> nearest(mesh.vertices().size());
-  parallel_chunks(nearest.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v)
-      nearest[v] = static_cast<std::uint32_t>(points.nearest(mesh.vertices()[v] + mesh.origin_mm()));
+  parallel_each(nearest.size(), kChunk, threads, [&](std::size_t v) {
+    nearest[v] = static_cast<std::uint32_t>(points.nearest(mesh.vertices()[v] + mesh.origin_mm()));
   });
   return nearest;
 }
@@ -178,8 +177,7 @@ Status prepare_surface(const render::ModelInput& input, MeshBody& body, const re
   std::vector<std::uint32_t> order;
   if (input.surface.per_point != nullptr)
     order = points_of_vertices(body.mesh(), *input.cloud, context.threads);
-  PALPATE_ASSIGN(render::SurfaceField surface, render::build_surface_field(input, order, report));
-  body.surface = std::move(surface);
+  PALPATE_ASSIGN(body.surface, render::build_surface_field(input, order, report));
   if ((body.surface.features & render::kVaried) == 0) return Done{};
   const std::size_t softer = blend(body);
   report.notes.push_back(

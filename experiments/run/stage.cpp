@@ -59,6 +59,7 @@ Result<CleanedScene> clean_scene(const render::SceneInput& input, std::span<cons
     if (!own) return Error{model.name + ": " + own.error().what, own.error().remedy};
     model.cloud = std::make_shared<const cloud::Cloud>(std::move(own->cloud));
     model.original_mesh = nullptr;
+    model.prepared = nullptr;
     if (model.surface.per_point) model.surface.per_point = follow(*model.surface.per_point, own->from);
     cleaned.phases.insert(cleaned.phases.end(), own->phases.begin(), own->phases.end());
     cleaned.notes.insert(cleaned.notes.end(), own->notes.begin(), own->notes.end());

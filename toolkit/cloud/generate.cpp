@@ -244,15 +244,13 @@ void fill(const Samples& samples, const geometry::Aabb& box, bool with_mesh, Gen
     model.original_mesh = std::make_shared<TriangleMesh>();
     model.original_mesh->vertices_mm.resize(samples.count);
   }
-  parallel_chunks(samples.count, kGrain, 0, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3 p = samples.point(i);
-      const Vec3 local = p - cloud.origin_mm;
-      cloud.x_mm[i] = static_cast<float>(local.x());
-      cloud.y_mm[i] = static_cast<float>(local.y());
-      cloud.z_mm[i] = static_cast<float>(local.z());
-      if (with_mesh) model.original_mesh->vertices_mm[i] = p;
-    }
+  parallel_each(samples.count, kGrain, 0, [&](std::size_t i) {
+    const Vec3 p = samples.point(i);
+    const Vec3 local = p - cloud.origin_mm;
+    cloud.x_mm[i] = static_cast<float>(local.x());
+    cloud.y_mm[i] = static_cast<float>(local.y());
+    cloud.z_mm[i] = static_cast<float>(local.z());
+    if (with_mesh) model.original_mesh->vertices_mm[i] = p;
   });
   if (with_mesh) model.original_mesh->triangles = samples.triangles();
 }
@@ -281,9 +279,7 @@ Status fill_sampled(const Shape& shape, SamplingOptions how, const Options& opti
   model.nominal_spacing_mm = shape.grid.spacing_mm;
   if (how.way == Sampling::kGrid) {
     points.resize(shape.grid.count);
-    parallel_chunks(points.size(), kGrain, 0, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) points[i] = shape.grid.point(i);
-    });
+    parallel_each(points.size(), kGrain, 0, [&](std::size_t i) { points[i] = shape.grid.point(i); });
   } else if (how.way == Sampling::kScan) {
     PALPATE_ASSIGN(Scanned seen, scanned(shape, options, common));
     points = std::move(seen.points_mm);

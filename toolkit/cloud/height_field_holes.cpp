@@ -373,16 +373,15 @@ void fill_gaps(HeightField& field, const Holes& holes, std::vector<std::uint32_t
   if (holes.gaps == 0) return;
   const Filler filler(field, holes);
   LargePageVector<float> heights = field.height_mm;
-  parallel_chunks(field.rows, kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row)
-      for (std::uint32_t column = 0; column < field.columns; ++column) {
-        const std::size_t post = field.at(column, static_cast<std::uint32_t>(row));
-        if (holes.of_post[post] != PostKind::kGap) continue;
-        const Filled filled = filler.at(static_cast<std::int32_t>(column), static_cast<std::int32_t>(row));
-        heights[post] = filled.height_mm;
-        // Reads points and writes gaps only.
-        if (point_of_post != nullptr) (*point_of_post)[post] = (*point_of_post)[filled.nearest];
-      }
+  parallel_each(field.rows, kRowsPerChunk, threads, [&](std::size_t row) {
+    for (std::uint32_t column = 0; column < field.columns; ++column) {
+      const std::size_t post = field.at(column, static_cast<std::uint32_t>(row));
+      if (holes.of_post[post] != PostKind::kGap) continue;
+      const Filled filled = filler.at(static_cast<std::int32_t>(column), static_cast<std::int32_t>(row));
+      heights[post] = filled.height_mm;
+      // Reads points and writes gaps only.
+      if (point_of_post != nullptr) (*point_of_post)[post] = (*point_of_post)[filled.nearest];
+    }
   });
   field.height_mm = std::move(heights);
   update_block_maxima(field);

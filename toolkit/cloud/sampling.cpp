@@ -21,14 +21,6 @@ constexpr double kNearestOutlier = 2.0, kFarthestOutlier = 10.0;
 /// Pieces in which a scan line's length is measured.
 constexpr int kPieces = 64;
 
-/// Uses of random numbers, each with its own sequence.
-enum class Use : std::uint64_t { kPlace = 1, kLine, kNoise, kOutlier, kOrder };
-Random random_for(Use use, std::uint64_t seed, std::size_t index) {
-  // Odd multiples of the squared golden number separate the uses from each other and from the jitter.
-  const std::uint64_t apart = kGolden64 * kGolden64 * (2 * static_cast<std::uint64_t>(use) + 1);
-  return Random((seed ^ apart) + kGolden64 * (index + 1));
-}
-
 /// Cumulative probabilities of a surface's cells.
 class AreaTable {
  public:
@@ -36,9 +28,7 @@ class AreaTable {
       : patches_(patches), middle_x_(box.centre_mm().x()), density_(density) {
     up_to_.resize(patches.size() * kCells * kCells);
     std::vector<double> area(up_to_.size());
-    parallel_chunks(patches.size() * kCells, 1, 0, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t row = begin; row < end; ++row) fill_row(row, area);
-    });
+    parallel_each(patches.size() * kCells, 1, 0, [&](std::size_t row) { fill_row(row, area); });
     double sum = 0.0;
     for (std::size_t i = 0; i < area.size(); ++i) {
       area_ += area[i];
@@ -86,18 +76,11 @@ class AreaTable {
 
 std::vector<Vec3> random_places(const AreaTable& table, std::size_t count, std::uint64_t seed) {
   std::vector<Vec3> points(count);
-  parallel_chunks(count, kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Random random = random_for(Use::kPlace, seed, i);
-      points[i] = table.pick(random).point;
-    }
+  parallel_each(count, kPointsPerChunk, 0, [&](std::size_t i) {
+    Random random = random_for(RandomUse::kPlace, seed, i);
+    points[i] = table.pick(random).point;
   });
   return points;
-}
-
-/// Each candidate has its own sequence.
-Random candidate(std::uint64_t seed, std::size_t index) {
-  return random_for(Use::kPlace, seed, index);
 }
 
 double length_along(const Patch& patch, double fixed, bool along_u) {
@@ -125,7 +108,7 @@ std::vector<Vec3> places_in_lines(const std::vector<Patch>& patches, double spac
       const double v = (static_cast<double>(row) + 0.5) / static_cast<double>(rows);
       const auto columns =
           static_cast<std::size_t>(std::max(1.0, std::round(length_along(patch, v, true) / along)));
-      Random random = random_for(Use::kLine, seed, line++);
+      Random random = random_for(RandomUse::kLine, seed, line++);
       const double phase = random.uniform();
       for (std::size_t i = 0; i < columns; ++i)
         points.push_back(patch.point((static_cast<double>(i) + phase) / static_cast<double>(columns), v));
@@ -135,6 +118,12 @@ std::vector<Vec3> places_in_lines(const std::vector<Patch>& patches, double spac
 }
 
 }  // namespace
+
+Random random_for(RandomUse use, std::uint64_t seed, std::size_t index) {
+  // Odd multiples of the squared golden number separate the uses from each other and from the jitter.
+  const std::uint64_t apart = kGolden64 * kGolden64 * (2 * static_cast<std::uint64_t>(use) + 1);
+  return Random((seed ^ apart) + kGolden64 * (index + 1));
+}
 
 double count_patches(const std::vector<Patch>& patches, const CommonOptions& common) {
   if (!(common.spacing_mm > 0.0)) return common.points;
@@ -153,8 +142,9 @@ Sampled sample_patches(const std::vector<Patch>& patches, const geometry::Aabb& 
       sampled.points_mm = places_in_lines(patches, sampled.spacing_mm, options.ratio, common.seed);
       break;
     case Sampling::kBlue:
-      sampled.points_mm = poisson_disk_samples(table, count, box.low_mm,
-                                               [&](std::size_t i) { return candidate(common.seed, i); });
+      sampled.points_mm = poisson_disk_samples(table, count, box.low_mm, [&](std::size_t i) {
+        return random_for(RandomUse::kPlace, common.seed, i);
+      });
       break;
     default:
       sampled.points_mm = random_places(table, count, common.seed);
@@ -166,21 +156,19 @@ void add_noise_and_outliers(const Shape& shape, double spacing_mm, const Samplin
                             std::uint64_t seed, std::vector<Vec3>& points_mm) {
   if (options.noise == 0.0 && options.outliers == 0.0) return;
   const geometry::Aabb box = shape.surface->box_mm();
-  parallel_chunks(points_mm.size(), kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Vec3& p = points_mm[i];
-      Random chance = random_for(Use::kOutlier, seed, i);
-      if (options.outliers > 0.0 && chance.uniform() < options.outliers) {
-        if (options.outliers_near) {
-          const double side = chance.uniform() < 0.5 ? -1.0 : 1.0;
-          p += side * chance.uniform(kNearestOutlier, kFarthestOutlier) * spacing_mm * shape.normal_at(p);
-        } else {
-          for (int axis = 0; axis < 3; ++axis) p[axis] = chance.uniform(box.low_mm[axis], box.high_mm[axis]);
-        }
-      } else if (options.noise > 0.0) {
-        Random random = random_for(Use::kNoise, seed, i);
-        p += random.normal() * options.noise * spacing_mm * shape.normal_at(p);
+  parallel_each(points_mm.size(), kPointsPerChunk, 0, [&](std::size_t i) {
+    Vec3& p = points_mm[i];
+    Random chance = random_for(RandomUse::kOutlier, seed, i);
+    if (options.outliers > 0.0 && chance.uniform() < options.outliers) {
+      if (options.outliers_near) {
+        const double side = chance.uniform() < 0.5 ? -1.0 : 1.0;
+        p += side * chance.uniform(kNearestOutlier, kFarthestOutlier) * spacing_mm * shape.normal_at(p);
+      } else {
+        for (int axis = 0; axis < 3; ++axis) p[axis] = chance.uniform(box.low_mm[axis], box.high_mm[axis]);
       }
+    } else if (options.noise > 0.0) {
+      Random random = random_for(RandomUse::kNoise, seed, i);
+      p += random.normal() * options.noise * spacing_mm * shape.normal_at(p);
     }
   });
 }
@@ -188,7 +176,7 @@ void add_noise_and_outliers(const Shape& shape, double spacing_mm, const Samplin
 std::vector<std::uint32_t> random_permutation(std::size_t count, std::uint64_t seed) {
   std::vector<std::uint32_t> order(count);
   std::iota(order.begin(), order.end(), 0u);
-  Random random = random_for(Use::kOrder, seed, 0);
+  Random random = random_for(RandomUse::kOrder, seed, 0);
   for (std::size_t left = count; left > 1; --left) std::swap(order[left - 1], order[random.below(left)]);
   return order;
 }

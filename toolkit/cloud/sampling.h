@@ -23,6 +23,10 @@
 
 namespace palpate::cloud {
 
+/// Uses of random numbers, each with its own sequence.
+enum class RandomUse : std::uint64_t { kPlace = 1, kLine, kNoise, kOutlier, kOrder, kView = 11, kRay };
+[[nodiscard]] Random random_for(RandomUse use, std::uint64_t seed, std::size_t index);
+
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
 
 /// Options of every generator; lengths already scaled.
@@ -187,11 +191,9 @@ template <class Table, class RandomOf>
   std::vector<DiskSample> candidates(kPointsPerChunk);
   double tried = 0.0;
   for (std::size_t block = 0; kept.size() < count; ++block) {
-    parallel_chunks(candidates.size(), kPointsPerChunk / 16, 0, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        Random random = random_of(block * candidates.size() + i);
-        candidates[i] = table.pick(random);
-      }
+    parallel_each(candidates.size(), kPointsPerChunk / 16, 0, [&](std::size_t i) {
+      Random random = random_of(block * candidates.size() + i);
+      candidates[i] = table.pick(random);
     });
     for (const DiskSample& pick : candidates) {
       if (kept.size() == count) break;

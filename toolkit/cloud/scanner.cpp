@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include <palpate/result.h>
-#include "toolkit/core/hash.h"
+#include "toolkit/cloud/sampling.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
 
@@ -30,13 +30,6 @@ constexpr double kEdge = 4.0;
 constexpr double kNearestFlying = 2.0, kFarthestFlying = 10.0;
 /// Lowest views from above, as a share of a hemisphere's height: 30 degrees over the plane.
 constexpr double kLowestAbove = 0.5;
-
-/// Uses of random numbers, each with its own sequence.
-enum class ScanUse : std::uint64_t { kView = 11, kRay };
-Random scan_random(ScanUse use, std::uint64_t seed, std::size_t index) {
-  const std::uint64_t apart = kGolden64 * kGolden64 * (2 * static_cast<std::uint64_t>(use) + 1);
-  return Random((seed ^ apart) + kGolden64 * (index + 1));
-}
 
 /// One scanner position: rays go from `eye` through a raster on the plane through the model's middle.
 struct ScanView {
@@ -79,21 +72,20 @@ struct Return {
 /// One view's exact returns, row by row.
 std::vector<Return> look(const FirstHit& first_hit, const ScanView& view, std::size_t side) {
   std::vector<Return> returns(side * side);
-  parallel_chunks(side, 1, 0, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row)
-      for (std::size_t column = 0; column < side; ++column) {
-        const auto at = [side](std::size_t i) {
-          return 2.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(side) - 1.0;
-        };
-        Return& r = returns[row * side + column];
-        r.range = -1.0;
-        const std::optional<geometry::SurfacePoint> hit = first_hit(view.eye, view.end(at(column), at(row)));
-        if (!hit) continue;
-        r.point = hit->point_mm;
-        r.ray = (r.point - view.eye).normalized();
-        r.cosine = -r.ray.dot(hit->normal);
-        if (r.cosine >= kGrazing) r.range = (r.point - view.eye).norm();
-      }
+  parallel_each(side, 1, 0, [&](std::size_t row) {
+    for (std::size_t column = 0; column < side; ++column) {
+      const auto at = [side](std::size_t i) {
+        return 2.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(side) - 1.0;
+      };
+      Return& r = returns[row * side + column];
+      r.range = -1.0;
+      const std::optional<geometry::SurfacePoint> hit = first_hit(view.eye, view.end(at(column), at(row)));
+      if (!hit) continue;
+      r.point = hit->point_mm;
+      r.ray = (r.point - view.eye).normalized();
+      r.cosine = -r.ray.dot(hit->normal);
+      if (r.cosine >= kGrazing) r.range = (r.point - view.eye).norm();
+    }
   });
   return returns;
 }
@@ -115,7 +107,7 @@ double behind_edge(const std::vector<Return>& returns, std::size_t side, std::si
 /// Adds one view's errors: each return's own, then the view's.
 void measure(const std::vector<Return>& returns, std::size_t side, const ScanView& view, std::uint32_t number,
              double spacing, const ScannerOptions& o, Scanned& scanned) {
-  Random whole = scan_random(ScanUse::kView, o.seed, number);
+  Random whole = random_for(RandomUse::kView, o.seed, number);
   const double reach = 0.5 * view.half;  // turning by registration / reach moves the rim by about that much
   const auto normal3 = [&whole] { return Vec3(whole.normal(), whole.normal(), whole.normal()); };
   const Vec3 shift = o.registration * spacing * normal3() / std::sqrt(3.0);
@@ -135,7 +127,7 @@ void measure(const std::vector<Return>& returns, std::size_t side, const ScanVie
   for (std::size_t i = 0; i < returns.size(); ++i) {
     const Return& r = returns[i];
     if (r.range < 0.0) continue;
-    Random random = scan_random(ScanUse::kRay, o.seed, number * returns.size() + i);
+    Random random = random_for(RandomUse::kRay, o.seed, number * returns.size() + i);
     if (random.uniform() < o.dropout) continue;
     double range = r.range + spacing * (o.noise * random.normal() +
                                         o.bias * (1.0 / r.cosine - 1.0) / (1.0 / kBiasAt - 1.0));

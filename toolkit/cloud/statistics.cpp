@@ -26,35 +26,13 @@ constexpr double kGapPerCell = 4.0;
 
 using Coordinates = std::array<const std::vector<float>*, 3>;
 
-/// Indices ordered by (x, y, z).
-std::vector<std::uint32_t> sorted_indices(const Cloud& cloud) {
-  std::vector<std::uint32_t> order(cloud.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    if (cloud.x_mm[a] != cloud.x_mm[b]) return cloud.x_mm[a] < cloud.x_mm[b];
-    if (cloud.y_mm[a] != cloud.y_mm[b]) return cloud.y_mm[a] < cloud.y_mm[b];
-    return cloud.z_mm[a] < cloud.z_mm[b];
-  });
-  return order;
-}
-
-std::size_t duplicates_of(const Cloud& cloud, const std::vector<std::uint32_t>& order) {
+/// Points that share x and y with their predecessor in `order`, and z (`same_z`) or not.
+std::size_t points_above_another(const Cloud& cloud, const std::vector<std::uint32_t>& order, bool same_z) {
   std::size_t found = 0;
   for (std::size_t i = 1; i < order.size(); ++i) {
     const std::uint32_t a = order[i - 1], b = order[i];
-    found +=
-        cloud.x_mm[a] == cloud.x_mm[b] && cloud.y_mm[a] == cloud.y_mm[b] && cloud.z_mm[a] == cloud.z_mm[b];
-  }
-  return found;
-}
-
-/// Points that share x and y, but not z, with their predecessor in `order`.
-std::size_t stacked_points(const Cloud& cloud, const std::vector<std::uint32_t>& order) {
-  std::size_t found = 0;
-  for (std::size_t i = 1; i < order.size(); ++i) {
-    const std::uint32_t a = order[i - 1], b = order[i];
-    found +=
-        cloud.x_mm[a] == cloud.x_mm[b] && cloud.y_mm[a] == cloud.y_mm[b] && cloud.z_mm[a] != cloud.z_mm[b];
+    found += cloud.x_mm[a] == cloud.x_mm[b] && cloud.y_mm[a] == cloud.y_mm[b] &&
+             (cloud.z_mm[a] == cloud.z_mm[b]) == same_z;
   }
   return found;
 }
@@ -137,7 +115,7 @@ bool single_valued(const Cloud& cloud, const std::vector<std::uint32_t>& order, 
   const Vec3 extent = box.extent_mm();
   if (cloud.empty() || !(extent.x() > 0.0) || !(extent.y() > 0.0)) return false;
   const auto tolerated = static_cast<std::size_t>(kToleratedShare * static_cast<double>(cloud.size()));
-  if (stacked_points(cloud, order) > tolerated) return false;
+  if (points_above_another(cloud, order, false) > tolerated) return false;
   const double side =
       kCellPerSpacing * std::sqrt(extent.x() * extent.y() / static_cast<double>(cloud.size()));
   // Cell indices beyond 32 bits need a box as thin as one point's share, which has no plan view.
@@ -149,8 +127,19 @@ bool single_valued(const Cloud& cloud, const std::vector<std::uint32_t>& order, 
 
 }  // namespace
 
+std::vector<std::uint32_t> indices_by_place(const Cloud& cloud) {
+  std::vector<std::uint32_t> order(cloud.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    if (cloud.x_mm[a] != cloud.x_mm[b]) return cloud.x_mm[a] < cloud.x_mm[b];
+    if (cloud.y_mm[a] != cloud.y_mm[b]) return cloud.y_mm[a] < cloud.y_mm[b];
+    return cloud.z_mm[a] != cloud.z_mm[b] ? cloud.z_mm[a] < cloud.z_mm[b] : a < b;
+  });
+  return order;
+}
+
 std::size_t count_duplicates(const Cloud& cloud) {
-  return duplicates_of(cloud, sorted_indices(cloud));
+  return points_above_another(cloud, indices_by_place(cloud), true);
 }
 
 std::optional<ScanRaster> find_raster(const Cloud& cloud) {
@@ -180,7 +169,7 @@ std::optional<ScanRaster> find_raster(const Cloud& cloud) {
 }
 
 bool is_single_valued(const Cloud& cloud) {
-  return single_valued(cloud, sorted_indices(cloud), cloud.box_mm());
+  return single_valued(cloud, indices_by_place(cloud), cloud.box_mm());
 }
 
 Statistics describe(const Cloud& cloud) {
@@ -191,8 +180,8 @@ Statistics describe(const Cloud& cloud) {
   const double volume = extent.x() * extent.y() * extent.z();
   found.density_per_mm3 =
       volume > 0.0 ? static_cast<double>(cloud.size()) / volume : std::numeric_limits<double>::infinity();
-  const std::vector<std::uint32_t> order = sorted_indices(cloud);
-  found.duplicates = duplicates_of(cloud, order);
+  const std::vector<std::uint32_t> order = indices_by_place(cloud);
+  found.duplicates = points_above_another(cloud, order, true);
   found.raster = cloud.raster ? cloud.raster : find_raster(cloud);
   found.single_valued = single_valued(cloud, order, found.box_mm);
   return found;

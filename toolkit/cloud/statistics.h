@@ -36,6 +36,8 @@ struct Statistics {
 [[nodiscard]] Statistics describe(const Cloud& cloud);
 
 [[nodiscard]] std::size_t count_duplicates(const Cloud& cloud);
+/// Indices ordered by stored (x, y, z), then by index. O(n log n).
+[[nodiscard]] std::vector<std::uint32_t> indices_by_place(const Cloud& cloud);
 
 /// The full scanner raster of the points, if any: rows of equal length (at least 2 x 2), strictly monotone
 /// along one axis in every row and along another down every column. Rows run one way, or alternate. Jitter

@@ -21,9 +21,8 @@ class OrientedDisjointSets {
 
   explicit OrientedDisjointSets(std::size_t members, int threads = 1) : link_(members) {
     constexpr std::size_t kGrain = 1 << 16;
-    parallel_chunks(members, kGrain, threads, [this](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) link_[i] = static_cast<std::uint32_t>(i << 1);
-    });
+    parallel_each(members, kGrain, threads,
+                  [this](std::size_t i) { link_[i] = static_cast<std::uint32_t>(i << 1); });
   }
   /// Halves the path to the root.
   Root find(std::uint32_t i) noexcept {

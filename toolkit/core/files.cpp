@@ -11,6 +11,8 @@
 #include <cstdlib>
 #include <cstring>
 
+#include <palpate/result.h>
+
 namespace palpate {
 namespace {
 
@@ -109,15 +111,13 @@ Status InputFile::read_at(std::uint64_t offset, std::span<std::byte> out) const 
 }
 
 Result<std::string> read_file(const std::string& path, std::uint64_t most_bytes) {
-  Result<InputFile> file = InputFile::open(path);
-  if (!file) return std::move(file).error();
+  PALPATE_ASSIGN(InputFile file, InputFile::open(path));
   // System files report size 0 and hold more; all that arrives counts.
-  std::string text(static_cast<std::size_t>(std::min(most_bytes, file->size()) + 1), '\0');
+  std::string text(static_cast<std::size_t>(std::min(most_bytes, file.size()) + 1), '\0');
   std::size_t have = 0;
-  while (file->size() <= most_bytes) {
-    const Result<std::size_t> got = file->read(std::as_writable_bytes(std::span(text).subspan(have)));
-    if (!got) return got.error();
-    have += *got;
+  while (file.size() <= most_bytes) {
+    PALPATE_ASSIGN(const std::size_t got, file.read(std::as_writable_bytes(std::span(text).subspan(have))));
+    have += got;
     if (have < text.size()) {
       text.resize(have);
       return text;
@@ -214,10 +214,9 @@ Status AtomicFile::commit() {
 }
 
 Status write_file(const std::string& path, std::string_view text) {
-  Result<AtomicFile> file = AtomicFile::create(path);
-  if (!file) return std::move(file).error();
-  PALPATE_TRY(file->write(text));
-  return file->commit();
+  PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
+  PALPATE_TRY(file.write(text));
+  return file.commit();
 }
 
 Result<LockedFile> LockedFile::open(const std::string& path) {

@@ -19,6 +19,15 @@ namespace palpate {
 /// 2^64 over the golden section, odd: multiplication spreads consecutive numbers over 64 bits (Fibonacci
 /// hashing).
 inline constexpr std::uint64_t kGolden64 = 0x9E3779B97F4A7C15u;
+/// Two more odd numbers, those of splitmix64's finaliser (Steele, Lea and Flood 2014).
+inline constexpr std::uint64_t kMixFirst64 = 0xBF58476D1CE4E5B9u, kMixSecond64 = 0x94D049BB133111EBu;
+
+/// The finaliser of splitmix64: every bit depends on all.
+[[nodiscard]] constexpr std::uint64_t mixed64(std::uint64_t h) noexcept {
+  h = (h ^ (h >> 30)) * kMixFirst64;
+  h = (h ^ (h >> 27)) * kMixSecond64;
+  return h ^ (h >> 31);
+}
 
 class Hash64 {
  public:

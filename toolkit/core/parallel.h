@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -25,6 +26,41 @@ inline constexpr std::size_t kPointsPerChunk = 16384;
 /// body must not throw.
 void parallel_chunks(std::size_t count, std::size_t grain, int threads,
                      const std::function<void(std::size_t begin, std::size_t end)>& body);
+
+/// The same with body(i) for every index of [0, count).
+template <class Index = std::size_t, class Body>
+void parallel_each(std::size_t count, std::size_t grain, int threads, const Body& body) {
+  parallel_chunks(count, grain, threads, [&body](std::size_t begin, std::size_t end) {
+    for (auto i = static_cast<Index>(begin); i < end; ++i) body(i);
+  });
+}
+
+/// One Part per chunk, in order: for sums over fixed chunks. body(begin, end, part) fills it, or body(i,
+/// part) for every index of the chunk.
+template <class Part, class Body>
+[[nodiscard]] std::vector<Part> parallel_parts(std::size_t count, std::size_t grain, int threads,
+                                               const Body& body) {
+  std::vector<Part> parts((count + grain - 1) / grain);
+  parallel_chunks(count, grain, threads, [&](std::size_t begin, std::size_t end) {
+    Part& part = parts[begin / grain];
+    if constexpr (std::is_invocable_v<const Body&, std::size_t, std::size_t, Part&>)
+      body(begin, end, part);
+    else
+      for (std::size_t i = begin; i < end; ++i) body(i, part);
+  });
+  return parts;
+}
+
+/// The items that body(begin, end, items) appends for each chunk, or body(i, items) for every index, in
+/// order.
+template <class Item, class Body>
+[[nodiscard]] std::vector<Item> parallel_list(std::size_t count, std::size_t grain, int threads,
+                                              const Body& body) {
+  std::vector<Item> items;
+  for (const std::vector<Item>& part : parallel_parts<std::vector<Item>>(count, grain, threads, body))
+    items.insert(items.end(), part.begin(), part.end());
+  return items;
+}
 
 /// The number of threads for 0.
 [[nodiscard]] int available_threads() noexcept;

@@ -4,15 +4,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "toolkit/core/hash.h"
+
 namespace palpate {
 namespace {
 
 std::uint64_t splitmix64(std::uint64_t& x) noexcept {
-  x += 0x9E3779B97F4A7C15u;
-  std::uint64_t z = x;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  return z ^ (z >> 31);
+  x += kGolden64;
+  return mixed64(x);
 }
 
 }  // namespace

@@ -328,18 +328,16 @@ Result<io::DecodedFile> read_dem(const io::ReaderInput& input, std::string_view 
     io::MemorySource source(bytes);
     return io::read_xyz({source, input.name, input.options, input.progress});
   }
-  Result<DemFormat> format = format_of(extension, bytes);
-  if (!format) return format.error();
+  PALPATE_ASSIGN(DemFormat format, format_of(extension, bytes));
   std::string name = plain_name(input.name, extension);
-  if (*format == DemFormat::kZip) {
+  if (format == DemFormat::kZip) {
     std::string inside;
-    PALPATE_ASSIGN(std::vector<std::byte> tile, unpack(bytes, inside));
-    bytes = std::move(tile);
+    PALPATE_ASSIGN(bytes, unpack(bytes, inside));
     format = DemFormat::kHgt;
     name = plain_name(inside, "hgt");
   }
-  PALPATE_TRY(check_header(*format, bytes, input.options));
-  return through_gdal(input, *format, bytes, name);
+  PALPATE_TRY(check_header(format, bytes, input.options));
+  return through_gdal(input, format, bytes, name);
 }
 
 }  // namespace

@@ -125,14 +125,6 @@ struct BoxQuery {
   std::uint32_t nodes = 0;     ///< tree nodes visited
 };
 
-/// A query's result as a value: the nearest boxes, at most `Most`.
-template <std::size_t Most>
-struct FoundBoxes {
-  std::array<BoxHit, Most> hit{};
-  BoxQuery query;
-  [[nodiscard]] std::span<const BoxHit> hits() const noexcept { return {hit.data(), query.hits}; }
-};
-
 /// The moving boxes of a scene's models. Only the constructor allocates. One thread updates; concurrent const
 /// calls are safe between updates.
 class BroadPhase {
@@ -152,12 +144,6 @@ class BroadPhase {
   /// full `list` keeps the nearest and counts the rest. The result does not depend on the tree's history.
   /// Visits at most 2 n nodes, usually O(log n + hits); each hit moves at most list.size() entries.
   BoxQuery query(const Aabb& region, std::span<BoxHit> list) const noexcept;
-  /// Boxes within `reach_mm` of the point along each axis.
-  template <std::size_t Most>
-  void query(const Vec3& centre_mm, double reach_mm, FoundBoxes<Most>& out) const noexcept {
-    out.query = query(Aabb{centre_mm, centre_mm}.grown(reach_mm), out.hit);
-  }
-
   /// All boxes that meet `region`, by rising number. `out` must have room for all.
   void within(const Aabb& region, std::vector<std::uint32_t>& out) const noexcept;
   /// The same for boxes within `reach_mm`, along each axis, of the segment. On long ways these are far fewer

@@ -6,13 +6,6 @@
 #include <tuple>
 
 namespace palpate::geometry {
-namespace {
-
-/// One side of a triangle, sortable next to the other side of its edge.
-struct TriangleSide {
-  std::uint32_t low, high, triangle, corner;  ///< corner: start of the side
-  [[nodiscard]] bool same(const TriangleSide& o) const { return low == o.low && high == o.high; }
-};
 
 std::vector<TriangleSide> sides_of(const std::vector<std::array<std::uint32_t, 3>>& triangles) {
   std::vector<TriangleSide> sides;
@@ -27,6 +20,8 @@ std::vector<TriangleSide> sides_of(const std::vector<std::array<std::uint32_t, 3
   });
   return sides;
 }
+
+namespace {
 
 bool repeats(const std::array<std::uint32_t, 3>& t) {
   return t[0] == t[1] || t[1] == t[2] || t[2] == t[0];

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -16,6 +17,14 @@
 #include "toolkit/geometry/broad_phase.h"
 
 namespace palpate::geometry {
+
+/// One side of a triangle, sortable next to the other side of its edge.
+struct TriangleSide {
+  std::uint32_t low, high, triangle, corner;  ///< corner: start of the side
+  [[nodiscard]] bool same(const TriangleSide& o) const { return low == o.low && high == o.high; }
+};
+/// All sides, those of an edge together, by triangle and corner. O(n log n).
+[[nodiscard]] std::vector<TriangleSide> sides_of(const std::vector<std::array<std::uint32_t, 3>>& triangles);
 
 /// One step of Loop subdivision (1987, weights of Warren 1995): each triangle becomes four, old vertices
 /// move, every edge gets a vertex. Edges without exactly two triangles, and their ends, follow border rules;

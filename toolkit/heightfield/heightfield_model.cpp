@@ -49,9 +49,7 @@ Status prepare_surface(const ModelInput& input, HeightFieldModel& model, Prepare
   const std::vector<std::uint32_t>& point_of_post = model.grid->point_of_post;
   std::vector<std::uint32_t> order(input.cloud->size());
   std::iota(order.begin(), order.end(), 0u);
-  Result<SurfaceField> built = build_surface_field(input, order, report);
-  if (!built) return std::move(built).error();
-  model.surface = *std::move(built);
+  PALPATE_ASSIGN(model.surface, build_surface_field(input, order, report));
   if (model.surface.by_point.empty()) return Done{};
   LargePageVector<PointSurface> of_post(point_of_post.size());
   for (std::size_t post = 0; post < of_post.size(); ++post)
@@ -90,16 +88,15 @@ Result<std::shared_ptr<const HeightFieldGrid>> build_grid(const cloud::Cloud& cl
                                                           PrepareReport& report) {
   PreparePhases phases(report, context);
   phases.begin("grid");
-  Result<LatticeSurvey> survey = survey_lattice(cloud, fills_gaps, keeps_points);
-  if (!survey) return std::move(survey).error();
+  PALPATE_ASSIGN(LatticeSurvey survey, survey_lattice(cloud, fills_gaps, keeps_points));
   auto grid = std::make_shared<HeightFieldGrid>();
-  grid->decision = std::move(survey->decision);
-  grid->field = std::move(survey->field);
-  grid->point_of_post = std::move(survey->point_of_post);
+  grid->decision = std::move(survey.decision);
+  grid->field = std::move(survey.field);
+  grid->point_of_post = std::move(survey.point_of_post);
   if (grid->decision.filled > 0) {
     phases.end();
     phases.begin("gaps");
-    cloud::fill_gaps(grid->field, survey->holes, keeps_points ? &grid->point_of_post : nullptr,
+    cloud::fill_gaps(grid->field, survey.holes, keeps_points ? &grid->point_of_post : nullptr,
                      context.threads);
   }
   grid->box_mm.add(Vec3::Zero());
@@ -109,7 +106,7 @@ Result<std::shared_ptr<const HeightFieldGrid>> build_grid(const cloud::Cloud& cl
   grid->box_mm.low_mm.z() = low;
   grid->box_mm.high_mm.z() = high;
   phases.end();
-  warn_of_open_holes(survey->holes, fills_gaps, phases);
+  warn_of_open_holes(survey.holes, fills_gaps, phases);
   report.bytes += grid->field.bytes() + grid->point_of_post.capacity() * sizeof(std::uint32_t);
   phases.note(fmt::format("{}; {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above",
                           grid->decision.words, grid->field.step_x_mm, grid->field.step_y_mm,
@@ -124,15 +121,15 @@ Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const
   const cloud::Cloud& cloud = *input.cloud;
   const bool varied = varies(input.surface);
   HeightFieldModel model;
-  Result<std::shared_ptr<const HeightFieldGrid>> grid = get_or_build<HeightFieldGrid>(
-      context, report,
-      [&] {
-        return fmt::format("height field {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),
-                           build.fills_gaps, varied);
-      },
-      [&](PrepareReport& to) { return build_grid(cloud, build.fills_gaps, varied, context, to); });
-  if (!grid) return std::move(grid).error();
-  model.grid = *std::move(grid);
+  PALPATE_ASSIGN(
+      model.grid,
+      get_or_build<HeightFieldGrid>(
+          context, report,
+          [&] {
+            return fmt::format("height field {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),
+                               build.fills_gaps, varied);
+          },
+          [&](PrepareReport& to) { return build_grid(cloud, build.fills_gaps, varied, context, to); }));
   model.pose = ModelPose(input, model.field().origin_mm);
   PALPATE_TRY(prepare_surface(input, model, report));
   if (build.blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)
@@ -143,10 +140,7 @@ Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const
 
 Result<LatticeSurvey> survey_lattice(const cloud::Cloud& cloud, bool fills_gaps, bool keeps_points) {
   LatticeSurvey found;
-  Result<cloud::HeightField> field =
-      cloud::height_field_of(cloud, keeps_points ? &found.point_of_post : nullptr);
-  if (!field) return std::move(field).error();
-  found.field = *std::move(field);
+  PALPATE_ASSIGN(found.field, cloud::height_field_of(cloud, keeps_points ? &found.point_of_post : nullptr));
   found.holes = cloud::find_holes(found.field);
   LatticeDecision& decided = found.decision;
   decided.columns = found.field.columns;
@@ -161,11 +155,9 @@ Result<LatticeSurvey> survey_lattice(const cloud::Cloud& cloud, bool fills_gaps,
 }
 
 Result<HeightFieldDecision> decide_heightfield(const ModelInput& input, const HeightFieldOptions& build) {
-  Result<LatticeSurvey> survey = survey_lattice(*input.cloud, build.fills_gaps, false);
-  if (!survey) return std::move(survey).error();
-  Result<SurfaceDecision> surface = decide_surface(input);
-  if (!surface) return std::move(surface).error();
-  return HeightFieldDecision{std::move(survey->decision), *std::move(surface)};
+  PALPATE_ASSIGN(LatticeSurvey survey, survey_lattice(*input.cloud, build.fills_gaps, false));
+  PALPATE_ASSIGN(SurfaceDecision surface, decide_surface(input));
+  return HeightFieldDecision{std::move(survey.decision), std::move(surface)};
 }
 
 void describe_heightfield(const ModelInput& input, const HeightFieldOptions& build,

@@ -141,12 +141,10 @@ BlockBvh BlockBvh::build(const LocalDelaunayMesh& mesh, int threads) {
   if (count == 0) return tree;
   tree.layers_.resize(blocks);
   tree.levels_.emplace_back(count, BvhNode::empty());
-  parallel_chunks(count, kNodesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const std::size_t last = std::min<std::size_t>((i + 1) * kBvhWidth, blocks);
-      for (std::size_t block = i * kBvhWidth; block < last; ++block)
-        tree.fit_block(mesh, static_cast<std::uint32_t>(block));
-    }
+  parallel_each(count, kNodesPerChunk, threads, [&](std::size_t i) {
+    const std::size_t last = std::min<std::size_t>((i + 1) * kBvhWidth, blocks);
+    for (std::size_t block = i * kBvhWidth; block < last; ++block)
+      tree.fit_block(mesh, static_cast<std::uint32_t>(block));
   });
   while (count > 1) {
     const LargePageVector<BvhNode>& below = tree.levels_.back();

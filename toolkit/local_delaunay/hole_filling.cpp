@@ -107,19 +107,15 @@ class HoleFiller {
       std::vector<std::uint32_t> doubtful;
       bool any_rough = false;
     };
-    std::vector<Part> parts((candidate.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-    parallel_chunks(
-        candidate.size(), kPointsPerChunk, candidate.threads, [&](std::size_t begin, std::size_t end) {
-          Part& part = parts[begin / kPointsPerChunk];
-          for (std::size_t i = begin; i < end; ++i) {
-            link_of_[i] = kNoPoint;
-            part.any_rough = part.any_rough || candidate.rough[i] != 0;
-            const bool doubtful = candidate.welded[i] == 0 && !candidate.star[i].closed_and_agreed();
-            candidate.doubtful[i] = static_cast<std::uint8_t>(doubtful);
-            if (doubtful) part.doubtful.push_back(static_cast<std::uint32_t>(i));
-          }
-        });
-    for (const Part& part : parts) {
+    const auto look = [&](std::size_t i, Part& part) {
+      link_of_[i] = kNoPoint;
+      part.any_rough = part.any_rough || candidate.rough[i] != 0;
+      const bool doubtful = candidate.welded[i] == 0 && !candidate.star[i].closed_and_agreed();
+      candidate.doubtful[i] = static_cast<std::uint8_t>(doubtful);
+      if (doubtful) part.doubtful.push_back(static_cast<std::uint32_t>(i));
+    };
+    for (const auto& part :
+         parallel_parts<Part>(candidate.size(), kPointsPerChunk, candidate.threads, look)) {
       any_rough_ = any_rough_ || part.any_rough;
       for (const std::uint32_t i : part.doubtful) add_link(i);
     }

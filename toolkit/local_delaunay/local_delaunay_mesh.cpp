@@ -70,15 +70,11 @@ class LocalDelaunayMeshBuilder {
     struct Counted {
       std::uint64_t agreed = 0, welded = 0;
     };
-    std::vector<Counted> parts((candidate_.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-    parallel_chunks(candidate_.size(), kPointsPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
-      Counted& part = parts[begin / kPointsPerChunk];
-      for (std::size_t i = begin; i < end; ++i) {
-        part.agreed += static_cast<std::uint64_t>(candidate_.star[i].closed_and_agreed());
-        part.welded += candidate_.welded[i];
-      }
-    });
-    for (const Counted& part : parts) {
+    const auto count = [this](std::size_t i, Counted& part) {
+      part.agreed += static_cast<std::uint64_t>(candidate_.star[i].closed_and_agreed());
+      part.welded += candidate_.welded[i];
+    };
+    for (const auto& part : parallel_parts<Counted>(candidate_.size(), kPointsPerChunk, threads_, count)) {
       counts.agreed_points += part.agreed;
       counts.welded += part.welded;
     }

@@ -30,36 +30,32 @@ class LocalDelaunayMeshStorage {
       MeshStatistics counts;
       std::vector<Long> apart;
     };
-    std::vector<Chunk> chunks((n + kPointsPerChunk - 1) / kPointsPerChunk);
     MeshStatistics& counts = mesh.counts_;
     mesh.places_.resize(n);
     if (counts.closed_components > 1) mesh.closed_component_of_.assign(n, 0);
-    parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-      Chunk& chunk = chunks[begin / kPointsPerChunk];
-      for (std::size_t i = begin; i < end; ++i) {
-        const auto place = static_cast<std::uint32_t>(i);
-        const Star& star = star_of(place);
-        chunk.counts.triangles += star.sectors();
-        chunk.counts.unused += static_cast<std::uint64_t>(star.sectors() == 0);
-        chunk.counts.open_points += static_cast<std::uint64_t>(star.sectors() > 0 && star.open != 0);
-        const std::uint32_t closed = closed_of(place);
-        PackedVertex& at = mesh.places_[i];
-        at = {points[i].x_mm, points[i].y_mm, points[i].z_mm, 0, {}};
-        if (closed != kNoPlace) at.info |= LocalDelaunayMesh::kClosed;
-        if (is_crossed(place)) at.info |= LocalDelaunayMesh::kCrossed;
-        if (fits_beside(star, place)) {
-          at.info |= star.size | (star.open << LocalDelaunayMesh::kOpenShift);
-          for (std::uint32_t k = 0; k < star.size; ++k)
-            at.near[k] = static_cast<std::int16_t>(static_cast<std::int32_t>(star.ring[k] - place));
-        } else {
-          at.info |= LocalDelaunayMesh::kLong | LocalDelaunayMesh::kRingStoredApart;
-          chunk.apart.push_back({place, star});
-        }
-        if (closed != kNoPlace && !mesh.closed_component_of_.empty()) mesh.closed_component_of_[i] = closed;
+    const auto store = [&](std::size_t i, Chunk& chunk) {
+      const auto place = static_cast<std::uint32_t>(i);
+      const Star& star = star_of(place);
+      chunk.counts.triangles += star.sectors();
+      chunk.counts.unused += static_cast<std::uint64_t>(star.sectors() == 0);
+      chunk.counts.open_points += static_cast<std::uint64_t>(star.sectors() > 0 && star.open != 0);
+      const std::uint32_t closed = closed_of(place);
+      PackedVertex& at = mesh.places_[i];
+      at = {points[i].x_mm, points[i].y_mm, points[i].z_mm, 0, {}};
+      if (closed != kNoPlace) at.info |= LocalDelaunayMesh::kClosed;
+      if (is_crossed(place)) at.info |= LocalDelaunayMesh::kCrossed;
+      if (fits_beside(star, place)) {
+        at.info |= star.size | (star.open << LocalDelaunayMesh::kOpenShift);
+        for (std::uint32_t k = 0; k < star.size; ++k)
+          at.near[k] = static_cast<std::int16_t>(static_cast<std::int32_t>(star.ring[k] - place));
+      } else {
+        at.info |= LocalDelaunayMesh::kLong | LocalDelaunayMesh::kRingStoredApart;
+        chunk.apart.push_back({place, star});
       }
-    });
+      if (closed != kNoPlace && !mesh.closed_component_of_.empty()) mesh.closed_component_of_[i] = closed;
+    };
     counts.triangles = counts.unused = counts.open_points = 0;
-    for (const Chunk& chunk : chunks) {
+    for (const auto& chunk : parallel_parts<Chunk>(n, kPointsPerChunk, threads, store)) {
       counts.triangles += chunk.counts.triangles;
       counts.unused += chunk.counts.unused;
       counts.open_points += chunk.counts.open_points;

@@ -266,11 +266,9 @@ class StarOrienter {
       mouth[piece] = geometry::opening_fraction(parts[piece]);
     };
     // Small pieces in parallel; a large one by all threads.
-    parallel_chunks(parts.size(), kPiecesPerChunk, candidate_.threads,
-                    [&](std::size_t begin, std::size_t end) {
-                      for (std::size_t piece = begin; piece < end; ++piece)
-                        if (parts[piece].size() < kLargePiece) judge(piece, 1);
-                    });
+    parallel_each(parts.size(), kPiecesPerChunk, candidate_.threads, [&](std::size_t piece) {
+      if (parts[piece].size() < kLargePiece) judge(piece, 1);
+    });
     for (std::size_t piece = 0; piece < parts.size(); ++piece)
       if (parts[piece].size() >= kLargePiece) judge(piece, candidate_.threads);
     for (const double wide : mouth) pieces_.min_enclosed = std::min(pieces_.min_enclosed, 1.0 - wide);
@@ -332,37 +330,30 @@ std::vector<std::array<std::uint32_t, 3>> overhanging(const CandidateTriangulati
   const std::size_t n = candidate.size();
   // Planes, oriented like the triangles there.
   std::vector<Vec3f> plane(n, Vec3f::Zero());
-  const auto rough = [&](std::size_t begin, std::size_t end, auto&& use) {
-    for (std::size_t i = begin; i < end; ++i)
-      if (candidate.rough[i] != 0) use(static_cast<std::uint32_t>(i));
-  };
-  parallel_chunks(n, kPointsPerChunk, candidate.threads, [&](std::size_t begin, std::size_t end) {
-    rough(begin, end, [&](std::uint32_t i) {
-      const Star& star = candidate.star[i];
-      const Vec3 p = candidate.at(i);
-      Vec3 area = Vec3::Zero();
-      for (std::uint32_t k = 0; k < star.size; ++k)
-        if (star.has_sector(k))
-          area += (candidate.at(star.ring[k]) - p).cross(candidate.at(star.ring[star.next(k)]) - p);
-      plane[i] = area.dot(candidate.normal[i].cast<double>()) < 0.0 ? Vec3f(-candidate.normal[i])
-                                                                    : candidate.normal[i];
-    });
+  parallel_each<std::uint32_t>(n, kPointsPerChunk, candidate.threads, [&](std::uint32_t i) {
+    if (candidate.rough[i] == 0) return;
+    const Star& star = candidate.star[i];
+    const Vec3 p = candidate.at(i);
+    Vec3 area = Vec3::Zero();
+    for (std::uint32_t k = 0; k < star.size; ++k)
+      if (star.has_sector(k))
+        area += (candidate.at(star.ring[k]) - p).cross(candidate.at(star.ring[star.next(k)]) - p);
+    plane[i] = area.dot(candidate.normal[i].cast<double>()) < 0.0 ? Vec3f(-candidate.normal[i])
+                                                                  : candidate.normal[i];
   });
-  std::vector<std::vector<std::array<std::uint32_t, 3>>> parts((n + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(n, kPointsPerChunk, candidate.threads, [&](std::size_t begin, std::size_t end) {
-    rough(begin, end, [&](std::uint32_t i) {
-      for_triangles(candidate, i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-        if (candidate.rough[b] == 0 || candidate.rough[c] == 0) return;
-        const Vec3 p = candidate.at(a);
-        const Vec3 area = (candidate.at(b) - p).cross(candidate.at(c) - p);
-        if (area.dot((plane[a] + plane[b] + plane[c]).cast<double>()) < 0.0)
-          parts[begin / kPointsPerChunk].push_back({a, b, c});
+  using Triangle = std::array<std::uint32_t, 3>;
+  return parallel_list<Triangle>(
+      n, kPointsPerChunk, candidate.threads, [&](std::size_t i, std::vector<Triangle>& found) {
+        if (candidate.rough[i] == 0) return;
+        for_triangles(candidate, static_cast<std::uint32_t>(i),
+                      [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+                        if (candidate.rough[b] == 0 || candidate.rough[c] == 0) return;
+                        const Vec3 p = candidate.at(a);
+                        const Vec3 area = (candidate.at(b) - p).cross(candidate.at(c) - p);
+                        if (area.dot((plane[a] + plane[b] + plane[c]).cast<double>()) < 0.0)
+                          found.push_back({a, b, c});
+                      });
       });
-    });
-  });
-  std::vector<std::array<std::uint32_t, 3>> found;
-  for (const auto& part : parts) found.insert(found.end(), part.begin(), part.end());
-  return found;
 }
 
 }  // namespace palpate::local_delaunay

@@ -165,12 +165,10 @@ class CellMaker {
   }
   RasterCells run(int threads) {
     const std::size_t rows = std::max<std::size_t>(1, kSlotsPerChunk / grid_.columns());
-    parallel_chunks(grid_.rows(), rows, threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t row = begin; row < end; ++row) make_row(static_cast<std::uint32_t>(row));
-    });
-    parallel_chunks(grid_.rows(), rows, threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t row = begin; row < end; ++row) judge_row(static_cast<std::uint32_t>(row));
-    });
+    parallel_each(grid_.rows(), rows, threads,
+                  [&](std::size_t row) { make_row(static_cast<std::uint32_t>(row)); });
+    parallel_each(grid_.rows(), rows, threads,
+                  [&](std::size_t row) { judge_row(static_cast<std::uint32_t>(row)); });
     return std::move(cells_);
   }
 
@@ -279,10 +277,9 @@ class TileTree {
       near_share_ = std::min(1.0, share);
     }
     Level tiles((grid.rows() + kTile - 1) / kTile, (grid.columns() + kTile - 1) / kTile);
-    parallel_chunks(tiles.rows, 1, threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t row = begin; row < end; ++row)
-        for (std::uint32_t column = 0; column < tiles.columns; ++column)
-          tiles.at(static_cast<std::uint32_t>(row), column) = box_of(static_cast<std::uint32_t>(row), column);
+    parallel_each(tiles.rows, 1, threads, [&](std::size_t row) {
+      for (std::uint32_t column = 0; column < tiles.columns; ++column)
+        tiles.at(static_cast<std::uint32_t>(row), column) = box_of(static_cast<std::uint32_t>(row), column);
     });
     levels_.push_back(std::move(tiles));
     while (levels_.back().box.size() > 1) levels_.push_back(above(levels_.back()));
@@ -388,17 +385,15 @@ void mark_overlaps(const cloud::Cloud& cloud, const RasterGrid& grid, int thread
   const TileTree tree(cloud, grid, threads);
   const std::uint32_t columns = tree.columns();
   const std::size_t tiles = std::size_t{tree.rows()} * columns;
-  parallel_chunks(tiles, kTilesAtOnce, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t tile = begin; tile < end; ++tile) {
-      const auto tile_row = static_cast<std::uint32_t>(tile / columns);
-      const auto tile_column = static_cast<std::uint32_t>(tile % columns);
-      if (!tree.is_overlapped(tile_row, tile_column)) continue;
-      const std::uint32_t last_row = std::min((tile_row + 1) * kTile, grid.rows());
-      const std::uint32_t last_column = std::min((tile_column + 1) * kTile, grid.columns());
-      for (std::uint32_t row = tile_row * kTile; row < last_row; ++row)
-        for (std::uint32_t column = tile_column * kTile; column < last_column; ++column)
-          if (grid.point(row, column) != kNoPlace) doubtful[std::size_t{row} * grid.columns() + column] = 1;
-    }
+  parallel_each(tiles, kTilesAtOnce, threads, [&](std::size_t tile) {
+    const auto tile_row = static_cast<std::uint32_t>(tile / columns);
+    const auto tile_column = static_cast<std::uint32_t>(tile % columns);
+    if (!tree.is_overlapped(tile_row, tile_column)) return;
+    const std::uint32_t last_row = std::min((tile_row + 1) * kTile, grid.rows());
+    const std::uint32_t last_column = std::min((tile_column + 1) * kTile, grid.columns());
+    for (std::uint32_t row = tile_row * kTile; row < last_row; ++row)
+      for (std::uint32_t column = tile_column * kTile; column < last_column; ++column)
+        if (grid.point(row, column) != kNoPlace) doubtful[std::size_t{row} * grid.columns() + column] = 1;
   });
 }
 

@@ -96,11 +96,9 @@ void RasterStars::mark_all(int threads) {
 void RasterStars::set_order(const std::vector<std::uint32_t>& order, int threads) {
   place_at_.assign(grid_.slots(), kNoPlace);
   slot_of_.resize(order.size());
-  parallel_chunks(order.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      slot_of_[i] = grid_.slot(order[i]);
-      place_at_[slot_of_[i]] = static_cast<std::uint32_t>(i);
-    }
+  parallel_each(order.size(), kPointsPerChunk, threads, [&](std::size_t i) {
+    slot_of_[i] = grid_.slot(order[i]);
+    place_at_[slot_of_[i]] = static_cast<std::uint32_t>(i);
   });
 }
 
@@ -184,10 +182,7 @@ RasterStars::Side RasterStars::side_of_whole(const CandidateTriangulation& candi
     }
     parts[part] = {(sum / static_cast<double>(last - first)).cast<float>(), area.cast<float>()};
   };
-  parallel_chunks(parts.size(), kRasterPartsPerChunk, candidate.threads,
-                  [&](std::size_t begin, std::size_t end) {
-                    for (std::size_t part = begin; part < end; ++part) look(part);
-                  });
+  parallel_each(parts.size(), kRasterPartsPerChunk, candidate.threads, [&](std::size_t part) { look(part); });
   if (is_closed) {
     side.inward = std::accumulate(volume.begin(), volume.end(), 0.0) < 0.0;
     return side;
@@ -239,14 +234,12 @@ std::uint64_t RasterStars::fill(CandidateTriangulation& candidate) const {
   candidate.star.resize(n);
   candidate.crossed.assign(n, 0);
   candidate.rough.assign(n, 0);
-  parallel_chunks(n, kPointsPerChunk, candidate.threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto i = static_cast<std::uint32_t>(k);
-      asked[i] = state_[slot_of_[i]];
-      wanted[i] = static_cast<std::uint8_t>(asked[i] == kLaidOut);
-      candidate.star[i] = wanted[i] == 0 ? star(i) : Star{};
-      candidate.normal[i] = normal(i);
-    }
+  parallel_each(n, kPointsPerChunk, candidate.threads, [&](std::size_t k) {
+    const auto i = static_cast<std::uint32_t>(k);
+    asked[i] = state_[slot_of_[i]];
+    wanted[i] = static_cast<std::uint8_t>(asked[i] == kLaidOut);
+    candidate.star[i] = wanted[i] == 0 ? star(i) : Star{};
+    candidate.normal[i] = normal(i);
   });
   nearest_from_stars(candidate);
   find_nearest_of(candidate, doubled_places(candidate, wanted), asked);

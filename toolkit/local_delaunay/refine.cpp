@@ -97,17 +97,15 @@ class MeshRefiner {
     cloud.y_mm.resize(n);
     cloud.z_mm.resize(n);
     edge_.resize(first_.back());
-    parallel_chunks(old, kPointsPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const auto a = static_cast<std::uint32_t>(i);
-        put(cloud, a, mesh_.at(a));
-        const Ring ring = mesh_.ring(a);
-        std::uint32_t number = first_[a];
-        for (std::uint32_t k = 0; k < ring.size; ++k) {
-          if (ring.of[k] <= a) continue;
-          put(cloud, old + number, middle_of(mesh_, a, k));
-          edge_[number++] = {a, k};
-        }
+    parallel_each(old, kPointsPerChunk, threads_, [&](std::size_t i) {
+      const auto a = static_cast<std::uint32_t>(i);
+      put(cloud, a, mesh_.at(a));
+      const Ring ring = mesh_.ring(a);
+      std::uint32_t number = first_[a];
+      for (std::uint32_t k = 0; k < ring.size; ++k) {
+        if (ring.of[k] <= a) continue;
+        put(cloud, old + number, middle_of(mesh_, a, k));
+        edge_[number++] = {a, k};
       }
     });
     const SortedPoints places = spatial_sort(cloud, threads_);

@@ -56,9 +56,8 @@ class StarRepair {
 
   template <class Use>
   void chunks(std::size_t count, Use&& use) const {
-    parallel_chunks(count, kMendedPerChunk, candidate_.threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) use(static_cast<std::uint32_t>(i));
-    });
+    parallel_each(count, kMendedPerChunk, candidate_.threads,
+                  [&](std::size_t i) { use(static_cast<std::uint32_t>(i)); });
   }
   template <class Use>
   void chunks_of(const Points& points, Use&& use) const {
@@ -81,14 +80,10 @@ class StarRepair {
   }
   template <class At, class Is>
   [[nodiscard]] Points those_of(std::size_t count, At&& at, Is&& is) const {
-    std::vector<Points> parts((count + kMendedPerChunk - 1) / kMendedPerChunk);
-    parallel_chunks(count, kMendedPerChunk, candidate_.threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k)
-        if (is(at(k))) parts[begin / kMendedPerChunk].push_back(at(k));
-    });
-    Points out;
-    for (const Points& part : parts) out.insert(out.end(), part.begin(), part.end());
-    return out;
+    return parallel_list<std::uint32_t>(count, kMendedPerChunk, candidate_.threads,
+                                        [&](std::size_t k, Points& out) {
+                                          if (is(at(k))) out.push_back(at(k));
+                                        });
   }
 
   /// Sets slot_: each point's index among these.

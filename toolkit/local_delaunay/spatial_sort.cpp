@@ -45,11 +45,9 @@ UninitializedVector<Item> counted(const Codes& codes, int threads) {
   const std::size_t n = codes.cloud.size();
   const int below = std::max(0, 64 - std::countl_zero(codes.highest()) - kCountedBits);
   UninitializedVector<Item> items(n);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto i = static_cast<std::uint32_t>(k);
-      items[k] = {static_cast<std::uint32_t>(codes(i) >> below), i};
-    }
+  parallel_each(n, kChunk, threads, [&](std::size_t k) {
+    const auto i = static_cast<std::uint32_t>(k);
+    items[k] = {static_cast<std::uint32_t>(codes(i) >> below), i};
   });
   radix_sort(items, kCountedBits, threads, [](const Item& item) { return item.key; });
   return items;
@@ -156,9 +154,7 @@ SortedPoints spatial_sort(const cloud::Cloud& cloud, int threads) {
   SortedPoints places = in_groups(
       cloud, [&items](std::size_t k) { return items[k].index; }, threads);
   places.duplicate.resize(n);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) places.duplicate[k] = duplicate[places.order[k]];
-  });
+  parallel_each(n, kChunk, threads, [&](std::size_t k) { places.duplicate[k] = duplicate[places.order[k]]; });
   return places;
 }
 
@@ -188,11 +184,9 @@ SortedPoints spatial_sort_raster(const cloud::Cloud& cloud, const RasterGrid& gr
     visit(tile, [&](std::uint32_t) { ++places; });
   }
   UninitializedVector<std::uint32_t> curve(cloud.size());
-  parallel_chunks(tiles.size(), kTilesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t t = begin; t < end; ++t) {
-      std::uint32_t place = tiles[t].first;
-      visit(tiles[t], [&](std::uint32_t i) { curve[place++] = i; });
-    }
+  parallel_each(tiles.size(), kTilesPerChunk, threads, [&](std::size_t t) {
+    std::uint32_t place = tiles[t].first;
+    visit(tiles[t], [&](std::uint32_t i) { curve[place++] = i; });
   });
   SortedPoints made = in_groups(
       cloud, [&curve](std::size_t k) { return curve[k]; }, threads);

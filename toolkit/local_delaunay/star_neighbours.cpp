@@ -243,14 +243,10 @@ void keep_directions(const CandidateTriangulation& candidate, std::uint32_t self
 void find_nearest(CandidateTriangulation& candidate, const std::vector<std::uint8_t>& duplicate) {
   candidate.near.resize(candidate.size());
   candidate.normal.resize(candidate.size());
-  parallel_chunks(candidate.size(), kPointsPerChunk, candidate.threads,
-                  [&](std::size_t begin, std::size_t end) {
-                    for (std::size_t i = begin; i < end; ++i) {
-                      candidate.normal[i] = Vec3f::Zero();
-                      if (duplicate[i] != 0)
-                        candidate.near[i].fill(static_cast<std::uint32_t>(i));  // nothing searches them
-                    }
-                  });
+  parallel_each(candidate.size(), kPointsPerChunk, candidate.threads, [&](std::size_t i) {
+    candidate.normal[i] = Vec3f::Zero();
+    if (duplicate[i] != 0) candidate.near[i].fill(static_cast<std::uint32_t>(i));  // nothing searches them
+  });
   find_nearest_of(candidate, duplicate, {});
 }
 
@@ -299,26 +295,22 @@ void find_nearest_of(CandidateTriangulation& candidate, const std::vector<std::u
 
 void nearest_from_stars(CandidateTriangulation& candidate) {
   const std::uint32_t scale = scale_bits(candidate.point);
-  parallel_chunks(
-      candidate.size(), kSeenPerChunk, candidate.threads, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t k = begin; k < end; ++k) {
-          const auto i = static_cast<std::uint32_t>(k);
-          const Star& star = candidate.star[i];
-          const std::size_t size = std::min<std::size_t>(star.size, kNearest);
-          std::array<std::pair<float, std::uint32_t>, kNearest> found;
-          for (std::size_t j = 0; j < size; ++j) {
-            const std::uint32_t other = star.ring[j];
-            found[j] = {static_cast<float>((candidate.at(other) - candidate.at(i)).squaredNorm()), other};
-          }
-          std::sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(size));
-          NearestPoints& near = candidate.near[i];
-          near.fill(i);
-          for (std::size_t j = 0; j < size; ++j) near[j] = found[j].second;
-          if (size == 0) continue;
-          const float scale_sq = found[std::min(kScaleRank, size - 1)].first;
-          candidate.point[i].weight = kTieShare * scale_sq * tie_weight(candidate.point[i], scale);
-        }
-      });
+  parallel_each<std::uint32_t>(candidate.size(), kSeenPerChunk, candidate.threads, [&](std::uint32_t i) {
+    const Star& star = candidate.star[i];
+    const std::size_t size = std::min<std::size_t>(star.size, kNearest);
+    std::array<std::pair<float, std::uint32_t>, kNearest> found;
+    for (std::size_t j = 0; j < size; ++j) {
+      const std::uint32_t other = star.ring[j];
+      found[j] = {static_cast<float>((candidate.at(other) - candidate.at(i)).squaredNorm()), other};
+    }
+    std::sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(size));
+    NearestPoints& near = candidate.near[i];
+    near.fill(i);
+    for (std::size_t j = 0; j < size; ++j) near[j] = found[j].second;
+    if (size == 0) return;
+    const float scale_sq = found[std::min(kScaleRank, size - 1)].first;
+    candidate.point[i].weight = kTieShare * scale_sq * tie_weight(candidate.point[i], scale);
+  });
 }
 
 double share_across(const CandidateTriangulation& candidate, std::uint32_t point) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/result.h>
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
@@ -117,12 +118,9 @@ Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<Name
   Decision chosen =
       wanted ? Decision{"renderer", wanted->name, "as given", true} : choose_renderer(scene, context);
   plan.renderer = wanted ? *wanted : NamedOptions{chosen.choice, {}};
-  const Result<std::unique_ptr<render::HapticRenderer>> renderer =
-      registry.make(plan.renderer.name, plan.renderer.options);
-  if (!renderer) return renderer.error();
-  Result<render::Decisions> decided = (*renderer)->decide(scene, context);
-  if (!decided) return std::move(decided).error();
-  plan.decided = *std::move(decided);
+  PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
+                 registry.make(plan.renderer.name, plan.renderer.options));
+  PALPATE_ASSIGN(plan.decided, renderer->decide(scene, context));
   say_precision(scene, context, plan);
   plan.decided.decisions.insert(plan.decided.decisions.begin(), std::move(chosen));
   return plan;

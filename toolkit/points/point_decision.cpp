@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/statistics.h"
@@ -46,22 +47,17 @@ Result<search::NeighbourTable> neighbours_of(const cloud::Cloud& cloud, const st
   NamedOptions wanted{builder, {}};
   report.notes.push_back("neighbours: " + builder);
   if (builder == "modified-knn") wanted.options.set("complete", options.complete_to_eight ? "true" : "false");
-  Result<search::NeighbourBuild> built = search::build_neighbours(wanted, cloud, threads);
-  if (!built) return std::move(built).error();
-  report.notes.insert(report.notes.end(), built->notes.begin(), built->notes.end());
-  return std::move(built->table);
+  PALPATE_ASSIGN(search::NeighbourBuild built, search::build_neighbours(wanted, cloud, threads));
+  report.notes.insert(report.notes.end(), built.notes.begin(), built.notes.end());
+  return std::move(built.table);
 }
 
 /// The largest of value(i) over all points.
 template <class Value>
 auto largest(std::size_t n, int threads, const Value& value) {
   using Found = decltype(value(std::size_t{}));
-  std::vector<Found> worst((n + kPointsPerChunk - 1) / kPointsPerChunk, Found{});
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    Found here{};
-    for (std::size_t i = begin; i < end; ++i) here = std::max(here, value(i));
-    worst[begin / kPointsPerChunk] = here;
-  });
+  const auto worst = parallel_parts<Found>(
+      n, kPointsPerChunk, threads, [&](std::size_t i, Found& here) { here = std::max(here, value(i)); });
   return *std::max_element(worst.begin(), worst.end());
 }
 
@@ -193,10 +189,8 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
 
   PreparePhases phases(report, context);
   phases.begin("neighbours");
-  Result<search::NeighbourTable> table =
-      neighbours_of(cloud, decided.neighbours, options, context.threads, report);
-  if (!table) return std::move(table).error();
-  found.neighbours = *std::move(table);
+  PALPATE_ASSIGN(found.neighbours,
+                 neighbours_of(cloud, decided.neighbours, options, context.threads, report));
   phases.end();
 
   phases.begin("resolution");
@@ -245,11 +239,9 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
 Result<PointModelDecision> decide_point_model(const ModelInput& input, const PointModelOptions& options,
                                               const PrepareContext& context) {
   PrepareReport unused;
-  const Result<PointSurvey> survey = survey_points(*input.cloud, options, context, unused);
-  if (!survey) return survey.error();
-  Result<SurfaceDecision> surface = decide_surface(input);
-  if (!surface) return std::move(surface).error();
-  return PointModelDecision{survey->decision, *std::move(surface)};
+  PALPATE_ASSIGN(const PointSurvey survey, survey_points(*input.cloud, options, context, unused));
+  PALPATE_ASSIGN(SurfaceDecision surface, decide_surface(input));
+  return PointModelDecision{survey.decision, std::move(surface)};
 }
 
 void describe_points(const cloud::Cloud& cloud, const PointModelOptions& options,

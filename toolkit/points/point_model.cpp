@@ -53,27 +53,23 @@ void fill_points(const cloud::Cloud& cloud, const search::NeighbourTable& table,
   const std::size_t n = cloud.size();
   const auto order = order_of(model);
   std::vector<std::uint32_t> place_of(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place)
-      place_of[order[place]] = static_cast<std::uint32_t>(place);
-  });
+  parallel_each(n, kPointsPerChunk, threads,
+                [&](std::size_t place) { place_of[order[place]] = static_cast<std::uint32_t>(place); });
   model.points.resize(n);
   model.neighbours.resize(n);
   if (decided.box != BoxSize::kGlobal) model.half_box_mm.resize(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place) {
-      const std::uint32_t i = order[place];
-      model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
-      Vec3 half = Vec3::Zero();
-      for (std::size_t k = 0; k < search::kNeighbours; ++k) {
-        const std::uint32_t other = table.of[i][k];
-        model.neighbours[place][k] = place_of[other];
-        half = half.cwiseMax((cloud.local_mm(other) - cloud.local_mm(i)).cwiseAbs());
-      }
-      if (decided.box == BoxSize::kPerVertexCube) half.setConstant(half.maxCoeff());
-      if (decided.box != BoxSize::kGlobal)
-        for (int axis = 0; axis < 3; ++axis) model.half_box_mm[place][axis] = stored_half_box(half[axis]);
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t place) {
+    const std::uint32_t i = order[place];
+    model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
+    Vec3 half = Vec3::Zero();
+    for (std::size_t k = 0; k < search::kNeighbours; ++k) {
+      const std::uint32_t other = table.of[i][k];
+      model.neighbours[place][k] = place_of[other];
+      half = half.cwiseMax((cloud.local_mm(other) - cloud.local_mm(i)).cwiseAbs());
     }
+    if (decided.box == BoxSize::kPerVertexCube) half.setConstant(half.maxCoeff());
+    if (decided.box != BoxSize::kGlobal)
+      for (int axis = 0; axis < 3; ++axis) model.half_box_mm[place][axis] = stored_half_box(half[axis]);
   });
 }
 
@@ -175,12 +171,11 @@ PointModelOptions point_model_options(const Options& options) {
 
 Result<PointModel> build_point_model(const cloud::Cloud& cloud, const PointModelOptions& options,
                                      const PrepareContext& context, PrepareReport& report) {
-  Result<PointSurvey> survey = survey_points(cloud, options, context, report);
-  if (!survey) return std::move(survey).error();
+  PALPATE_ASSIGN(PointSurvey survey, survey_points(cloud, options, context, report));
 
   PointModel model;
   model.origin_mm = cloud.origin_mm;
-  model.decision = survey->decision;
+  model.decision = survey.decision;
   const PointDecision& decided = model.decision;
   PreparePhases phases(report, context);
   phases.begin("partition");
@@ -188,7 +183,7 @@ Result<PointModel> build_point_model(const cloud::Cloud& cloud, const PointModel
   phases.end();
 
   phases.begin("store");
-  fill_points(cloud, survey->neighbours, decided, context.threads, model);
+  fill_points(cloud, survey.neighbours, decided, context.threads, model);
   if (!options.keep_order) with_partition(model, [](auto& p) { p.drop_order(); });
   model.global_half_box_mm = Vec3::Constant(0.5 * decided.box_mm);
   model.largest_half_box_mm = decided.largest_half_box_mm;
@@ -228,9 +223,7 @@ std::string key_of(const cloud::Cloud& cloud, const PointModelOptions& o) {
 Status prepare_surface(const ModelInput& input, const PointModelOptions& options, PointInstance& body,
                        PrepareReport& report) {
   const PointModel& points = *body.points;
-  Result<SurfaceField> field = build_surface_field(input, order_of(points), report);
-  if (!field) return std::move(field).error();
-  body.surface = *std::move(field);
+  PALPATE_ASSIGN(body.surface, build_surface_field(input, order_of(points), report));
   const double blend_mm = options.blend_resolutions * points.decision.resolution_mm;
   if (const std::size_t softer = blend_stiffness(body.surface, points.points, points.neighbours, blend_mm);
       softer > 0)
@@ -248,17 +241,16 @@ Result<PointInstance> build_point_body(const ModelInput& input, const PointModel
   o.keep_order = varies(input.surface);
   PointInstance body;
   std::shared_ptr<PointModel> own;  // nobody else's, and not in the store
-  Result<std::shared_ptr<const PointModel>> points = get_or_build<PointModel>(
-      context, report, [&] { return key_of(*input.cloud, o); },
-      [&](PrepareReport& to) -> Result<std::shared_ptr<const PointModel>> {
-        Result<PointModel> built = build_point_model(*input.cloud, o, context, to);
-        if (!built) return std::move(built).error();
-        auto made = std::make_shared<PointModel>(*std::move(built));
-        if (context.store == nullptr) own = made;
-        return std::shared_ptr<const PointModel>(std::move(made));
-      });
-  if (!points) return std::move(points).error();
-  body.points = *std::move(points);
+  PALPATE_ASSIGN(body.points, get_or_build<PointModel>(
+                                  context, report, [&] { return key_of(*input.cloud, o); },
+                                  [&](PrepareReport& to) -> Result<std::shared_ptr<const PointModel>> {
+                                    Result<PointModel> built =
+                                        build_point_model(*input.cloud, o, context, to);
+                                    if (!built) return std::move(built).error();
+                                    auto made = std::make_shared<PointModel>(*std::move(built));
+                                    if (context.store == nullptr) own = made;
+                                    return std::shared_ptr<const PointModel>(std::move(made));
+                                  }));
   body.pose = ModelPose(input, body.points->origin_mm);
   PALPATE_TRY(prepare_surface(input, o, body, report));
   if (own != nullptr && o.keep_order) with_partition(*own, [](auto& p) { p.drop_order(); });

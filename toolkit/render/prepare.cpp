@@ -77,6 +77,7 @@ ModelInput subset_of(const ModelInput& model, std::span<const std::uint32_t> of,
   points->raster = raster;
   part.cloud = std::move(points);
   part.original_mesh = nullptr;
+  part.prepared = nullptr;
   if (const surface::PointProperties* p = model.surface.per_point.get())
     part.surface.per_point = std::make_shared<const surface::PointProperties>(surface::PointProperties{
         cloud::taken(p->stiffness_n_per_mm, of), cloud::taken(p->static_friction, of),

@@ -1,4 +1,5 @@
 #include <palpate/registry.h>
+#include <palpate/result.h>
 
 #include <fmt/format.h>
 
@@ -34,9 +35,8 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
     for (const RendererInfo& r : renderers_) known.append(known.empty() ? "" : ", ").append(r.name);
     return Error{fmt::format("there is no renderer '{}'", name), "choose from " + known};
   }
-  Result<Options> complete = validate(options, info->options, name);
-  if (!complete) return std::move(complete).error();
-  return info->make(*complete);
+  PALPATE_ASSIGN(Options complete, validate(options, info->options, name));
+  return info->make(complete);
 }
 
 Status Registry::check_supports(const RendererInfo& info, const SceneInput& scene) const {

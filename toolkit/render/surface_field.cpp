@@ -163,16 +163,14 @@ void describe_surface(const ModelInput& model, const SurfaceDecision& decision, 
 }
 
 Result<SurfaceField> build_uniform_surface_field(const surface::Surface& surface, PrepareReport& report) {
-  const Result<SurfaceDecision> decided = decide_uniform(surface);
-  if (!decided) return decided.error();
-  return field_of(surface, *decided, report);
+  PALPATE_ASSIGN(const SurfaceDecision decided, decide_uniform(surface));
+  return field_of(surface, decided, report);
 }
 
 Result<SurfaceField> build_surface_field(const ModelInput& model, std::span<const std::uint32_t> order,
                                          PrepareReport& report) {
-  const Result<SurfaceDecision> decided = decide_surface(model);
-  if (!decided) return decided.error();
-  SurfaceField field = field_of(model.surface, *decided, report);
+  PALPATE_ASSIGN(const SurfaceDecision decided, decide_surface(model));
+  SurfaceField field = field_of(model.surface, decided, report);
   if ((field.features & kVaried) == 0) return field;
   field.by_point.resize(order.size());
   for (std::size_t place = 0; place < order.size(); ++place) {

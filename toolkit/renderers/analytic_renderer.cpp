@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/result.h>
 #include "toolkit/render/prepare.h"
 
 namespace palpate::render {
@@ -47,10 +48,9 @@ Status AnalyticRenderer::add_models(const SceneInput& scene, const PrepareContex
   PreparePhases phases(report, context);
   phases.begin("set up");
   for (const ModelInput& input : scene.models) {
-    Result<ModelDecisions> decided = decide_model(input, context);
-    if (!decided) return std::move(decided).error();
-    phases.note(fmt::format("{}: {}", input.name, decided->decisions.front().choice));
-    report.decisions.models.push_back(std::move(*decided));
+    PALPATE_ASSIGN(ModelDecisions decided, decide_model(input, context));
+    phases.note(fmt::format("{}: {}", input.name, decided.decisions.front().choice));
+    report.decisions.models.push_back(std::move(decided));
     models_.add(
         std::make_unique<AnalyticModel>(input, kSubStepPerBox * input.analytic->box_mm().extent_mm().norm()));
     report.bytes += sizeof(AnalyticModel);

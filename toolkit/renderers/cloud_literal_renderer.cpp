@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include <palpate/result.h>
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/shading.h"
 #include "toolkit/renderers/literal_model.h"
@@ -45,9 +46,8 @@ class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
   }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
-    const Result<PointModelDecision> decided = decide_point_model(input, point_options(), context);
-    if (!decided) return decided.error();
-    return explanation(input, *decided);
+    PALPATE_ASSIGN(const PointModelDecision decided, decide_point_model(input, point_options(), context));
+    return explanation(input, decided);
   }
   [[nodiscard]] ModelDecisions explanation(const ModelInput& input, const PointModelDecision& decided) const {
     const PointDecision& points = decided.points;
@@ -77,13 +77,12 @@ class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
       report.notes.push_back(
           "cells: all that the swept sphere crosses, which no sampling of a segment finds");
     for (const ModelInput& input : scene.models) {
-      Result<PointInstance> built = build_point_body(input, o, context, report);
-      if (!built) return std::move(built).error();
-      const PointModelDecision decided = built->decided();
+      PALPATE_ASSIGN(PointInstance built, build_point_body(input, o, context, report));
+      const PointModelDecision decided = built.decided();
       const ShadingDecision shading = shading_of(decided.points);
       report.decisions.models.push_back(explanation(input, decided));
       if (!shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
-      models_.add(std::make_unique<LiteralModel>(std::move(*built), shading.shading, literal));
+      models_.add(std::make_unique<LiteralModel>(std::move(built), shading.shading, literal));
     }
     return Done{};
   }

@@ -103,9 +103,8 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
   Result<ModelDecisions> decide_model(const ModelInput& input,
                                       const PrepareContext& /*context*/) const override {
     if (input.cloud->empty()) return no_points();
-    const Result<SurfaceDecision> surface = decide_surface(input);
-    if (!surface) return surface.error();
-    return explanation(input, *surface);
+    PALPATE_ASSIGN(const SurfaceDecision surface, decide_surface(input));
+    return explanation(input, surface);
   }
   [[nodiscard]] int levels_asked() const { return static_cast<int>(options_.integer("refine")); }
   [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
@@ -166,9 +165,7 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
     PALPATE_TRY(prepare_geometry(input, context, *made, own, report));
     const local_delaunay::LocalDelaunayMesh& mesh = made->geometry->mesh;
     made->placed = ModelPose(input, mesh.origin_mm());
-    Result<SurfaceField> field = build_surface_field(input, mesh.order(), report);
-    if (!field) return std::move(field).error();
-    made->surface = *std::move(field);
+    PALPATE_ASSIGN(made->surface, build_surface_field(input, mesh.order(), report));
     if (own != nullptr) {
       // Frees the map from places to cloud points, which is not needed.
       report.bytes -= own->bytes();
@@ -194,21 +191,20 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
     }
     const int levels = levels_of(input);
     const bool varied = varies(input.surface);
-    Result<std::shared_ptr<const LocalDelaunayGeometry>> geometry = get_or_build<LocalDelaunayGeometry>(
-        context, report,
-        [&] {
-          return fmt::format("stars {:016x} {} {} {} {} {} {}", cloud::content_hash(*input.cloud),
-                             input.cloud->size(), varied, levels, asked_.both_sides, asked_.raster,
-                             has_no_tree());
-        },
-        [&](PrepareReport& to) -> Result<std::shared_ptr<const LocalDelaunayGeometry>> {
-          std::shared_ptr<LocalDelaunayGeometry> built =
-              build_geometry(*input.cloud, levels, varied, true, context, to);
-          if (context.store == nullptr) own = built;
-          return std::shared_ptr<const LocalDelaunayGeometry>(std::move(built));
-        });
-    if (!geometry) return std::move(geometry).error();
-    made.geometry = *std::move(geometry);
+    PALPATE_ASSIGN(made.geometry,
+                   get_or_build<LocalDelaunayGeometry>(
+                       context, report,
+                       [&] {
+                         return fmt::format("stars {:016x} {} {} {} {} {} {}",
+                                            cloud::content_hash(*input.cloud), input.cloud->size(), varied,
+                                            levels, asked_.both_sides, asked_.raster, has_no_tree());
+                       },
+                       [&](PrepareReport& to) -> Result<std::shared_ptr<const LocalDelaunayGeometry>> {
+                         std::shared_ptr<LocalDelaunayGeometry> built =
+                             build_geometry(*input.cloud, levels, varied, true, context, to);
+                         if (context.store == nullptr) own = built;
+                         return std::shared_ptr<const LocalDelaunayGeometry>(std::move(built));
+                       }));
     return Done{};
   }
 

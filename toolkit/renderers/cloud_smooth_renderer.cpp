@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include <palpate/result.h>
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/surface_response.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
@@ -168,12 +169,11 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
   }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
-    const Result<SplineSdfDecision> decided =
-        input.prepared != nullptr
-            ? decide_prepared(input, static_cast<std::size_t>(options_.integer("level")))
-            : decide_spline_sdf(input, build(), context);
-    if (!decided) return decided.error();
-    return explanation(input, *decided);
+    PALPATE_ASSIGN(const SplineSdfDecision decided,
+                   input.prepared != nullptr
+                       ? decide_prepared(input, static_cast<std::size_t>(options_.integer("level")))
+                       : decide_spline_sdf(input, build(), context));
+    return explanation(input, decided);
   }
   [[nodiscard]] ModelDecisions explanation(const ModelInput& input, const SplineSdfDecision& decision) const {
     ModelDecisions out;
@@ -187,16 +187,15 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
       std::unique_ptr<PagedContact> paged;
-      Result<SplineSdfBody> built = input.prepared != nullptr
-                                        ? open_prepared(input, context, report, paged)
-                                        : build_spline_sdf_body(input, build(), context, report);
-      if (!built) return std::move(built).error();
-      report.decisions.models.push_back(explanation(input, built->decided()));
+      PALPATE_ASSIGN(SplineSdfBody built, input.prepared != nullptr
+                                              ? open_prepared(input, context, report, paged)
+                                              : build_spline_sdf_body(input, build(), context, report));
+      report.decisions.models.push_back(explanation(input, built.decided()));
       report.notes.push_back(note_text(report.decisions.models.back().decisions.front()));
       report.read_rounding_mm =
           std::max(report.read_rounding_mm,
-                   kReadRounding * built->smooth->grid.voxel_mm / built->smooth->grid.per_voxel_of(0));
-      models_.add(std::make_unique<SplineSdfModel>(*std::move(built), walk_steps(), std::move(paged)));
+                   kReadRounding * built.smooth->grid.voxel_mm / built.smooth->grid.per_voxel_of(0));
+      models_.add(std::make_unique<SplineSdfModel>(std::move(built), walk_steps(), std::move(paged)));
     }
     return Done{};
   }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include <palpate/result.h>
 #include "toolkit/heightfield/heightfield_model.h"
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/shading.h"
@@ -232,9 +233,8 @@ class HeightFieldLiteral final : public FrameLoopRenderer<LiteralHeightField> {
 
   Result<ModelDecisions> decide_model(const ModelInput& input,
                                       const PrepareContext& /*context*/) const override {
-    const Result<HeightFieldDecision> decided = decide_heightfield(input, {});
-    if (!decided) return decided.error();
-    return explanation(input, *decided);
+    PALPATE_ASSIGN(const HeightFieldDecision decided, decide_heightfield(input, {}));
+    return explanation(input, decided);
   }
   [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
                                            const HeightFieldDecision& decision) const {
@@ -251,12 +251,11 @@ class HeightFieldLiteral final : public FrameLoopRenderer<LiteralHeightField> {
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
-      Result<HeightFieldModel> built = build_height_field_model(input, {}, context, report);
-      if (!built) return std::move(built).error();
-      const ShadingDecision shading = shading_of(built->decided());
-      report.decisions.models.push_back(explanation(input, built->decided()));
+      PALPATE_ASSIGN(HeightFieldModel built, build_height_field_model(input, {}, context, report));
+      const ShadingDecision shading = shading_of(built.decided());
+      report.decisions.models.push_back(explanation(input, built.decided()));
       if (walks() && !shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
-      models_.add(std::make_unique<LiteralHeightField>(*std::move(built), walks(), shading.shading));
+      models_.add(std::make_unique<LiteralHeightField>(std::move(built), walks(), shading.shading));
     }
     return Done{};
   }

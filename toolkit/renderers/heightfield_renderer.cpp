@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <palpate/result.h>
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/geometry/god_object_check.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
@@ -355,9 +356,8 @@ class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
 
   Result<ModelDecisions> decide_model(const ModelInput& input,
                                       const PrepareContext& /*context*/) const override {
-    const Result<HeightFieldDecision> decided = decide_heightfield(input, build());
-    if (!decided) return decided.error();
-    return explanation(input, *decided);
+    PALPATE_ASSIGN(const HeightFieldDecision decided, decide_heightfield(input, build()));
+    return explanation(input, decided);
   }
   [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
                                            const HeightFieldDecision& decision) const {
@@ -374,10 +374,9 @@ class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
-      Result<HeightFieldModel> built = build_height_field_model(input, build(), context, report);
-      if (!built) return std::move(built).error();
-      report.decisions.models.push_back(explanation(input, built->decided()));
-      models_.add(std::make_unique<HeightFieldSurface>(*std::move(built), nearest_post()));
+      PALPATE_ASSIGN(HeightFieldModel built, build_height_field_model(input, build(), context, report));
+      report.decisions.models.push_back(explanation(input, built.decided()));
+      models_.add(std::make_unique<HeightFieldSurface>(std::move(built), nearest_post()));
     }
     return Done{};
   }

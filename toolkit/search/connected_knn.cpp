@@ -344,34 +344,27 @@ CutOffReport cut_off_by_density(const cloud::Cloud& cloud, NeighbourTable& table
                                 int threads) {
   const std::size_t n = table.size();
   std::vector<double> fourth(n), limit(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      fourth[i] = fourth_mm(cloud, table, static_cast<std::uint32_t>(i));
+  parallel_each(n, kPointsPerChunk, threads,
+                [&](std::size_t i) { fourth[i] = fourth_mm(cloud, table, static_cast<std::uint32_t>(i)); });
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t i) {
+    limit[i] = factor * local_spacing_mm(table, fourth, static_cast<std::uint32_t>(i));
   });
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      limit[i] = factor * local_spacing_mm(table, fourth, static_cast<std::uint32_t>(i));
-  });
-  std::vector<CutOffReport> parts((n + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    CutOffReport& part = parts[begin / kPointsPerChunk];
-    for (std::size_t i = begin; i < end; ++i) {
-      const auto self = static_cast<std::uint32_t>(i);
-      Neighbours& row = table.of[i];
-      std::size_t kept = 0, had = 0;
-      for (const std::uint32_t other : row) {
-        if (other == self) continue;
-        ++had;
-        if ((cloud.local_mm(other) - cloud.local_mm(i)).norm() <= limit[i]) row[kept++] = other;
-      }
-      std::fill(row.begin() + static_cast<std::ptrdiff_t>(kept), row.end(), self);
-      part.links_cut += had - kept;
-      part.points_cut += kept < had;
-      part.points_without += kept == 0 && had > 0;
+  const auto cut = [&](std::size_t i, CutOffReport& part) {
+    const auto self = static_cast<std::uint32_t>(i);
+    Neighbours& row = table.of[i];
+    std::size_t kept = 0, had = 0;
+    for (const std::uint32_t other : row) {
+      if (other == self) continue;
+      ++had;
+      if ((cloud.local_mm(other) - cloud.local_mm(i)).norm() <= limit[i]) row[kept++] = other;
     }
-  });
+    std::fill(row.begin() + static_cast<std::ptrdiff_t>(kept), row.end(), self);
+    part.links_cut += had - kept;
+    part.points_cut += kept < had;
+    part.points_without += kept == 0 && had > 0;
+  };
   CutOffReport sum;
-  for (const CutOffReport& part : parts) {
+  for (const auto& part : parallel_parts<CutOffReport>(n, kPointsPerChunk, threads, cut)) {
     sum.links_cut += part.links_cut;
     sum.points_cut += part.points_cut;
     sum.points_without += part.points_without;

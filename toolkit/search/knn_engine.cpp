@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <mutex>
 #include <nanoflann.hpp>
 #include <numeric>
 
-#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/search/morton_order.h"
 
 namespace palpate::search {
 namespace {
@@ -42,13 +41,10 @@ constexpr std::size_t kPlacesPerChunk = std::size_t{1} << 16;
 template <class Code>
 std::size_t occupied(const std::vector<Code>& codes, int shift, int threads) {
   if (shift >= std::numeric_limits<Code>::digits) return codes.empty() ? 0 : 1;
-  std::vector<std::size_t> parts((codes.size() + kPlacesPerChunk - 1) / kPlacesPerChunk);
-  parallel_chunks(codes.size(), kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::size_t cells = begin == 0 ? 1 : 0;
-    for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i)
-      cells += (codes[i] >> shift) != (codes[i - 1] >> shift);
-    parts[begin / kPlacesPerChunk] = cells;
-  });
+  const auto parts = parallel_parts<std::size_t>(
+      codes.size(), kPlacesPerChunk, threads, [&](std::size_t i, std::size_t& cells) {
+        cells += i == 0 || (codes[i] >> shift) != (codes[i - 1] >> shift);
+      });
   return std::accumulate(parts.begin(), parts.end(), std::size_t{0});
 }
 
@@ -64,10 +60,8 @@ struct Family {
 /// The families of sorted codes, in order. `shift`: code bits below a cell.
 std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shift, int threads) {
   const std::size_t n = codes.size();
-  std::vector<std::vector<Family>> parts((n + kPlacesPerChunk - 1) / kPlacesPerChunk);
-  parallel_chunks(n, kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+  const auto look = [&](std::size_t begin, std::size_t end, std::vector<Family>& mine) {
     // A chunk owns the families that begin in it.
-    auto& mine = parts[begin / kPlacesPerChunk];
     std::size_t i = begin;
     while (i > 0 && i < n && codes[i] >> (shift + 3) == codes[i - 1] >> (shift + 3)) ++i;
     while (i < end) {
@@ -80,10 +74,8 @@ std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shi
       for (; sibling < family.begin.size(); ++sibling) family.begin[sibling] = static_cast<std::uint32_t>(i);
       mine.push_back(family);
     }
-  });
-  std::vector<Family> families;
-  for (const auto& part : parts) families.insert(families.end(), part.begin(), part.end());
-  return families;
+  };
+  return parallel_list<Family>(n, kPlacesPerChunk, threads, look);
 }
 
 /// Which siblings of an adjacent family touch this one, as ranges of begin[].
@@ -122,30 +114,20 @@ struct KnnEngine::Level {
   int level = 0;  ///< of the cells; families are one above
   double cell_mm = 0.0;
   std::vector<Family> families;
-  std::vector<std::uint32_t> slots;  ///< hash of families: index + 1, 0 = free
-  int hash_shift = 0;
+  MortonCellTable table;  ///< of families
 
-  Level(const search::MortonOrder& sorted, const search::Lattice& lattice, int cell_level, int threads)
+  Level(const MortonOrder& sorted, const Lattice& lattice, int cell_level, int threads)
       : level(cell_level),
         cell_mm(lattice.unit_mm * static_cast<double>(std::int64_t{1} << cell_level)),
         families(families_of(sorted.codes, 3 * cell_level, threads)) {
-    const std::size_t size = std::bit_ceil(std::max<std::size_t>(2 * families.size(), 2));
-    slots.assign(size, 0);
-    hash_shift = 64 - std::countr_zero(size);
-    for (std::size_t f = 0; f < families.size(); ++f) {
-      std::size_t at = slot(families[f].code);
-      while (slots[at] != 0) at = (at + 1) & (size - 1);
-      slots[at] = static_cast<std::uint32_t>(f + 1);
-    }
-  }
-  [[nodiscard]] std::size_t slot(std::uint64_t code) const noexcept {
-    return (code * kGolden64) >> hash_shift;
+    std::vector<std::uint64_t> codes(families.size());
+    std::transform(families.begin(), families.end(), codes.begin(), [](const Family& f) { return f.code; });
+    table.build(codes);
   }
   /// Null if no family has that code.
   [[nodiscard]] const Family* find(std::uint64_t code) const noexcept {
-    for (std::size_t at = slot(code); slots[at] != 0; at = (at + 1) & (slots.size() - 1))
-      if (families[slots[at] - 1].code == code) return &families[slots[at] - 1];
-    return nullptr;
+    const std::uint32_t found = table.find(code);
+    return found == MortonCellTable::kNone ? nullptr : &families[found];
   }
 };
 
@@ -258,14 +240,12 @@ void KnnEngine::copy_places() {
   const std::size_t n = cloud_.size();
   places_.make_room(n);
   places_.close(n);
-  parallel_chunks(n, kPlacesPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place) {
-      const std::uint32_t i = sorted_.order[place];
-      places_.x[place] = cloud_.x_mm[i];
-      places_.y[place] = cloud_.y_mm[i];
-      places_.z[place] = cloud_.z_mm[i];
-      places_.index[place] = i;
-    }
+  parallel_each(n, kPlacesPerChunk, threads_, [&](std::size_t place) {
+    const std::uint32_t i = sorted_.order[place];
+    places_.x[place] = cloud_.x_mm[i];
+    places_.y[place] = cloud_.y_mm[i];
+    places_.z[place] = cloud_.z_mm[i];
+    places_.index[place] = i;
   });
 }
 

@@ -21,6 +21,16 @@ std::uint64_t spread(std::uint64_t x) noexcept {
   return (x | x << 2) & 0x1249249249249249u;
 }
 
+/// Every third bit of a Morton code, moved together: the inverse of morton_code's spreading.
+std::uint32_t compact(std::uint64_t x) noexcept {
+  x &= 0x1249249249249249u;
+  x = (x | x >> 2) & 0x10C30C30C30C30C3u;
+  x = (x | x >> 4) & 0x100F00F00F00F00Fu;
+  x = (x | x >> 8) & 0x001F0000FF0000FFu;
+  x = (x | x >> 16) & 0x001F00000000FFFFu;
+  return static_cast<std::uint32_t>((x | x >> 32) & 0x1FFFFFu);
+}
+
 struct Item {
   std::uint64_t code;
   std::uint32_t index;
@@ -31,16 +41,15 @@ std::uint64_t morton_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) noe
   return spread(x) | spread(y) << 1 | spread(z) << 2;
 }
 
+std::array<std::int32_t, 3> coordinate_of_code(std::uint64_t code) noexcept {
+  return {static_cast<std::int32_t>(compact(code)), static_cast<std::int32_t>(compact(code >> 1)),
+          static_cast<std::int32_t>(compact(code >> 2))};
+}
+
 geometry::Aabb local_box(const cloud::Cloud& cloud, int threads) {
-  const std::size_t n = cloud.size();
-  std::vector<geometry::Aabb> parts((n + kChunk - 1) / kChunk);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    geometry::Aabb box;
-    for (std::size_t i = begin; i < end; ++i) box.add(cloud.local_mm(i));
-    parts[begin / kChunk] = box;
-  });
+  const auto add = [&](std::size_t i, geometry::Aabb& box) { box.add(cloud.local_mm(i)); };
   geometry::Aabb box;
-  for (const geometry::Aabb& part : parts) {
+  for (const auto& part : parallel_parts<geometry::Aabb>(cloud.size(), kChunk, threads, add)) {
     box.add(part.low_mm);
     box.add(part.high_mm);
   }
@@ -72,18 +81,13 @@ int bits_of(std::uint64_t all) noexcept {
 template <class Sorted, class Make>
 std::uint64_t encode(const cloud::Cloud& cloud, const Lattice& lattice, std::vector<Sorted>& items,
                      int threads, Make&& make) {
-  const std::size_t n = cloud.size();
-  items.resize(n);
-  std::vector<std::uint64_t> used((n + kChunk - 1) / kChunk, 0);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::uint64_t any = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const std::uint64_t code = code_at(cloud, i, lattice);
-      items[i] = make(code, i);
-      any |= code;
-    }
-    used[begin / kChunk] = any;
-  });
+  items.resize(cloud.size());
+  const auto used =
+      parallel_parts<std::uint64_t>(cloud.size(), kChunk, threads, [&](std::size_t i, std::uint64_t& any) {
+        const std::uint64_t code = code_at(cloud, i, lattice);
+        items[i] = make(code, i);
+        any |= code;
+      });
   std::uint64_t all = 0;
   for (const std::uint64_t u : used) all |= u;
   return all;
@@ -112,13 +116,41 @@ MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, in
   MortonOrder sorted;
   sorted.codes.resize(n);
   sorted.order.resize(n);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      sorted.codes[i] = items[i].code;
-      sorted.order[i] = items[i].index;
-    }
+  parallel_each(n, kChunk, threads, [&](std::size_t i) {
+    sorted.codes[i] = items[i].code;
+    sorted.order[i] = items[i].index;
   });
   return sorted;
+}
+
+void MortonCellTable::build(std::span<const std::uint64_t> codes) {
+  if (codes.empty()) return;
+  std::size_t blocks = 1;
+  for (std::size_t i = 1; i < codes.size(); ++i) blocks += codes[i] >> kBits != codes[i - 1] >> kBits;
+  const std::size_t size = std::bit_ceil(blocks * 2);
+  slots_.assign(size, Slot{});
+  mask_ = size - 1;
+  shift_ = 64 - std::countr_zero(size);
+  for (std::size_t i = 0; i < codes.size();) {
+    const std::uint64_t block = codes[i] >> kBits;
+    std::size_t at = slot(block);
+    while (slots_[at].cells != 0) at = (at + 1) & mask_;
+    Slot& here = slots_[at];
+    here.block = block;
+    here.first = static_cast<std::uint32_t>(i);
+    for (; i < codes.size() && codes[i] >> kBits == block; ++i)
+      here.cells |= std::uint64_t{1} << (codes[i] & (kCells - 1));
+  }
+}
+
+std::vector<std::uint64_t> MortonCellTable::codes(std::size_t cells) const {
+  std::vector<std::uint64_t> out(cells, 0);
+  for (const Slot& slot : slots_) {
+    std::size_t at = slot.first;
+    for (std::uint64_t left = slot.cells; left != 0; left &= left - 1)
+      out[at++] = slot.block << kBits | static_cast<std::uint64_t>(std::countr_zero(left));
+  }
+  return out;
 }
 
 }  // namespace palpate::search

@@ -74,23 +74,18 @@ Spacing describe_spacing(const cloud::Cloud& cloud, const NeighbourTable& table)
 Agreement agreement(const NeighbourTable& a, const NeighbourTable& b) {
   Agreement sum;
   const std::size_t n = std::min(a.size(), b.size());
-  const std::size_t chunks = (n + kPointsPerChunk - 1) / kPointsPerChunk;
-  std::vector<Agreement> parts(chunks);
-  parallel_chunks(n, kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
-    Agreement& part = parts[begin / kPointsPerChunk];
-    for (std::size_t i = begin; i < end; ++i) {
-      Neighbours x = a.of[i], y = b.of[i];
-      std::sort(x.begin(), x.end());
-      std::sort(y.begin(), y.end());
-      const bool equal = x == y;
-      const bool interior = a.count(i) == kNeighbours && b.count(i) == kNeighbours;
-      ++part.points;
-      part.equal_sets += equal;
-      part.interior_points += interior;
-      part.interior_equal += interior && equal;
-    }
-  });
-  for (const Agreement& part : parts) {
+  const auto compare = [&](std::size_t i, Agreement& part) {
+    Neighbours x = a.of[i], y = b.of[i];
+    std::sort(x.begin(), x.end());
+    std::sort(y.begin(), y.end());
+    const bool equal = x == y;
+    const bool interior = a.count(i) == kNeighbours && b.count(i) == kNeighbours;
+    ++part.points;
+    part.equal_sets += equal;
+    part.interior_points += interior;
+    part.interior_equal += interior && equal;
+  };
+  for (const auto& part : parallel_parts<Agreement>(n, kPointsPerChunk, 0, compare)) {
     sum.points += part.points;
     sum.equal_sets += part.equal_sets;
     sum.interior_points += part.interior_points;

@@ -22,9 +22,8 @@ template <int kAxes>
 Orthtree<kAxes> Orthtree<kAxes>::build(const cloud::Cloud& cloud, const PartitionOptions& options,
                                        int threads) {
   Orthtree tree;
-  tree.options_ = options;
-  tree.frame_.lattice = finest(local_box(cloud, threads), kAxes, options.cell_mm);
-  MortonOrder sorted = sort_by_morton(cloud, tree.frame_.lattice, threads, kAxes);
+  tree.lattice_ = finest(local_box(cloud, threads), kAxes, options.cell_mm);
+  MortonOrder sorted = sort_by_morton(cloud, tree.lattice_, threads, kAxes);
   tree.order_ = std::move(sorted.order);
   const std::vector<std::uint64_t>& codes = sorted.codes;
   const int last_level = kMortonBits - std::clamp(options.max_depth, 0, kMortonBits);

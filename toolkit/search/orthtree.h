@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdint>
 #include <span>
-#include <type_traits>
 #include <vector>
 
 #include "toolkit/core/hardware.h"
@@ -18,31 +17,10 @@
 
 namespace palpate::search {
 
-/// A root may grow to the lattice's limit of 2^40 cubes.
-inline constexpr int kMaxRootLevel = 40;
-
 /// A node of a tree that halves its axes: eight or four children.
 struct TreeNode {
   std::uint32_t begin = 0, end = 0;  ///< its places at build
   std::uint32_t child = 0;           ///< first of its consecutive children; 0: a leaf
-};
-
-/// The root's place in cubes of the lattice; a level-k node spans 2^k cubes along each axis.
-struct TreeFrame {
-  Lattice lattice;
-  std::int64_t low[3] = {0, 0, 0};
-  int root_level = kMortonBits;
-
-  /// The cube of a point, from the root's low corner.
-  [[nodiscard]] std::int64_t coordinate(const Vec3& local_mm, int axis) const noexcept {
-    return lattice.coordinate(local_mm[axis], axis) - low[axis];
-  }
-  template <int kAxes>
-  [[nodiscard]] bool holds(const Vec3& local_mm) const noexcept {
-    for (int axis = 0; axis < kAxes; ++axis)
-      if (static_cast<std::uint64_t>(coordinate(local_mm, axis)) >> root_level != 0) return false;
-    return true;
-  }
 };
 
 /// The child of a level `level` + 1 node that holds the cube.
@@ -54,46 +32,31 @@ template <int kAxes>
   return child;
 }
 
-/// The leaf that holds a point of the root's box, and its level.
-struct LeafAt {
-  std::uint32_t node = 0;
-  int level = 0;
-};
-template <int kAxes, class Nodes>
-[[nodiscard]] LeafAt leaf_at(const Nodes& nodes, const TreeFrame& frame, const Vec3& local_mm) noexcept {
-  std::int64_t cube[3] = {0, 0, 0};
-  for (int axis = 0; axis < kAxes; ++axis) cube[axis] = frame.coordinate(local_mm, axis);
-  LeafAt at{0, frame.root_level};
-  while (nodes[at.node].child != 0) {
-    --at.level;
-    at.node = nodes[at.node].child + child_of<kAxes>(cube, at.level);
-  }
-  return at;
-}
-
-/// Calls visit(node index) for every leaf that a widened segment touches, in Morton order. Lengths are in
+/// Calls visit(its places) for every leaf that a widened segment touches, in Morton order. Lengths are in
 /// lattice cubes from the root's low corner, so node boxes are exact.
-template <int kAxes, class Nodes, class Visit>
+template <int kAxes, class Visit>
 class OrthtreeTraversal {
  public:
-  OrthtreeTraversal(const Nodes& nodes, const TreeFrame& frame, const Vec3& a_mm, const Vec3& b_mm,
+  using Nodes = LargePageVector<TreeNode>;
+
+  OrthtreeTraversal(const Nodes& nodes, const Lattice& lattice, const Vec3& a_mm, const Vec3& b_mm,
                     const Vec3& reach_mm, Visit& visit) noexcept
-      : nodes_(nodes), visit_(visit), probe_(in_cubes(frame, a_mm), in_cubes(frame, b_mm)) {
+      : nodes_(nodes), visit_(visit), probe_(in_cubes(lattice, a_mm), in_cubes(lattice, b_mm)) {
     // Tolerance: a node's points may be rounded over its border by kCellSlack, and the segment by its
     // distance. Operations: two differences, a product, half a sum, and those of a box test.
     constexpr int kOperations = 4 + 2 * geometry::kSegmentBoxOperations;
     const Vec3 size = probe_.middle_mm.cwiseAbs() + probe_.half_abs_mm;
-    reach_ = flat(reach_mm * frame.lattice.per_mm) + flat(Vec3::Constant(kCellSlack)) +
-             gamma(kOperations) * (size + flat(from_lattice(frame)));
+    reach_ = flat(reach_mm * lattice.per_mm) + flat(Vec3::Constant(kCellSlack)) +
+             gamma(kOperations) * (size + flat(from_lattice(lattice)));
     const Vec3 around = probe_.half_abs_mm + reach_;
     low_ = probe_.middle_mm - around;
     high_ = probe_.middle_mm + around;
   }
 
-  /// Visits the leaves below the root; false when stopped. At most kMaxRootLevel + 1 calls deep.
-  bool run(int root_level) {
+  /// Visits the leaves below the root; false when stopped. At most kMortonBits + 1 calls deep.
+  bool run() {
     Vec3 middle = Vec3::Zero();
-    const double half = std::ldexp(0.5, root_level);
+    const double half = std::ldexp(0.5, kMortonBits);
     for (int axis = 0; axis < kAxes; ++axis) middle[axis] = half;
     return !touches(middle, half) || descend(0, middle, half);
   }
@@ -104,16 +67,12 @@ class OrthtreeTraversal {
     for (int axis = kAxes; axis < 3; ++axis) v[axis] = 0.0;
     return v;
   }
-  static Vec3 in_cubes(const TreeFrame& frame, const Vec3& p_mm) noexcept {
-    Vec3 p = (p_mm - frame.lattice.low_mm) * frame.lattice.per_mm;
-    for (int axis = 0; axis < 3; ++axis) p[axis] -= static_cast<double>(frame.low[axis]);
-    return flat(p);
+  static Vec3 in_cubes(const Lattice& lattice, const Vec3& p_mm) noexcept {
+    return flat((p_mm - lattice.low_mm) * lattice.per_mm);
   }
-  /// Magnitude of the terms subtracted in in_cubes.
-  static Vec3 from_lattice(const TreeFrame& frame) noexcept {
-    Vec3 size = frame.lattice.low_mm.cwiseAbs() * frame.lattice.per_mm;
-    for (int axis = 0; axis < 3; ++axis) size[axis] += std::abs(static_cast<double>(frame.low[axis]));
-    return size;
+  /// Magnitude of the term subtracted in in_cubes.
+  static Vec3 from_lattice(const Lattice& lattice) noexcept {
+    return lattice.low_mm.cwiseAbs() * lattice.per_mm;
   }
   bool touches(const Vec3& middle, double half) const noexcept {
     return geometry::segment_touches_box(probe_, middle, reach_ + flat(Vec3::Constant(half)));
@@ -121,7 +80,7 @@ class OrthtreeTraversal {
 
   bool descend(std::uint32_t node, const Vec3& middle, double half) {
     const std::uint32_t first = nodes_[node].child;
-    if (first == 0) return visit_(node);
+    if (first == 0) return visit_(IndexRange{nodes_[node].begin, nodes_[node].end});
     // Excludes, per axis, the children below or above the middle, which are most.
     std::uint32_t possible = (1u << (1 << kAxes)) - 1;
     constexpr std::uint32_t kLower[3] = {0x55, 0x33, 0x0F};  // children whose bit of the axis is 0
@@ -144,16 +103,6 @@ class OrthtreeTraversal {
   geometry::SegmentProbe probe_;
   Vec3 reach_, low_, high_;
 };
-
-/// Runs an OrthtreeTraversal over `nodes`. Non-finite ends touch nothing.
-template <int kAxes, class Nodes, class Visit>
-bool visit_leaves(const Nodes& nodes, const TreeFrame& frame, const Vec3& a_mm, const Vec3& b_mm,
-                  const Vec3& reach_mm, Visit&& visit) {
-  if (!is_finite(a_mm) || !is_finite(b_mm)) return true;
-  return OrthtreeTraversal<kAxes, Nodes, std::remove_reference_t<Visit>>(nodes, frame, a_mm, b_mm, reach_mm,
-                                                                         visit)
-      .run(frame.root_level);
-}
 
 /// A tree that halves the first `kAxes` axes of every node with more than `max_points` points: a cube into
 /// eight (Octree), or a square column along z into four (Quadtree3d). Starts at the cloud's low corner and
@@ -182,12 +131,27 @@ class Orthtree {
   [[nodiscard]] LeafStatistics statistics() const;
 
   [[nodiscard]] const Nodes& nodes() const noexcept { return nodes_; }
-  [[nodiscard]] const TreeFrame& frame() const noexcept { return frame_; }
-  [[nodiscard]] const PartitionOptions& options() const noexcept { return options_; }
+  /// The leaf whose box holds a point; none outside the root's.
+  [[nodiscard]] const TreeNode* leaf_at(const Vec3& local_mm) const noexcept {
+    std::int64_t cube[3] = {0, 0, 0};
+    for (int axis = 0; axis < kAxes; ++axis) {
+      cube[axis] = lattice_.coordinate(local_mm[axis], axis);
+      if (static_cast<std::uint64_t>(cube[axis]) >> kMortonBits != 0) return nullptr;
+    }
+    std::uint32_t node = 0;
+    for (int level = kMortonBits; nodes_[node].child != 0;)
+      node = nodes_[node].child + child_of<kAxes>(cube, --level);
+    return &nodes_[node];
+  }
+
+  /// visit(places) for every leaf that the segment, widened by `reach_mm`, touches: see Partition.
+  template <class Visit>
+  bool visit_segment(const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm, Visit& visit) const {
+    return OrthtreeTraversal<kAxes, Visit>(nodes_, lattice_, a_mm, b_mm, reach_mm, visit).run();
+  }
 
  private:
-  PartitionOptions options_;
-  TreeFrame frame_;
+  Lattice lattice_;  ///< the root spans 2^kMortonBits of its cubes along each axis
   Nodes nodes_;
   std::vector<std::uint32_t> order_;
 };
@@ -201,17 +165,14 @@ extern template class Orthtree<3>;
 template <int kAxes, class Visit>
 bool visit_segment_ranges(const Orthtree<kAxes>& tree, const Vec3& a_mm, const Vec3& b_mm,
                           const Vec3& reach_mm, Visit&& visit) {
-  return visit_leaves<kAxes>(tree.nodes(), tree.frame(), a_mm, b_mm, reach_mm, [&](std::uint32_t node) {
-    const TreeNode& leaf = tree.nodes()[node];
-    return visit(IndexRange{leaf.begin, leaf.end});
-  });
+  if (!is_finite(a_mm) || !is_finite(b_mm)) return true;
+  return tree.visit_segment(a_mm, b_mm, reach_mm, visit);
 }
 
 template <int kAxes, class Visit>
 bool visit_point_range(const Orthtree<kAxes>& tree, const Vec3& point_mm, Visit&& visit) {
-  if (!tree.frame().template holds<kAxes>(point_mm)) return visit(IndexRange{});
-  const TreeNode& leaf = tree.nodes()[leaf_at<kAxes>(tree.nodes(), tree.frame(), point_mm).node];
-  return visit(IndexRange{leaf.begin, leaf.end});
+  const TreeNode* leaf = tree.leaf_at(point_mm);
+  return visit(leaf == nullptr ? IndexRange{} : IndexRange{leaf->begin, leaf->end});
 }
 
 static_assert(Partition<Octree> && Partition<Quadtree3d>);

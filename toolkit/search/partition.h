@@ -28,7 +28,7 @@ struct PartitionOptions {
   double cell_mm = 1.0;
   std::uint32_t max_points = kPointsPerLeaf;  ///< of a tree's leaf; exceeded where `max_depth` stops division
   int max_depth = kMortonBits;                ///< of a tree, 0 .. kMortonBits; 0: the root only
-  /// For moving points: spare cells or nodes, as a share of those built.
+  /// For moving points: spare cells, as a share of those built.
   double spare = 0.25;
 };
 

@@ -88,9 +88,8 @@ bool is_uneven(const cloud::Cloud& cloud, const Neighbours& around, std::uint32_
 /// Chooses again for points with neighbours in a row or on one side.
 std::size_t spread_uneven(const cloud::Cloud& cloud, NeighbourTable& table, int threads) {
   std::vector<std::uint8_t> uneven(table.size(), 0);
-  parallel_chunks(table.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      uneven[i] = is_uneven(cloud, table.of[i], static_cast<std::uint32_t>(i)) ? 1 : 0;
+  parallel_each(table.size(), kPointsPerChunk, threads, [&](std::size_t i) {
+    uneven[i] = is_uneven(cloud, table.of[i], static_cast<std::uint32_t>(i)) ? 1 : 0;
   });
   const auto count = static_cast<std::size_t>(std::count(uneven.begin(), uneven.end(), 1));
   if (count == 0) return 0;
@@ -121,23 +120,17 @@ std::size_t spread_uneven(const cloud::Cloud& cloud, NeighbourTable& table, int 
 }
 
 std::size_t add_missing_returns(const cloud::Cloud& cloud, NeighbourTable& table, int threads) {
-  const std::size_t n = table.size();
-  std::vector<std::vector<Missing>> parts((n + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    auto& mine = parts[begin / kPointsPerChunk];
-    for (std::size_t at = begin; at < end; ++at) {
-      const auto p = static_cast<std::uint32_t>(at);
-      const Vec3 place = cloud.local_mm(p);
-      for (const std::uint32_t q : table.of[p]) {
-        if (q == p) continue;
-        const Neighbours& back = table.of[q];
-        if (std::find(back.begin(), back.end(), p) == back.end() && !leads_to(cloud, back, q, place))
-          mine.push_back({q, p});
-      }
+  const auto look = [&](std::size_t at, std::vector<Missing>& mine) {
+    const auto p = static_cast<std::uint32_t>(at);
+    const Vec3 place = cloud.local_mm(p);
+    for (const std::uint32_t q : table.of[p]) {
+      if (q == p) continue;
+      const Neighbours& back = table.of[q];
+      if (std::find(back.begin(), back.end(), p) == back.end() && !leads_to(cloud, back, q, place))
+        mine.push_back({q, p});
     }
-  });
-  std::vector<Missing> missing;
-  for (const auto& part : parts) missing.insert(missing.end(), part.begin(), part.end());
+  };
+  std::vector<Missing> missing = parallel_list<Missing>(table.size(), kPointsPerChunk, threads, look);
   std::sort(missing.begin(), missing.end(),
             [](const Missing& a, const Missing& b) { return a.at != b.at ? a.at < b.at : a.to < b.to; });
   std::size_t changed = 0;

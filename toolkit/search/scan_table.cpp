@@ -144,36 +144,32 @@ Result<NeighbourTable> lookup_table(const cloud::Cloud& cloud, const ScanTable& 
                    "number the scans in a property 'scan'"};
   NeighbourTable neighbours;
   neighbours.of.resize(n);
-  std::vector<LookupReport> parts((n + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    LookupReport& part = parts[begin / kPointsPerChunk];
-    for (auto self = static_cast<std::uint32_t>(begin); self < end; ++self) {
-      const Vec3 p = cloud.local_mm(self);
-      Neighbours seen;
-      std::size_t count = 0;
-      NearestEight around;
-      for (const auto& step : kScanDirections) {
-        std::uint32_t gaps = 0;
-        const std::uint32_t other = look(table, positions, self, step, options.across, gaps);
-        // On a small turntable one point may lie in both directions.
-        if (other == kNoPoint || other == self ||
-            std::find(seen.begin(), seen.begin() + count, other) != seen.begin() + count)
-          continue;
-        seen[count++] = other;
-        part.links_across_holes += gaps > 0;
-        around.offer((cloud.local_mm(other) - p).squaredNorm(), other);
-      }
-      part.fewer_than_eight += count < kNeighbours;
-      around.store(self, neighbours.of[self]);
+  const auto link = [&](std::size_t i, LookupReport& part) {
+    const auto self = static_cast<std::uint32_t>(i);
+    const Vec3 p = cloud.local_mm(self);
+    Neighbours seen;
+    std::size_t count = 0;
+    NearestEight around;
+    for (const auto& step : kScanDirections) {
+      std::uint32_t gaps = 0;
+      const std::uint32_t other = look(table, positions, self, step, options.across, gaps);
+      // On a small turntable one point may lie in both directions.
+      if (other == kNoPoint || other == self ||
+          std::find(seen.begin(), seen.begin() + count, other) != seen.begin() + count)
+        continue;
+      seen[count++] = other;
+      part.links_across_holes += gaps > 0;
+      around.offer((cloud.local_mm(other) - p).squaredNorm(), other);
     }
-  });
-  if (report != nullptr) {
-    *report = {};
-    for (const LookupReport& part : parts) {
-      report->links_across_holes += part.links_across_holes;
-      report->fewer_than_eight += part.fewer_than_eight;
-    }
+    part.fewer_than_eight += count < kNeighbours;
+    around.store(self, neighbours.of[self]);
+  };
+  LookupReport sum;
+  for (const auto& part : parallel_parts<LookupReport>(n, kPointsPerChunk, threads, link)) {
+    sum.links_across_holes += part.links_across_holes;
+    sum.fewer_than_eight += part.fewer_than_eight;
   }
+  if (report != nullptr) *report = sum;
   return neighbours;
 }
 
@@ -210,22 +206,20 @@ Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, const cloud::Scan
     return Error{"the cloud's raster does not match its number of points", "rebuild the cloud"};
   NeighbourTable table;
   table.of.resize(cloud.size());
-  parallel_chunks(raster.rows, kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row) {
-      const Range rows = around(row, raster.rows, raster.rows_wrap);
-      for (std::size_t column = 0; column < raster.columns; ++column) {
-        const Range columns = around(column, raster.columns, raster.columns_wrap);
-        const std::size_t self = raster.index(row, column);
-        const Vec3 p = cloud.local_mm(self);
-        NearestEight best;
-        for (std::size_t r = 0; r < rows.count; ++r)
-          for (std::size_t c = 0; c < columns.count; ++c) {
-            const std::size_t other = raster.index(rows.at[r], columns.at[c]);
-            if (other != self)
-              best.offer((cloud.local_mm(other) - p).squaredNorm(), static_cast<std::uint32_t>(other));
-          }
-        best.store(static_cast<std::uint32_t>(self), table.of[self]);
-      }
+  parallel_each(raster.rows, kRowsPerChunk, threads, [&](std::size_t row) {
+    const Range rows = around(row, raster.rows, raster.rows_wrap);
+    for (std::size_t column = 0; column < raster.columns; ++column) {
+      const Range columns = around(column, raster.columns, raster.columns_wrap);
+      const std::size_t self = raster.index(row, column);
+      const Vec3 p = cloud.local_mm(self);
+      NearestEight best;
+      for (std::size_t r = 0; r < rows.count; ++r)
+        for (std::size_t c = 0; c < columns.count; ++c) {
+          const std::size_t other = raster.index(rows.at[r], columns.at[c]);
+          if (other != self)
+            best.offer((cloud.local_mm(other) - p).squaredNorm(), static_cast<std::uint32_t>(other));
+        }
+      best.store(static_cast<std::uint32_t>(self), table.of[self]);
     }
   });
   return table;

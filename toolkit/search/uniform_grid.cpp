@@ -4,21 +4,13 @@
 #include <bit>
 
 #include "toolkit/core/hash.h"
+#include "toolkit/search/morton_order.h"
 
 namespace palpate::search {
 namespace {
 
 /// Finer curve inside a cell: 2^3 cubes an edge, about one surface point each at five spacings a cell.
 constexpr int kFinerBits = 3;
-
-std::uint32_t compact(std::uint64_t x) noexcept {
-  x &= 0x1249249249249249u;
-  x = (x | x >> 2) & 0x10C30C30C30C30C3u;
-  x = (x | x >> 4) & 0x100F00F00F00F00Fu;
-  x = (x | x >> 8) & 0x001F0000FF0000FFu;
-  x = (x | x >> 16) & 0x001F00000000FFFFu;
-  return static_cast<std::uint32_t>((x | x >> 32) & 0x1FFFFFu);
-}
 
 std::uint64_t packed(std::uint64_t x, std::uint64_t y, std::uint64_t z) noexcept {
   return x | y << kMortonBits | z << (2 * kMortonBits);
@@ -91,11 +83,11 @@ UniformGrid UniformGrid::build(const cloud::Cloud& cloud, double cell_mm, int th
   std::size_t begin = 0;
   for (std::size_t i = 1; i <= n; ++i) {
     if (i < n && (sorted.codes[i] >> kCellShift) == (sorted.codes[begin] >> kCellShift)) continue;
-    const std::uint64_t code = sorted.codes[begin] >> kCellShift;
-    for (int axis = 0; axis < 3; ++axis)
-      grid.last_cell_ = std::max(grid.last_cell_, static_cast<std::int64_t>(compact(code >> axis)));
-    grid.insert(packed(compact(code), compact(code >> 1), compact(code >> 2)),
-                {static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(i)});
+    const auto [x, y, z] = coordinate_of_code(sorted.codes[begin] >> kCellShift);
+    grid.last_cell_ = std::max<std::int64_t>(grid.last_cell_, std::max({x, y, z}));
+    grid.insert(
+        packed(static_cast<std::uint64_t>(x), static_cast<std::uint64_t>(y), static_cast<std::uint64_t>(z)),
+        {static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(i)});
     begin = i;
   }
   return grid;

@@ -55,9 +55,7 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
                            std::vector<std::uint64_t>& codes) {
   const double per = grid.per_voxel * grid.per_voxel_of(level) / kBrickCells;
   const auto last = static_cast<double>(((grid.last_brick + 1) << level) - 1);
-  std::vector<std::vector<std::uint64_t>> found((points.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::vector<std::uint64_t>& mine = found[begin / kPointsPerChunk];
+  const auto look = [&](std::size_t begin, std::size_t end, std::vector<std::uint64_t>& mine) {
     for (std::size_t i = begin; i < end; ++i) {
       if (of_points[i].patch[0] == PointPatches::kNone) continue;
       const Vec3 at = (points[i] - grid.low_mm) * per;
@@ -73,8 +71,10 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
     }
     std::sort(mine.begin(), mine.end());
     mine.erase(std::unique(mine.begin(), mine.end()), mine.end());
-  });
-  for (const std::vector<std::uint64_t>& f : found) codes.insert(codes.end(), f.begin(), f.end());
+  };
+  using Codes = std::vector<std::uint64_t>;
+  for (const Codes& found : parallel_parts<Codes>(points.size(), kPointsPerChunk, threads, look))
+    codes.insert(codes.end(), found.begin(), found.end());
   sort_unique(codes, threads);
 }
 
@@ -100,7 +100,7 @@ struct Piece {
 /// In voxels.
 geometry::AreaElement part_of(const BrickGrid& grid, const BuiltBrick& one, std::uint64_t code, int level) {
   const double size = 1.0 / grid.per_voxel_of(level);
-  const BrickGrid::Coordinate c = coordinate_of_code(code);
+  const BrickGrid::Coordinate c = search::coordinate_of_code(code);
   const int count = std::popcount(one.brick.mask | one.beyond);
   const Vec3 middle = (Vec3(c[0], c[1], c[2]) * kBrickCells + one.places / count) * size;
   return {middle.cast<float>(), (one.normals * (kCellArea * size * size)).cast<float>()};

@@ -14,7 +14,7 @@
 #include "toolkit/core/hardware.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/winding_number.h"
-#include "toolkit/spline_sdf/morton_points.h"
+#include "toolkit/search/morton_order.h"
 
 namespace palpate::render {
 
@@ -61,7 +61,7 @@ class TileWindow;  // tile_window.h
 
 /// All bricks of a model. Immutable and shared; local mm. The voxel is that of level `coarser`.
 struct BrickGrid {
-  static constexpr std::uint32_t kNone = MortonCellTable::kNone;
+  static constexpr std::uint32_t kNone = search::MortonCellTable::kNone;
   /// Flag on a brick's number: smaller bricks replace it where the surface is.
   static constexpr std::uint32_t kRefined = 1u << 31;
   /// Brick sizes, each half the last: kFineLevels from the points' spacing down, and up to kMaxCoarser larger
@@ -70,7 +70,7 @@ struct BrickGrid {
   using Coordinate = std::array<std::int32_t, 3>;
 
   struct Level {
-    MortonCellTable table;             ///< from a brick coordinate's Morton code to its cell
+    search::MortonCellTable table;     ///< from a brick coordinate's Morton code to its cell
     std::vector<std::uint32_t> brick;  ///< per cell; kRefined if the next level has bricks there
   };
   /// A brick and its coordinate in bricks of its level.

@@ -77,7 +77,7 @@ class BrickBuilder {
     if (level_ == 0) return true;
     const auto above = static_cast<std::size_t>(level_ - 1);
     const std::uint32_t parent = grid_.level[above].table.find(code >> 3);
-    return parent != MortonCellTable::kNone && made_[above][parent].smaller;
+    return parent != search::MortonCellTable::kNone && made_[above][parent].smaller;
   }
   [[nodiscard]] int last_level() const { return grid_.coarser + build_.levels; }
   /// Index among the fine levels; larger cubes use the first.
@@ -109,12 +109,12 @@ class BrickBuilder {
     std::vector<std::uint64_t> codes;
     codes.reserve(bricks.size() * 8);
     for (const std::uint64_t brick : bricks) {
-      const Coordinate c = coordinate_of_code(brick);
+      const Coordinate c = search::coordinate_of_code(brick);
       for (int k = 0; k < 8; ++k)
         codes.push_back(morton_code_of({c[0] + k / 4, c[1] + k / 2 % 2, c[2] + k % 2}));
     }
     sort_unique(codes, threads_);
-    tile_table_ = MortonCellTable();
+    tile_table_ = search::MortonCellTable();
     tile_table_.build(codes);
     LargePageVector<Tile> values(codes.size());
     plain_.assign(codes.size(), 0);
@@ -123,7 +123,7 @@ class BrickBuilder {
     parallel_chunks(codes.size(), kTileGrain, threads_, [&](std::size_t begin, std::size_t end) {
       PatchDistanceField field(points_, patches_, of_);
       for (std::size_t i = begin; i < end; ++i) {
-        const Vec3 middle = middle_of(coordinate_of_code(codes[i]));
+        const Vec3 middle = middle_of(search::coordinate_of_code(codes[i]));
         if (is_crowded(near_.of(i)))
           (void)blend_tile(patches_, some_of(near_.of(i)), middle, voxel_mm_, agreed, values[i]);
         else if (blend_tile(patches_, near_.of(i), middle, voxel_mm_, agreed, values[i]))
@@ -133,9 +133,8 @@ class BrickBuilder {
       }
     });
     tiles_ = LargePageVector<Tile>(codes.size());
-    parallel_chunks(codes.size(), kTileGrain, threads_, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) sharpen(coordinate_of_code(codes[i]), values, i);
-    });
+    parallel_each(codes.size(), kTileGrain, threads_,
+                  [&](std::size_t i) { sharpen(search::coordinate_of_code(codes[i]), values, i); });
   }
   [[nodiscard]] bool is_crowded(std::span<const std::uint32_t> patches) const {
     return level_ < grid_.coarser && patches.size() > kMaxPatches;
@@ -171,7 +170,8 @@ class BrickBuilder {
         to[a] += way == 0 ? -1 : 1;
         if (to[a] < 0) continue;
         const std::uint32_t found = tile_table_.find(morton_code_of(to));
-        if (found != MortonCellTable::kNone) beside[a][static_cast<std::size_t>(way)] = &values[found];
+        if (found != search::MortonCellTable::kNone)
+          beside[a][static_cast<std::size_t>(way)] = &values[found];
       }
     for (std::size_t i = 0; i < kTileCount; ++i) {
       const float here = values[own][i];
@@ -198,7 +198,7 @@ class BrickBuilder {
       InteriorTest around;
       std::array<float, kBrickCoefficients> nodes;
       for (std::size_t i = begin; i < end; ++i) {
-        const Coordinate cube = coordinate_of_code(codes[i]);
+        const Coordinate cube = search::coordinate_of_code(codes[i]);
         read_nodes(cube, nodes);
         made[i].brick.put(nodes);
         mark_surface_cells(codes[i], field, around, made[i]);
@@ -232,7 +232,7 @@ class BrickBuilder {
   /// Beside an edge it is the mean of both faces' normals, along which either face's points are seen.
   [[nodiscard]] Vec3 mean_normal(std::uint64_t code, const Coordinate& cube, const Vec3& at) const {
     const std::uint64_t parent = code >> (3 * fine());
-    const Coordinate from = coordinate_of_code(parent);
+    const Coordinate from = search::coordinate_of_code(parent);
     const auto first = static_cast<std::size_t>(level_ - fine());
     BrickPosition place;
     for (std::size_t a = 0; a < 3; ++a) {
@@ -251,7 +251,7 @@ class BrickBuilder {
   /// follows the field.
   void mark_surface_cells(std::uint64_t code, PatchDistanceField& field, InteriorTest& around,
                           BuiltBrick& out) const {
-    const Coordinate cube = coordinate_of_code(code);
+    const Coordinate cube = search::coordinate_of_code(code);
     const double half = 0.5 * kBrickCells;
     const Vec3 middle =
         grid_.low_mm + (Vec3(cube[0], cube[1], cube[2]) * kBrickCells + Vec3::Constant(half)) * voxel_mm_;
@@ -381,7 +381,7 @@ class BrickBuilder {
   double voxel_mm_ = 1.0;  ///< of this level
   LevelCodes codes_;
   BuiltBricks made_;
-  MortonCellTable tile_table_;
+  search::MortonCellTable tile_table_;
   LargePageVector<Tile> tiles_;
   TilePatches near_;
   std::vector<std::uint8_t> plain_;  ///< per tile: its patches agree
@@ -396,7 +396,7 @@ std::vector<BrickGrid::BrickRef> BrickGrid::places() const {
     const std::vector<std::uint64_t> codes = here.table.codes(here.brick.size());
     for (std::size_t cell = 0; cell < codes.size(); ++cell) {
       const std::uint32_t brick = here.brick[cell] & ~kRefined;
-      out[brick] = {brick, l, coordinate_of_code(codes[cell]), brick == here.brick[cell]};
+      out[brick] = {brick, l, search::coordinate_of_code(codes[cell]), brick == here.brick[cell]};
     }
   }
   return out;

@@ -7,38 +7,9 @@
 #include <utility>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/statistics.h"
 
 namespace palpate::render {
-
-void MortonCellTable::build(std::span<const std::uint64_t> codes) {
-  if (codes.empty()) return;
-  std::size_t blocks = 1;
-  for (std::size_t i = 1; i < codes.size(); ++i) blocks += codes[i] >> kBits != codes[i - 1] >> kBits;
-  const std::size_t size = std::bit_ceil(blocks * 2);
-  slots_.assign(size, Slot{});
-  mask_ = size - 1;
-  shift_ = 64 - std::countr_zero(size);
-  for (std::size_t i = 0; i < codes.size();) {
-    const std::uint64_t block = codes[i] >> kBits;
-    std::size_t at = slot(block);
-    while (slots_[at].cells != 0) at = (at + 1) & mask_;
-    Slot& here = slots_[at];
-    here.block = block;
-    here.first = static_cast<std::uint32_t>(i);
-    for (; i < codes.size() && codes[i] >> kBits == block; ++i)
-      here.cells |= std::uint64_t{1} << (codes[i] & (kCells - 1));
-  }
-}
-
-std::vector<std::uint64_t> MortonCellTable::codes(std::size_t cells) const {
-  std::vector<std::uint64_t> out(cells, 0);
-  for (const Slot& slot : slots_) {
-    std::size_t at = slot.first;
-    for (std::uint64_t left = slot.cells; left != 0; left &= left - 1)
-      out[at++] = slot.block << kBits | static_cast<std::uint64_t>(std::countr_zero(left));
-  }
-  return out;
-}
 
 namespace {
 
@@ -63,14 +34,6 @@ constexpr std::size_t kCellGrain = 1024;
 
 }  // namespace
 
-std::array<std::int32_t, 3> coordinate_of_code(std::uint64_t code) noexcept {
-  std::array<std::int32_t, 3> c{};
-  for (int bit = 0; bit < search::kMortonBits; ++bit)
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      c[axis] |= static_cast<std::int32_t>((code >> (3 * bit + static_cast<int>(axis))) & 1u) << bit;
-  return c;
-}
-
 MortonPoints::MortonPoints(const cloud::Cloud& cloud, int threads) {
   box_mm_ = search::local_box(cloud, threads);
   const double extent = (box_mm_.high_mm - box_mm_.low_mm).maxCoeff();
@@ -78,11 +41,9 @@ MortonPoints::MortonPoints(const cloud::Cloud& cloud, int threads) {
   search::MortonOrder sorted = search::sort_by_morton(cloud, lattice_, threads);
   const std::size_t n = sorted.order.size();
   at_.resize(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const std::uint32_t i = sorted.order[k];
-      at_[k] = Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
-    }
+  parallel_each(n, kPointsPerChunk, threads, [&](std::size_t k) {
+    const std::uint32_t i = sorted.order[k];
+    at_[k] = Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
   });
   order_ = std::move(sorted.order);
   remove_duplicates(sorted.codes);
@@ -130,7 +91,7 @@ void MortonPoints::build_levels(const std::vector<std::uint64_t>& codes, int thr
   while (bits < search::kMortonBits - 1 && cells_now * kPointsPerCell > n)
     cells_now -= begins[static_cast<std::size_t>(++bits)];
   levels_.resize(static_cast<std::size_t>(std::min(kLevels, search::kMortonBits - bits)));
-  parallel_chunks(levels_.size(), 1, threads, [&](std::size_t l, std::size_t) {
+  parallel_each(levels_.size(), 1, threads, [&](std::size_t l) {
     Level& level = levels_[l];
     level.bits = bits + static_cast<int>(l);
     level.cell_mm = std::ldexp(lattice_.unit_mm, level.bits);
@@ -187,10 +148,7 @@ void MortonPoints::measure_spacing() {
     std::nth_element(sq.begin(), sq.begin() + kSpacingNeighbours, sq.end());
     found.push_back(std::sqrt(std::numbers::pi * sq[kSpacingNeighbours] / double{kSpacingNeighbours}));
   }
-  if (found.empty()) return;
-  const auto middle = found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2);
-  std::nth_element(found.begin(), middle, found.end());
-  spacing_mm_ = *middle;
+  if (!found.empty()) spacing_mm_ = upper_median(std::move(found));
 }
 
 void MortonPoints::measure_spacing_near(int threads) {
@@ -199,42 +157,33 @@ void MortonPoints::measure_spacing_near(int threads) {
     const Level& level = levels_[l];
     const std::vector<std::uint64_t> codes = level.table.codes(level.begin.size() - 1);
     const bool last = l + 1 == levels_.size();
-    parallel_chunks(codes.size(), kCellGrain, threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t cell = begin; cell < end; ++cell) {
-        // Keeps what a finer level has set.
-        const std::uint32_t first = level.begin[cell], past = level.begin[cell + 1];
-        if (std::none_of(spacing_near_.begin() + first, spacing_near_.begin() + past,
-                         [](float s) { return s == 0.0f; }))
-          continue;
-        const std::uint32_t count = points_around_cell(level, codes[cell]);
-        if (count < kMinInBlock && !last) continue;
-        const auto spacing = static_cast<float>(kBlockCells * level.cell_mm * std::sqrt(kSparseArea / count));
-        for (std::uint32_t i = first; i < past; ++i)
-          if (spacing_near_[i] == 0.0f) spacing_near_[i] = spacing;
-      }
+    parallel_each(codes.size(), kCellGrain, threads, [&](std::size_t cell) {
+      // Keeps what a finer level has set.
+      const std::uint32_t first = level.begin[cell], past = level.begin[cell + 1];
+      if (std::none_of(spacing_near_.begin() + first, spacing_near_.begin() + past,
+                       [](float s) { return s == 0.0f; }))
+        return;
+      const std::uint32_t count = points_around_cell(level, codes[cell]);
+      if (count < kMinInBlock && !last) return;
+      const auto spacing = static_cast<float>(kBlockCells * level.cell_mm * std::sqrt(kSparseArea / count));
+      for (std::uint32_t i = first; i < past; ++i)
+        if (spacing_near_[i] == 0.0f) spacing_near_[i] = spacing;
     });
   }
 }
 
 std::uint32_t MortonPoints::points_around_cell(const Level& level, std::uint64_t code) noexcept {
-  const std::array<std::int32_t, 3> at = coordinate_of_code(code);
-  const auto before = [&](std::size_t axis) { return static_cast<std::uint32_t>(std::max(at[axis] - 1, 0)); };
-  const std::array<std::uint32_t, 3> low{before(0), before(1), before(2)};
-  const auto past = [&](std::size_t axis) { return static_cast<std::uint32_t>(at[axis]) + 2; };
-  std::uint32_t count = 0;
-  const std::uint64_t code_y = search::morton_code(0, low[1], 0);
-  const std::uint64_t code_z = search::morton_code(0, 0, low[2]);
-  std::uint64_t cx = search::morton_code(low[0], 0, 0);
-  for (std::uint32_t x = low[0]; x < past(0); ++x, cx = next_code<0>(cx)) {
-    std::uint64_t cy = code_y;
-    for (std::uint32_t y = low[1]; y < past(1); ++y, cy = next_code<1>(cy)) {
-      std::uint64_t cz = code_z;
-      for (std::uint32_t z = low[2]; z < past(2); ++z, cz = next_code<2>(cz)) {
-        const std::uint32_t cell = level.table.find(cx | cy | cz);
-        if (cell != MortonCellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
-      }
-    }
+  const std::array<std::int32_t, 3> at = search::coordinate_of_code(code);
+  std::array<std::int64_t, 3> low{}, high{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    low[axis] = std::max(at[axis] - 1, 0);
+    high[axis] = at[axis] + 1;
   }
+  std::uint32_t count = 0;
+  search::visit_codes(low, high, [&](std::uint64_t there) {
+    const std::uint32_t cell = level.table.find(there);
+    if (cell != search::MortonCellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
+  });
   return count;
 }
 

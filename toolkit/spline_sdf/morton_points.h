@@ -1,4 +1,4 @@
-// Points sorted by the Morton code of their cell, and a hash table of such cells.
+// A cloud's distinct points in Morton order, with ball queries; input of the smooth surface.
 #pragma once
 
 #include <algorithm>
@@ -15,66 +15,6 @@
 #include "toolkit/search/morton_order.h"
 
 namespace palpate::render {
-
-/// Fibonacci hashing, 2^64 over the golden section, odd: spreads the upper bits.
-[[nodiscard]] constexpr std::uint64_t fibonacci_hash(std::uint64_t code) noexcept {
-  return code * 0x9e3779b97f4a7c15ull;
-}
-
-/// Maps a cell's Morton code to its number. Immutable once built.
-class MortonCellTable {
- public:
-  static constexpr std::uint32_t kNone = 0xffffffffu;
-  /// `codes` ascend; a cell's number is its index among them. O(cells).
-  void build(std::span<const std::uint64_t> codes);
-  [[nodiscard]] std::uint32_t find(std::uint64_t code) const noexcept {
-    if (slots_.empty()) return kNone;
-    const std::uint64_t block = code >> kBits;
-    for (std::size_t i = slot(block);; i = (i + 1) & mask_) {
-      const Slot& here = slots_[i];
-      if (here.block != block && here.cells != 0) continue;
-      const std::uint64_t bit = std::uint64_t{1} << (code & (kCells - 1));
-      return (here.cells & bit) != 0 ? here.first + count(here.cells & (bit - 1)) : kNone;
-    }
-  }
-  /// The codes of all cells. O(cells).
-  [[nodiscard]] std::vector<std::uint64_t> codes(std::size_t cells) const;
-  [[nodiscard]] std::size_t bytes() const noexcept { return slots_.capacity() * sizeof(Slot); }
-
- private:
-  static constexpr int kBits = 6;
-  static constexpr std::uint64_t kCells = std::uint64_t{1} << kBits;
-  struct Slot {
-    std::uint64_t block = 0;
-    std::uint64_t cells = 0;  ///< a bit per cell; 0: no block
-    std::uint32_t first = 0;  ///< number of the lowest
-  };
-  /// Portable population count: no other code here requires POPCNT.
-  [[nodiscard]] static std::uint32_t count(std::uint64_t x) noexcept {
-    x -= x >> 1 & 0x5555555555555555u;
-    x = (x & 0x3333333333333333u) + (x >> 2 & 0x3333333333333333u);
-    x = (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0fu;
-    return static_cast<std::uint32_t>(x * 0x0101010101010101u >> 56);
-  }
-  [[nodiscard]] std::size_t slot(std::uint64_t block) const noexcept {
-    return static_cast<std::size_t>(fibonacci_hash(block) >> shift_) & mask_;
-  }
-  std::vector<Slot> slots_;
-  std::size_t mask_ = 0;
-  int shift_ = 0;
-};
-
-// A cloud's distinct points in Morton order, with ball queries; input of the smooth surface.
-
-/// The lattice coordinate of a Morton code.
-[[nodiscard]] std::array<std::int32_t, 3> coordinate_of_code(std::uint64_t code) noexcept;
-
-/// The code's bits of one axis for the next coordinate along it. Borrows pass over the bits between.
-template <int kAxis>
-[[nodiscard]] constexpr std::uint64_t next_code(std::uint64_t code) noexcept {
-  constexpr std::uint64_t kBits = 0x1249249249249249ull << kAxis;  // every third of 21 bits
-  return (code - kBits) & kBits;
-}
 
 /// Immutable; thread-safe. Lengths in mm, relative to the cloud's origin.
 class MortonPoints {
@@ -115,16 +55,16 @@ class MortonPoints {
     const std::uint64_t code_y = search::morton_code(0, static_cast<std::uint32_t>(low[1]), 0);
     std::uint64_t cz = search::morton_code(0, 0, static_cast<std::uint32_t>(low[2]));
     const double left_sq = radius * radius * kBallMargin;
-    for (std::int64_t z = low[2]; z <= high[2]; ++z, cz = next_code<2>(cz)) {
+    for (std::int64_t z = low[2]; z <= high[2]; ++z, cz = search::next_code<2>(cz)) {
       const double off_z = distance_to_cell_sq(level, z, centre, 2);
       std::uint64_t cy = code_y;
-      for (std::int64_t y = low[1]; y <= high[1]; ++y, cy = next_code<1>(cy)) {
+      for (std::int64_t y = low[1]; y <= high[1]; ++y, cy = search::next_code<1>(cy)) {
         const double off_yz = off_z + distance_to_cell_sq(level, y, centre, 1);
         std::uint64_t cx = code_x;
-        for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = next_code<0>(cx)) {
+        for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = search::next_code<0>(cx)) {
           if (off_yz + distance_to_cell_sq(level, x, centre, 0) > left_sq) continue;
           const std::uint32_t cell = level.table.find(cx | cy | cz);
-          if (cell == MortonCellTable::kNone) continue;
+          if (cell == search::MortonCellTable::kNone) continue;
           if constexpr (std::is_void_v<decltype(visit(std::uint32_t{0}, std::uint32_t{0}))>)
             visit(level.begin[cell], level.begin[cell + 1]);
           else if (visit(level.begin[cell], level.begin[cell + 1]))
@@ -160,7 +100,7 @@ class MortonPoints {
   struct Level {
     double cell_mm = 1.0;
     int bits = 0;  ///< bits of a lattice coordinate inside a cube
-    MortonCellTable table;
+    search::MortonCellTable table;
     std::vector<std::uint32_t> begin;
   };
   /// Enlarges the ball for the rounding of places to cells.

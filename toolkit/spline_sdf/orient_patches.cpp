@@ -148,9 +148,7 @@ struct Links {
 Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patches, int threads) {
   if (patches.empty()) return {};
   const PatchHashGrid cells(patches);
-  const std::size_t chunks = (patches.size() + kGrain - 1) / kGrain;
-  std::vector<Links> found(chunks);
-  parallel_chunks(patches.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
+  const auto look = [&](std::size_t begin, std::size_t end, Links& found) {
     std::vector<std::pair<double, Link>> mine;
     for (std::size_t i = begin; i < end; ++i) {
       const QuadricPatch& a = patches[i];
@@ -167,9 +165,8 @@ Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patch
           const double agreed = agreement(points, a, b);
           if (agreed == 0.0) {
             if (are_stacked(points, a, b))
-              found[begin / kGrain].across.push_back(
-                  {static_cast<std::uint32_t>(i), j,
-                   static_cast<float>(-kWeightStacked * a.quadric.n.dot(b.quadric.n))});
+              found.across.push_back({static_cast<std::uint32_t>(i), j,
+                                      static_cast<float>(-kWeightStacked * a.quadric.n.dot(b.quadric.n))});
             return;
           }
           mine.push_back(
@@ -182,11 +179,11 @@ Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patch
         });
         mine.resize(kMaxLinks);
       }
-      for (const auto& m : mine) found[begin / kGrain].on.push_back(m.second);
+      for (const auto& m : mine) found.on.push_back(m.second);
     }
-  });
+  };
   Links links;
-  for (const Links& f : found) {
+  for (const Links& f : parallel_parts<Links>(patches.size(), kGrain, threads, look)) {
     links.on.insert(links.on.end(), f.on.begin(), f.on.end());
     links.across.insert(links.across.end(), f.across.begin(), f.across.end());
   }
@@ -251,9 +248,8 @@ void orient_by_visibility(const MortonPoints& points, std::span<const QuadricPat
     if (seen[face]++ % (1 + count[face] / kAskedOfFace) == 0) asked.push_back(i);
   }
   std::vector<double> open(asked.size(), 0.0);
-  parallel_chunks(asked.size(), kAskGrain, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) open[k] = visibility_difference(points, patches[asked[k]]);
-  });
+  parallel_each(asked.size(), kAskGrain, threads,
+                [&](std::size_t k) { open[k] = visibility_difference(points, patches[asked[k]]); });
   std::vector<double> sum(patches.size(), 0.0), weights(patches.size(), 0.0), ways(patches.size(), 0.0);
   for (std::size_t k = 0; k < asked.size(); ++k) {
     const auto [face, turned] = sides.find(asked[k]);
@@ -384,16 +380,14 @@ void drop_outlier_patches(std::vector<QuadricPatch>& patches, int threads) {
   if (std::all_of(patches.begin(), patches.end(), [](const QuadricPatch& p) { return p.reliable; })) return;
   const PatchHashGrid cells(patches);
   std::vector<std::uint8_t> beside(patches.size(), 0);
-  parallel_chunks(patches.size(), kBesideGrain, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const QuadricPatch& p = patches[i];
-      if (p.reliable) continue;
-      for (int s = cells.scale_of(p.support); s < kPatchScales && beside[i] == 0; ++s) {
-        if (!cells.any(s)) continue;
-        cells.near(p.quadric.at, s, [&](std::uint32_t j) {
-          if (beside[i] == 0 && patches[j].reliable && is_outlier_beside(p, patches[j])) beside[i] = 1;
-        });
-      }
+  parallel_each(patches.size(), kBesideGrain, threads, [&](std::size_t i) {
+    const QuadricPatch& p = patches[i];
+    if (p.reliable) return;
+    for (int s = cells.scale_of(p.support); s < kPatchScales && beside[i] == 0; ++s) {
+      if (!cells.any(s)) continue;
+      cells.near(p.quadric.at, s, [&](std::uint32_t j) {
+        if (beside[i] == 0 && patches[j].reliable && is_outlier_beside(p, patches[j])) beside[i] = 1;
+      });
     }
   });
   std::size_t kept = 0;

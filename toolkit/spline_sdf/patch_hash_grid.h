@@ -12,7 +12,6 @@
 
 #include "toolkit/search/morton_order.h"
 #include "toolkit/spline_sdf/fit_patches.h"
-#include "toolkit/spline_sdf/morton_points.h"
 
 namespace palpate::render {
 
@@ -54,21 +53,16 @@ class PatchHashGrid {
     const Scale& scale = scales_[static_cast<std::size_t>(s)];
     if (scale.keys.empty()) return;
     const std::array<std::int64_t, 3> c = cell(at, s);
-    const auto first = [&](std::size_t axis) { return std::max<std::int64_t>(c[axis] - 1, 0); };
-    const std::uint64_t code_x = code_of({first(0), 0, 0}), code_y = code_of({0, first(1), 0});
-    std::uint64_t cz = code_of({0, 0, first(2)});
-    for (std::int64_t z = first(2); z <= c[2] + 1; ++z, cz = next_code<2>(cz)) {
-      std::uint64_t cy = code_y;
-      for (std::int64_t y = first(1); y <= c[1] + 1; ++y, cy = next_code<1>(cy)) {
-        std::uint64_t cx = code_x;
-        for (std::int64_t x = first(0); x <= c[0] + 1; ++x, cx = next_code<0>(cx)) {
-          const std::uint32_t found = scale.table.find(cx | cy | cz);
-          if (found == MortonCellTable::kNone) continue;
-          for (std::uint32_t i = scale.begin[found]; i < scale.begin[found + 1]; ++i)
-            visit(scale.keys[i].second);
-        }
-      }
+    std::array<std::int64_t, 3> low = c, high = c;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      low[axis] = std::max<std::int64_t>(c[axis] - 1, 0);
+      high[axis] = c[axis] + 1;
     }
+    search::visit_codes(low, high, [&](std::uint64_t code) {
+      const std::uint32_t found = scale.table.find(code);
+      if (found == search::MortonCellTable::kNone) return;
+      for (std::uint32_t i = scale.begin[found]; i < scale.begin[found + 1]; ++i) visit(scale.keys[i].second);
+    });
   }
   [[nodiscard]] bool any(int s) const { return !scales_[static_cast<std::size_t>(s)].keys.empty(); }
 
@@ -76,7 +70,7 @@ class PatchHashGrid {
   struct Scale {
     std::vector<std::pair<std::uint64_t, std::uint32_t>> keys;
     std::vector<std::uint32_t> begin;
-    MortonCellTable table;
+    search::MortonCellTable table;
   };
   [[nodiscard]] std::array<std::int64_t, 3> cell(const Vec3& at, int s) const {
     // Two patches of supports below 2^(s+1) are at most 2 x kPatchReach x 2^(s+1) apart.
@@ -85,11 +79,11 @@ class PatchHashGrid {
     return {static_cast<std::int64_t>(c.x()), static_cast<std::int64_t>(c.y()),
             static_cast<std::int64_t>(c.z())};
   }
-  static std::uint64_t code_of(const std::array<std::int64_t, 3>& c) {
+  [[nodiscard]] std::uint64_t code(const Vec3& at, int s) const {
+    const std::array<std::int64_t, 3> c = cell(at, s);
     return search::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),
                                static_cast<std::uint32_t>(c[2]));
   }
-  [[nodiscard]] std::uint64_t code(const Vec3& at, int s) const { return code_of(cell(at, s)); }
 
   double least_ = 0.0;
   Vec3 low_ = Vec3::Constant(std::numeric_limits<double>::infinity());

@@ -5,21 +5,17 @@
 #include <cstdint>
 #include <limits>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/statistics.h"
 #include "toolkit/spline_sdf/point_interior.h"
 
 namespace palpate::render {
 
 namespace {
-
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// With fewer points the ball grows, with more it shrinks; half and twice an even distribution, with
 /// tolerance.
@@ -139,7 +135,7 @@ double estimate_noise(const MortonPoints& points, int threads) {
   });
   std::erase_if(sigma, [](double s) { return s < 0.0; });
   if (sigma.empty()) return 0.0;
-  return median_of(sigma);
+  return upper_median(std::move(sigma));
 }
 
 namespace {
@@ -177,7 +173,7 @@ NoiseField::NoiseField(const MortonPoints& points, int threads, bool everywhere)
                        if (place_of(i / kStride) == i && seen[i / kStride] >= 0.0)
                          near.push_back(seen[i / kStride]);
                      });
-      const double here = median_of(near);
+      const double here = upper_median(near);
       if (here > kMoreByChance * median_) around_[k] = static_cast<float>(here);
     }
   });
@@ -285,7 +281,7 @@ InputQuality assess_input_quality(const MortonPoints& points, double noise, int 
   out.layered = static_cast<double>(apart.size()) / all;
   out.scattered = static_cast<double>(scattered) / all;
   if (apart.empty()) return out;
-  out.layer_distance_mm = median_of(apart);
+  out.layer_distance_mm = upper_median(std::move(apart));
   return out;
 }
 

@@ -46,11 +46,10 @@ void find_assigned_points(const MortonPoints& points, const QuadricPatch& p, std
 
 std::vector<PointPatches> assign_patches(const MortonPoints& points, std::span<const QuadricPatch> patches,
                                          int threads) {
-  std::vector<std::vector<Assignment>> found((patches.size() + kFollowGrain - 1) / kFollowGrain);
-  parallel_chunks(patches.size(), kFollowGrain, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k)
-      find_assigned_points(points, patches[k], static_cast<std::uint32_t>(k), found[begin / kFollowGrain]);
-  });
+  const auto found = parallel_parts<std::vector<Assignment>>(
+      patches.size(), kFollowGrain, threads, [&](std::size_t k, std::vector<Assignment>& mine) {
+        find_assigned_points(points, patches[k], static_cast<std::uint32_t>(k), mine);
+      });
   std::vector<PointPatches> out(points.size());
   for (const std::vector<Assignment>& chunk : found)
     for (Assignment f : chunk) {
@@ -63,13 +62,11 @@ std::vector<PointPatches> assign_patches(const MortonPoints& points, std::span<c
           if (f.patch == PointPatches::kNone) break;
         }
     }
-  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      float sum = 0.0f;
-      for (const float share : out[i].share) sum += share;
-      if (!(sum > 0.0f)) continue;
-      for (float& share : out[i].share) share /= sum;
-    }
+  parallel_each(points.size(), kPointsPerChunk, threads, [&](std::size_t i) {
+    float sum = 0.0f;
+    for (const float share : out[i].share) sum += share;
+    if (!(sum > 0.0f)) return;
+    for (float& share : out[i].share) share /= sum;
   });
   return out;
 }

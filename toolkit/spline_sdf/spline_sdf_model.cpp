@@ -11,6 +11,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
+#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/render/prepare.h"
 #include "toolkit/search/knn.h"
@@ -63,21 +64,19 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
     std::uint64_t code = 0;
     double points = 0.0, cubes = 0.0;  ///< sum over the points of each one's share of a cube
   };
-  std::vector<std::vector<Stay>> parts((points.size() + kPointsPerChunk - 1) / kPointsPerChunk);
   const Vec3 low = points.box_mm().low_mm;
-  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::vector<Stay>& stays = parts[begin / kPointsPerChunk];
+  const auto visit = [&](std::size_t begin, std::size_t end, std::vector<Stay>& left) {
     // The curve soon returns to a cube and adds to what is remembered.
     std::vector<Stay> last(std::size_t{1} << kLastCubeBits);
     const auto leave = [&](const Stay& stay) {
-      if (stay.points > 0.0) stays.push_back(stay);
+      if (stay.points > 0.0) left.push_back(stay);
     };
     for (std::size_t i = begin; i < end; ++i) {
       const Vec3 cube = (points[i] - low) / edge_mm;
       const std::uint64_t code =
           search::morton_code(static_cast<std::uint32_t>(cube.x()), static_cast<std::uint32_t>(cube.y()),
                               static_cast<std::uint32_t>(cube.z()));
-      Stay& stay = last[fibonacci_hash(code) >> (64 - kLastCubeBits)];
+      Stay& stay = last[(code * kGolden64) >> (64 - kLastCubeBits)];
       if (stay.code != code) {
         leave(stay);
         stay = {code};
@@ -88,9 +87,8 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
       stay.cubes -= 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges));
     }
     for (const Stay& stay : last) leave(stay);
-  });
-  std::vector<Stay> stays;
-  for (const std::vector<Stay>& part : parts) stays.insert(stays.end(), part.begin(), part.end());
+  };
+  std::vector<Stay> stays = parallel_list<Stay>(points.size(), kPointsPerChunk, threads, visit);
   std::uint64_t codes = 0;
   for (const Stay& stay : stays) codes |= stay.code;
   radix_sort(stays, static_cast<int>(std::bit_width(codes)), threads, [](const Stay& s) { return s.code; });
@@ -272,9 +270,7 @@ Status prepare_properties(const ModelInput& input, SplineSdfBody& body, const Pr
                           PrepareReport& report) {
   std::vector<std::uint32_t> order(input.cloud->size());
   std::iota(order.begin(), order.end(), 0u);
-  Result<SurfaceField> built = build_surface_field(input, order, report);
-  if (!built) return std::move(built).error();
-  body.surface = *std::move(built);
+  PALPATE_ASSIGN(body.surface, build_surface_field(input, order, report));
   if (body.surface.by_point.empty()) return Done{};
   PreparePhases phases(report, context);
   phases.begin("properties");
@@ -294,11 +290,10 @@ Status prepare_properties(const ModelInput& input, SplineSdfBody& body, const Pr
 
 Result<SplineSdfDecision> decide_spline_sdf(const ModelInput& input, const SplineSdfOptions& build,
                                             const PrepareContext& context) {
-  Result<SurfaceDecision> surface = decide_surface(input);
-  if (!surface) return std::move(surface).error();
+  PALPATE_ASSIGN(SurfaceDecision surface, decide_surface(input));
   const MortonPoints points(*input.cloud, context.threads);
   SplineSdfDecision out = measure(points, build, estimate_noise(points, context.threads), context.threads);
-  out.surface = *std::move(surface);
+  out.surface = std::move(surface);
   return out;
 }
 

@@ -69,49 +69,46 @@ PALPATE_AVX2 void add_wide(const Form& p, Sums& sums) noexcept {
 }  // namespace
 
 TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid& grid,
-                         const MortonCellTable& tiles, std::span<const std::uint64_t> codes, double voxel_mm,
-                         int threads) {
+                         const search::MortonCellTable& tiles, std::span<const std::uint64_t> codes,
+                         double voxel_mm, int threads) {
   const std::size_t count = codes.size();
   using Pair = std::pair<std::uint32_t, std::uint32_t>;  // tile, patch
-  std::vector<std::vector<Pair>> found((patches.size() + kScatterGrain - 1) / kScatterGrain);
   const double per = 1.0 / voxel_mm;
-  parallel_chunks(patches.size(), kScatterGrain, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const QuadricPatch& p = patches[k];
-      const Vec3 at = (p.quadric.at - grid.low_mm) * per;
-      const double reach = p.support * per + kTileReach, high = kFarthestNode + kTileReach;
-      Vec3 low, past;
-      for (Eigen::Index a = 0; a < 3; ++a) {
-        const double n = p.quadric.n[a];
-        const double extent = reach * std::sqrt(std::max(1.0 - n * n, 0.0)) + high * std::abs(n);
-        // The middle of tile t is at 4 t + 0.5.
-        low[a] = std::max(std::ceil((at[a] - extent - 0.5) / kTileNodes), 0.0);
-        past[a] = std::floor((at[a] + extent - 0.5) / kTileNodes);
-      }
-      const auto reaches = [&](const Vec3& tile) {
-        const Vec3 d = tile * kTileNodes + Vec3::Constant(0.5) - at;
-        const double h = d.dot(p.quadric.n);
-        return !(std::abs(h) > high || d.squaredNorm() - h * h > reach * reach);
-      };
-      std::vector<Pair>& mine = found[begin / kScatterGrain];
-      // A patch of coarse points may reach more tiles than exist.
-      if ((past - low + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
-        for (std::uint32_t tile = 0; tile < count; ++tile) {
-          const BrickGrid::Coordinate c = coordinate_of_code(codes[tile]);
-          if (reaches(Vec3(c[0], c[1], c[2]))) mine.push_back({tile, static_cast<std::uint32_t>(k)});
-        }
-        continue;
-      }
-      for (auto x = static_cast<std::int32_t>(low.x()); x <= static_cast<std::int32_t>(past.x()); ++x)
-        for (auto y = static_cast<std::int32_t>(low.y()); y <= static_cast<std::int32_t>(past.y()); ++y)
-          for (auto z = static_cast<std::int32_t>(low.z()); z <= static_cast<std::int32_t>(past.z()); ++z) {
-            if (!reaches(Vec3(x, y, z))) continue;
-            const std::uint32_t tile = tiles.find(search::morton_code(
-                static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
-            if (tile != MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
-          }
+  const auto scatter = [&](std::size_t k, std::vector<Pair>& mine) {
+    const QuadricPatch& p = patches[k];
+    const Vec3 at = (p.quadric.at - grid.low_mm) * per;
+    const double reach = p.support * per + kTileReach, high = kFarthestNode + kTileReach;
+    Vec3 low, past;
+    for (Eigen::Index a = 0; a < 3; ++a) {
+      const double n = p.quadric.n[a];
+      const double extent = reach * std::sqrt(std::max(1.0 - n * n, 0.0)) + high * std::abs(n);
+      // The middle of tile t is at 4 t + 0.5.
+      low[a] = std::max(std::ceil((at[a] - extent - 0.5) / kTileNodes), 0.0);
+      past[a] = std::floor((at[a] + extent - 0.5) / kTileNodes);
     }
-  });
+    const auto reaches = [&](const Vec3& tile) {
+      const Vec3 d = tile * kTileNodes + Vec3::Constant(0.5) - at;
+      const double h = d.dot(p.quadric.n);
+      return !(std::abs(h) > high || d.squaredNorm() - h * h > reach * reach);
+    };
+    // A patch of coarse points may reach more tiles than exist.
+    if ((past - low + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
+      for (std::uint32_t tile = 0; tile < count; ++tile) {
+        const BrickGrid::Coordinate c = search::coordinate_of_code(codes[tile]);
+        if (reaches(Vec3(c[0], c[1], c[2]))) mine.push_back({tile, static_cast<std::uint32_t>(k)});
+      }
+      return;
+    }
+    for (auto x = static_cast<std::int32_t>(low.x()); x <= static_cast<std::int32_t>(past.x()); ++x)
+      for (auto y = static_cast<std::int32_t>(low.y()); y <= static_cast<std::int32_t>(past.y()); ++y)
+        for (auto z = static_cast<std::int32_t>(low.z()); z <= static_cast<std::int32_t>(past.z()); ++z) {
+          if (!reaches(Vec3(x, y, z))) continue;
+          const std::uint32_t tile = tiles.find(search::morton_code(
+              static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
+          if (tile != search::MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
+        }
+  };
+  const auto found = parallel_parts<std::vector<Pair>>(patches.size(), kScatterGrain, threads, scatter);
   begin_.assign(count + 1, 0);
   for (const std::vector<Pair>& chunk : found)
     for (const Pair& pair : chunk) ++begin_[pair.first + 1];

@@ -30,8 +30,9 @@ using Tile = std::array<float, kTileCount>;
 class TilePatches {
  public:
   TilePatches() = default;
-  TilePatches(std::span<const QuadricPatch> patches, const BrickGrid& grid, const MortonCellTable& tiles,
-              std::span<const std::uint64_t> codes, double voxel_mm, int threads);
+  TilePatches(std::span<const QuadricPatch> patches, const BrickGrid& grid,
+              const search::MortonCellTable& tiles, std::span<const std::uint64_t> codes, double voxel_mm,
+              int threads);
   [[nodiscard]] std::span<const std::uint32_t> of(std::size_t tile) const noexcept {
     return {patch_.data() + begin_[tile], begin_[tile + 1] - begin_[tile]};
   }

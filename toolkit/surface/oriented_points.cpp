@@ -70,11 +70,9 @@ std::vector<Vec3> normals_of(std::span<const OrientedPoint> points) {
 
 void fit_planes(std::span<OrientedPoint> points, std::span<const search::Neighbours> neighbours,
                 int threads) {
-  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Vec3 normal;
-      points[i].normal = plane_normal(points, neighbours[i], i, normal) ? encode_normal(normal) : kNoNormal;
-    }
+  parallel_each(points.size(), kPointsPerChunk, threads, [&](std::size_t i) {
+    Vec3 normal;
+    points[i].normal = plane_normal(points, neighbours[i], i, normal) ? encode_normal(normal) : kNoNormal;
   });
 }
 
@@ -160,10 +158,9 @@ Sums& sums_of(std::vector<PieceSums>& pieces, std::uint32_t root) {
 
 std::vector<Vec3f> decode_all(std::span<const OrientedPoint> points, int threads) {
   std::vector<Vec3f> normals(points.size());
-  parallel_chunks(points.size(), kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      normals[i] = points[i].normal == kNoNormal ? Vec3f(Vec3f::Zero())
-                                                 : Vec3f(decode_normal(points[i].normal).cast<float>());
+  parallel_each(points.size(), kFirstRoundPoints, threads, [&](std::size_t i) {
+    normals[i] = points[i].normal == kNoNormal ? Vec3f(Vec3f::Zero())
+                                               : Vec3f(decode_normal(points[i].normal).cast<float>());
   });
   return normals;
 }

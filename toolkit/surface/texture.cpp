@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "toolkit/core/hash.h"
+
 namespace palpate::surface {
 namespace {
 
@@ -54,13 +56,7 @@ Wave wave(double x) noexcept {
 /// The steepest slope, at x^2 = 0.2535, where 120 x^4 - 204 x^2 + 44 = 0.
 constexpr double kSteepestWave = 1.5835;
 
-/// Phase of each wave: ten bits of the mixed seed (finaliser of splitmix64, Steele et al. 2014).
-std::uint64_t mixed(std::uint64_t seed) noexcept {
-  std::uint64_t h = seed + 0x9E3779B97F4A7C15u;
-  h = (h ^ (h >> 30)) * 0xBF58476D1CE4E5B9u;
-  h = (h ^ (h >> 27)) * 0x94D049BB133111EBu;
-  return h ^ (h >> 31);
-}
+/// Phase of each wave: ten bits of the mixed seed.
 constexpr int kPhaseBits = 10;
 
 /// Distance to the nearest integer; 0 where doubles have no fractions. Adding 2^52 rounds to integers like
@@ -73,7 +69,7 @@ double off_whole(double x) noexcept {
 Relief noise(const Texture& t, const Vec3& p) noexcept {
   const double per_mm = waves_per_mm(t);
   const Vec3 at = per_mm * p;
-  std::uint64_t bits = mixed(t.seed);
+  std::uint64_t bits = mixed64(t.seed + kGolden64);
   double value = 0.0;
   Vec3 slope = Vec3::Zero();
   for (const Vec3& direction : kWaveDirections) {

@@ -115,6 +115,25 @@ Status write_trace_csv(const ProbePath& path, const ForceTrace& trace, const std
   return write_file(file, {text.data(), text.size()});
 }
 
+namespace {
+
+/// A row's time, HIP, force, contact and god object, of which a row has `fields` in all.
+Status read_frame_row(const LineReader& reader, std::size_t fields, std::span<const double> v,
+                      ProbePath& path, render::Frame& frame) {
+  PALPATE_TRY(check_time(reader, path, v[0]));
+  PALPATE_TRY(reader.fits(path, fields * sizeof(double)));
+  if (v[7] != 0.0 && v[7] != 1.0) return reader.error("contact is neither 0 nor 1", "write 0 or 1");
+  path.t_s.push_back(v[0]);
+  path.hip_mm.emplace_back(v[1], v[2], v[3]);
+  frame.force_n = {v[4], v[5], v[6]};
+  frame.contact = v[7] == 1.0;
+  frame.god_object_mm = {v[8], v[9], v[10]};
+  frame.model = frame.contact ? 0 : -1;
+  return Done{};
+}
+
+}  // namespace
+
 Result<PathAndTrace> read_trace_csv(const std::string& file, std::uint64_t max_bytes) {
   PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   // Larger values are no frame times, and doubles no longer count them exactly: 2^53.
@@ -122,19 +141,10 @@ Result<PathAndTrace> read_trace_csv(const std::string& file, std::uint64_t max_b
   PathAndTrace both;
   both.path.name = file;
   const Status read = read_rows(reader, kTraceHeader, "", [&](std::span<const double> v) -> Status {
-    PALPATE_TRY(check_time(reader, both.path, v[0]));
-    PALPATE_TRY(reader.fits(both.path, kTraceFields * sizeof(double)));
-    if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
+    render::Frame& frame = both.trace.frames.emplace_back();
+    PALPATE_TRY(read_frame_row(reader, kTraceFields, v, both.path, frame));
     if (!(std::abs(v[11]) <= kLargestNs))
       return Status(reader.error("frame_ns is out of range", "write nanoseconds, 0 where not timed"));
-    both.path.t_s.push_back(v[0]);
-    both.path.hip_mm.emplace_back(v[1], v[2], v[3]);
-    render::Frame frame;
-    frame.force_n = {v[4], v[5], v[6]};
-    frame.contact = v[7] == 1.0;
-    frame.god_object_mm = {v[8], v[9], v[10]};
-    frame.model = frame.contact ? 0 : -1;
-    both.trace.frames.push_back(frame);
     both.trace.frame_ns.push_back(static_cast<std::int64_t>(v[11]));
     return Status(Done{});
   });
@@ -172,18 +182,10 @@ Result<PathAndReference> read_reference_csv(const std::string& file, std::uint64
   const char* const header = compared ? kComparedReferenceHeader : kReferenceHeader;
   both.path.name = file;
   const Status read = read_rows(reader, header, "", [&](std::span<const double> v) -> Status {
-    PALPATE_TRY(check_time(reader, both.path, v[0]));
-    PALPATE_TRY(reader.fits(both.path, kReferenceFields * sizeof(double)));
-    if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
+    TruthFrame& truth = both.reference.frames.emplace_back();
+    PALPATE_TRY(read_frame_row(reader, kReferenceFields, v, both.path, truth.frame));
     if (compared && v[16] != 0.0 && v[16] != 1.0)
       return Status(reader.error("history is neither 0 nor 1", "write 0 or 1"));
-    both.path.t_s.push_back(v[0]);
-    both.path.hip_mm.emplace_back(v[1], v[2], v[3]);
-    TruthFrame& truth = both.reference.frames.emplace_back();
-    truth.frame.force_n = {v[4], v[5], v[6]};
-    truth.frame.contact = v[7] == 1.0;
-    truth.frame.god_object_mm = {v[8], v[9], v[10]};
-    truth.frame.model = truth.frame.contact ? 0 : -1;
     truth.normal = {v[11], v[12], v[13]};
     truth.signed_distance_mm = v[14];
     truth.local_resolution_mm = v[15];

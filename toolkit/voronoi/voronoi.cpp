@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <exception>
-#include <numeric>
 #include <vector>
 
 #include <palpate/registry.h>
 #include <palpate/result.h>
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/knn_kernels.h"
@@ -50,12 +50,7 @@ Places places_of(const cloud::Cloud& cloud) {
   const auto at = [&](std::uint32_t i) { return std::array{cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]}; };
   Places places;
   std::vector<std::uint32_t>& order = places.members.values;
-  order.resize(cloud.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    const auto p = at(a), q = at(b);
-    return p != q ? p < q : a < b;
-  });
+  order = cloud::indices_by_place(cloud);
   places.of.resize(cloud.size());
   for (std::uint32_t k = 0; k < order.size(); ++k) {
     if (k == 0 || at(order[k]) != at(order[k - 1])) places.members.begin.push_back(k);
@@ -117,31 +112,28 @@ NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, co
                              int threads, VoronoiReport& report) {
   NeighbourTable table;
   table.of.resize(cloud.size());
-  std::vector<VoronoiReport> parts((cloud.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(cloud.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    VoronoiReport& part = parts[begin / kPointsPerChunk];
-    for (auto self = static_cast<std::uint32_t>(begin); self < end; ++self) {
-      const Vec3 p = cloud.local_mm(self);
-      search::NearestEight best;
-      std::size_t found = 0;
-      const auto offer = [&](std::uint32_t place) {
-        const auto first = places.members.first(place), last = places.members.last(place);
-        found += static_cast<std::size_t>(last - first);
-        for (auto m = first; m != last && m < first + kOfOnePlace; ++m)
-          if (*m != self) best.offer((cloud.local_mm(*m) - p).squaredNorm(), *m);
-      };
-      const std::uint32_t home = places.of[self];
-      offer(home);
-      --found;  // itself
-      for (const std::uint32_t other : natural.of(home)) offer(other);
-      best.store(self, table.of[self]);
-      part.more_than_eight += found > kNeighbours;
-      part.fewer_than_eight += found < kNeighbours;
-    }
-  });
+  const auto look = [&](std::size_t i, VoronoiReport& part) {
+    const auto self = static_cast<std::uint32_t>(i);
+    const Vec3 p = cloud.local_mm(self);
+    search::NearestEight best;
+    std::size_t found = 0;
+    const auto offer = [&](std::uint32_t place) {
+      const auto first = places.members.first(place), last = places.members.last(place);
+      found += static_cast<std::size_t>(last - first);
+      for (auto m = first; m != last && m < first + kOfOnePlace; ++m)
+        if (*m != self) best.offer((cloud.local_mm(*m) - p).squaredNorm(), *m);
+    };
+    const std::uint32_t home = places.of[self];
+    offer(home);
+    --found;  // itself
+    for (const std::uint32_t other : natural.of(home)) offer(other);
+    best.store(self, table.of[self]);
+    part.more_than_eight += found > kNeighbours;
+    part.fewer_than_eight += found < kNeighbours;
+  };
   report.places = places.size();
   report.natural = natural.ends.size() / 2;
-  for (const VoronoiReport& part : parts) {
+  for (const auto& part : parallel_parts<VoronoiReport>(cloud.size(), kPointsPerChunk, threads, look)) {
     report.more_than_eight += part.more_than_eight;
     report.fewer_than_eight += part.fewer_than_eight;
   }
