@@ -15,7 +15,8 @@
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/search/dynamic_partition.h"
+#include "toolkit/search/dynamic_grid.h"
+#include "toolkit/search/orthtree.h"
 
 namespace palpate::benchmarks {
 namespace {
@@ -143,7 +144,6 @@ void move(benchmark::State& state) {
     dented.push_back(static_cast<std::uint32_t>(points.size() - 1));
     start_mm.push_back(points.back().z());
   }
-  const auto at = [&](std::uint32_t place) { return points[place]; };
   double depth = 0.0, way = step_mm;
   std::int64_t moves = 0, changed = 0, refused = 0;
   for (auto _ : state) {
@@ -152,7 +152,7 @@ void move(benchmark::State& state) {
     for (std::size_t i = 0; i < dented.size(); ++i) {
       Vec3f to = points[dented[i]];
       to.z() = start_mm[i] - static_cast<float>(depth);
-      const MoveStatus status = partition.move(dented[i], to, at);
+      const MoveStatus status = partition.move(dented[i], points[dented[i]], to);
       changed += status == MoveStatus::kMoved;
       refused += status == MoveStatus::kFull;
       if (status != MoveStatus::kFull) points[dented[i]] = to;
@@ -182,18 +182,17 @@ void visit_corner_leaves(const Orthtree<kAxes>& tree, const Vec3& point_mm, doub
                          const Visit& visit) {
   const Vec3 half = Vec3::Constant(cutoff_mm / std::sqrt(static_cast<double>(kAxes)));
   const Vec3 low_mm = point_mm - half, high_mm = point_mm + half;
-  std::array<std::uint32_t, Orthtree<kAxes>::kChildren> seen{};
+  std::array<const TreeNode*, Orthtree<kAxes>::kChildren> seen{};
   std::size_t count = 0;
   for (std::uint32_t corner = 0; corner < seen.size(); ++corner) {
     Vec3 at = low_mm;
     for (int axis = 0; axis < kAxes; ++axis)
       if ((corner >> axis & 1u) != 0) at[axis] = high_mm[axis];
-    if (!tree.frame().template holds<kAxes>(at)) continue;
-    const std::uint32_t node = leaf_at<kAxes>(tree.nodes(), tree.frame(), at).node;
+    const TreeNode* leaf = tree.leaf_at(at);
     const auto end = seen.begin() + static_cast<std::ptrdiff_t>(count);
-    if (std::find(seen.begin(), end, node) != end) continue;
-    seen[count++] = node;
-    visit(IndexRange{tree.nodes()[node].begin, tree.nodes()[node].end});
+    if (leaf == nullptr || std::find(seen.begin(), end, leaf) != end) continue;
+    seen[count++] = leaf;
+    visit(IndexRange{leaf->begin, leaf->end});
   }
 }
 
@@ -249,8 +248,6 @@ BENCHMARK(build<UniformGrid>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
 BENCHMARK(build<Octree>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
 BENCHMARK(build<Quadtree3d>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
 BENCHMARK(build<DynamicGrid>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
-BENCHMARK(build<DynamicOctree>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
-BENCHMARK(build<DynamicQuadtree3d>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
 BENCHMARK(access<UniformGrid>) PALPATE_SIZES;
 BENCHMARK(access<Octree>) PALPATE_SIZES;
 BENCHMARK(access<Quadtree3d>) PALPATE_SIZES;
@@ -260,10 +257,8 @@ BENCHMARK(query<Quadtree3d, false>) PALPATE_SIZES_BY(50, 5000);
 BENCHMARK(query<UniformGrid, true>) PALPATE_SIZES_BY(50, 5000);
 BENCHMARK(query<Octree, true>) PALPATE_SIZES_BY(50, 5000);
 BENCHMARK(query<DynamicGrid, false>) PALPATE_SIZES_BY(50, 5000);
-BENCHMARK(query<DynamicOctree, false>) PALPATE_SIZES_BY(50, 5000);
+
 BENCHMARK(move<DynamicGrid>) PALPATE_SIZES_BY(50, 500);
-BENCHMARK(move<DynamicOctree>) PALPATE_SIZES_BY(50, 500);
-BENCHMARK(move<DynamicQuadtree3d>) PALPATE_SIZES_BY(50, 500);
 BENCHMARK(corners<Octree>)->ArgsProduct({{kSizes[1]}, {10, 20, 30, 50}})->Iterations(1);
 BENCHMARK(corners<Quadtree3d>)->ArgsProduct({{kSizes[1]}, {10, 20, 30, 50}})->Iterations(1);
 

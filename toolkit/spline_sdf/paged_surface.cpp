@@ -197,7 +197,7 @@ void PagedSurface::release(std::uint32_t tile) {
 }
 
 double PagedSurface::distance_to(TileKey node) const noexcept {
-  const BrickGrid::Coordinate cube = coordinate_of_code(node.code);
+  const BrickGrid::Coordinate cube = search::coordinate_of_code(node.code);
   const double edge = node_edge(grid_, node.depth);
   const Vec3 low = edge * Vec3(cube[0], cube[1], cube[2]), high = low + Vec3::Constant(edge);
   double least_sq = std::numeric_limits<double>::max();

@@ -8,6 +8,7 @@
 
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/render/prepare.h"
+#include "toolkit/spline_sdf/morton_points.h"
 
 namespace palpate::render {
 namespace {

@@ -28,7 +28,7 @@ bool code_of(const BrickGrid& grid, const Vec3& at, std::uint64_t& code) noexcep
 }
 
 BrickGrid::Coordinate cube_of(std::uint64_t code, int depth) noexcept {
-  return coordinate_of_code(code >> (3 * (search::kMortonBits - depth)));
+  return search::coordinate_of_code(code >> (3 * (search::kMortonBits - depth)));
 }
 
 std::uint64_t first_code_of(const BrickGrid& grid, const BrickGrid::BrickRef& place) noexcept {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <palpate/triple_buffer.h>
+#include "toolkit/core/hash.h"
 #include "toolkit/core/spsc_ring.h"
 #include "toolkit/spline_sdf/brick_tiles.h"
 
@@ -107,7 +108,7 @@ class TileWindow {
     std::uint32_t root = 0;
   };
   [[nodiscard]] std::size_t home(std::uint32_t tile) const noexcept {
-    return static_cast<std::size_t>(fibonacci_hash(tile) >> shift_);
+    return static_cast<std::size_t>((tile * kGolden64) >> shift_);
   }
   /// The tile's root group, or kForget if it is not here.
   [[nodiscard]] std::uint32_t root_of(std::uint32_t tile) const noexcept;

@@ -2,9 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #include "toolkit/core/random.h"
@@ -98,6 +100,22 @@ TEST(BroadPhase, MovedBoxesAreFoundWhereTheyAre) {
   expect_same(from_afar, boxes, Aabb{Vec3::Zero(), Vec3::Zero()}.grown(0.5), 32);
 }
 
+/// A query's result with its hits, at most `Most`.
+template <std::size_t Most>
+struct FoundBoxes {
+  std::array<BoxHit, Most> hit{};
+  BoxQuery query;
+  [[nodiscard]] std::span<const BoxHit> hits() const { return {hit.data(), query.hits}; }
+};
+
+/// Boxes within `reach` of a place along each axis.
+template <std::size_t Most>
+FoundBoxes<Most> found_near(const BroadPhase& phase, const Vec3& centre, double reach) {
+  FoundBoxes<Most> found;
+  found.query = phase.query(Aabb{centre, centre}.grown(reach), found.hit);
+  return found;
+}
+
 TEST(BroadPhase, OddBoxes) {
   const double nan = std::nan("");
   const Aabb here{Vec3(0, 0, 0), Vec3(1, 1, 1)};
@@ -109,27 +127,25 @@ TEST(BroadPhase, OddBoxes) {
                                    {Vec3(0.5, 0.5, 0.5), Vec3(0.5, 0.5, 0.5)},        // a point
                                    {Vec3(9, 9, 9), Vec3(10, 10, 10)}};
   const BroadPhase phase(boxes);
-  FoundBoxes<8> found;
-  phase.query(Vec3(0.5, 0.5, 0.5), 0.25, found);
+  auto found = found_near<8>(phase, Vec3(0.5, 0.5, 0.5), 0.25);
   std::vector<std::uint32_t> items;
   for (const BoxHit& hit : found.hits()) items.push_back(hit.item);
   EXPECT_EQ(items, (std::vector<std::uint32_t>{0, 3, 4, 5}));
-  phase.query(Vec3(nan, 0, 0), 1.0, found);
+  found = found_near<8>(phase, Vec3(nan, 0, 0), 1.0);
   EXPECT_EQ(found.query.hits, 0u);
-  phase.query(Vec3::Zero(), kInf, found);
+  found = found_near<8>(phase, Vec3::Zero(), kInf);
   EXPECT_EQ(found.query.hits, 5u) << "an infinite region meets all but the empty and the unknown";
 }
 
 TEST(BroadPhase, AThousandEqualBoxesAndNone) {
   const std::vector<Aabb> same(1000, Aabb{Vec3(1, 1, 1), Vec3(2, 2, 2)});
   const BroadPhase phase(same);
-  FoundBoxes<4> found;
-  phase.query(Vec3(1.5, 1.5, 1.5), 0.1, found);
+  auto found = found_near<4>(phase, Vec3(1.5, 1.5, 1.5), 0.1);
   EXPECT_EQ(found.query.hits, 4u);
   EXPECT_EQ(found.query.left_out, 996u);
   for (std::uint32_t i = 0; i < 4; ++i) EXPECT_EQ(found.hits()[i].item, i) << "ties go by number";
   const BroadPhase none{std::span<const Aabb>{}};
-  none.query(Vec3::Zero(), 1.0, found);
+  found = found_near<4>(none, Vec3::Zero(), 1.0);
   EXPECT_EQ(found.query.hits, 0u);
   EXPECT_EQ(BroadPhase().size(), 0u);
 }
@@ -138,9 +154,8 @@ TEST(BroadPhase, FewNodesAreVisitedWhereFewBoxesAreNear) {
   std::vector<Aabb> row;
   for (int i = 0; i < 1000; ++i) row.push_back(Aabb{Vec3(10.0 * i, 0, 0), Vec3(10.0 * i + 1.0, 1, 1)});
   const BroadPhase phase(row);
-  FoundBoxes<4> found;
   for (int i = 0; i < 1000; i += 37) {
-    phase.query(Vec3(10.0 * i + 0.5, 0.5, 0.5), 2.0, found);
+    const auto found = found_near<4>(phase, Vec3(10.0 * i + 0.5, 0.5, 0.5), 2.0);
     ASSERT_EQ(found.query.hits, 1u);
     EXPECT_LE(found.query.nodes, 2u * 11u) << "two nodes a level, and 1000 boxes have eleven levels";
   }

@@ -8,7 +8,7 @@
 
 #include "tests/toolkit/search/cases.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/search/dynamic_partition.h"
+#include "toolkit/search/dynamic_grid.h"
 #include "toolkit/search/point_search.h"
 
 namespace palpate::search {
@@ -16,7 +16,7 @@ namespace {
 
 template <class P>
 class EachMoving : public testing::Test {};
-using Moving = testing::Types<DynamicGrid, DynamicOctree, DynamicQuadtree3d>;
+using Moving = testing::Types<DynamicGrid>;
 TYPED_TEST_SUITE(EachMoving, Moving, PartitionNames);
 
 /// The owner of the points: stores floats by place, as a model does.
@@ -38,8 +38,7 @@ struct Model {
   Vec3 at(std::size_t place) const { return widened(points[place]); }
   MoveStatus move(std::uint32_t place, const Vec3& to) {
     const Vec3f stored = to.cast<float>();
-    const MoveStatus status =
-        partition.move(place, stored, [this](std::uint32_t other) { return points[other]; });
+    const MoveStatus status = partition.move(place, points[place], stored);
     if (status != MoveStatus::kFull) points[place] = stored;
     return status;
   }
@@ -174,7 +173,7 @@ TYPED_TEST(EachMoving, SaysWhenItIsFullAndStaysRight) {
     refused += model.move(place, widened(start[place])) == MoveStatus::kFull;
   EXPECT_EQ(refused, 0u);
   model.expect_right(random, "back");
-  EXPECT_GE(model.partition.spare_left() + 8, spare);  // a root keeps its size
+  EXPECT_EQ(model.partition.spare_left(), spare);
   const Vec3 before = model.at(0);
   for (const double far : {1e30, -1e30, std::numeric_limits<double>::quiet_NaN()}) {
     EXPECT_EQ(model.move(0, Vec3::Constant(far)), MoveStatus::kFull);
@@ -192,36 +191,6 @@ TYPED_TEST(EachMoving, ReachesFarFromWhereItWasBuilt) {
       ASSERT_NE(model.move(place, Vec3(far + 0.1 * place, -far, 0.5 * far)), MoveStatus::kFull) << far;
     model.expect_right(random, "far " + std::to_string(far));
   }
-}
-
-// Ten points a node holds for trees of moving points too, as long as there is room.
-template <class Tree>
-void expect_divided() {
-  const PartitionCase c{"sheet", 0.1, sheet(60, 60, 0.1, 2)};
-  Model<Tree> model(c, 4.0);
-  for (std::uint32_t place = 0; place < model.points.size(); ++place)
-    (void)model.move(place, 0.05 * model.at(place));
-  const LeafStatistics shape = model.partition.statistics();
-  // One division a move: a leaf whose points all go to one child waits for the next point.
-  EXPECT_LE(shape.max_points, 13u);
-  EXPECT_GT(shape.leaves, 360u);
-}
-TEST(DynamicOrthtree, DividesLeavesAsPointsCrowd) {
-  expect_divided<DynamicOctree>();
-  expect_divided<DynamicQuadtree3d>();
-}
-
-// "Deformation along the 3rd axis is inconsequential" to the quadtree (section 3.1.2.2).
-TEST(DynamicOrthtree, QuadtreeIgnoresMovesAlongItsHeight) {
-  const PartitionCase c{"sheet", 0.1, sheet(60, 60, 0.1, 2)};
-  Model<DynamicQuadtree3d> quadtree(c);
-  Model<DynamicOctree> octree(c);
-  std::size_t moved = 0;
-  for (std::uint32_t place = 0; place < quadtree.points.size(); ++place) {
-    EXPECT_EQ(quadtree.move(place, quadtree.at(place) + Vec3(0, 0, 5)), MoveStatus::kStays);
-    moved += octree.move(place, octree.at(place) + Vec3(0, 0, 5)) == MoveStatus::kMoved;
-  }
-  EXPECT_GT(moved, octree.points.size() / 2);
 }
 
 // The search for points around any place, against looking at every point.
