@@ -1,5 +1,4 @@
-// Which file may include which, found from the include lines. docs/how-to/change-palpate.md draws the same
-// picture for people.
+// Which file may include which, found from the include lines.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -290,25 +289,32 @@ TEST(IncludeEdges, TheTreeHasNoForbiddenOne) {
   EXPECT_GT(seen, 50u) << "too few include lines: is this the source tree?";
 }
 
+/// Names that a pattern's group finds between two marks of a text.
+std::vector<std::string> names_between(const std::string& text, const std::string& from,
+                                       const std::string& to, const std::regex& name) {
+  const std::size_t begin = text.find(from), end = text.find(to, begin);
+  if (begin == std::string::npos || end == std::string::npos) return {};
+  const std::string part = text.substr(begin, end - begin);
+  std::vector<std::string> names;
+  for (std::sregex_iterator it(part.begin(), part.end(), name), last; it != last; ++it)
+    names.push_back((*it)[1]);
+  return names;
+}
+
+TEST(IncludeEdges, ThePageDrawsTheSameLines) {
+  const std::string page = text_of("docs/how-to/change-palpate.md");
+  EXPECT_EQ(names_between(page, "core -> geometry", "```", std::regex("([a-z_]+)")),
+            std::vector<std::string>(kToolkitLine.begin(), kToolkitLine.end()));
+  EXPECT_EQ(names_between(page, "order: `interface`", ". In `experiments`", std::regex("`([a-z]+)`")),
+            std::vector<std::string>(kDeviceLine.begin(), kDeviceLine.end()));
+}
+
 TEST(IncludeEdges, LinesAreRead) {
   EXPECT_EQ(included_path("#include \"toolkit/core/vec.h\""), "toolkit/core/vec.h");
   EXPECT_EQ(included_path("  #  include   <CGAL/Surface_mesh.h>  // why"), "CGAL/Surface_mesh.h");
   EXPECT_EQ(included_path("#include <palpate/vec.h>"), "palpate/vec.h");
   EXPECT_EQ(included_path("// #include \"toolkit/core/vec.h\""), std::nullopt);
   EXPECT_EQ(included_path("#define INCLUDE 1"), std::nullopt);
-}
-
-// The code below "// First:" at a file's head, indented as in a function.
-std::string first_example(const std::vector<std::string>& lines) {
-  static const std::string kMark = "//   ";
-  std::string code;
-  bool inside = false;
-  for (const std::string& line : lines) {
-    if (inside && line != "//" && !line.starts_with(kMark)) break;
-    if (inside) code += line == "//" ? "\n" : "  " + line.substr(kMark.size()) + "\n";
-    if (line == "// First:") inside = true;
-  }
-  return code;
 }
 
 struct Edge {
@@ -427,20 +433,6 @@ TEST(PublicHeaders, LeaksAreFound) {
   EXPECT_EQ(leak("#include <Eigen/Core>"), "");
   EXPECT_EQ(leak("#include <vector>"), "");
   EXPECT_EQ(leak("// vectors"), "");
-}
-
-// A header's first example is compiled in public_examples.cpp, with no other header of ours.
-TEST(PublicHeaders, ShowAnExampleFirst) {
-  const std::string compiled = text_of("tests/house/public_examples.cpp");
-  const auto is_public = [](const std::string& file) { return !public_name(file).empty(); };
-  EXPECT_EQ(findings_over(is_public,
-                          [&](const std::string& file, const auto& lines) {
-                            const std::string code = first_example(lines);
-                            return !code.empty() && compiled.find(code) != std::string::npos
-                                       ? std::string()
-                                       : file + " shows no example of public_examples.cpp\n";
-                          }),
-            "");
 }
 
 }  // namespace
