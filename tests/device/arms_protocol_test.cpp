@@ -235,9 +235,7 @@ TEST(ArmDescription, TheUsersOwnStandForThoseBuiltIn) {
 }
 
 TEST(OpenDevicesFuzz, TheCorpusAndManyOthersPass) {
-  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/open_devices");
-  EXPECT_GE(corpus.size(), 6u);
-  for (const auto& bytes : corpus) EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0);
+  expect_corpus_passes(&LLVMFuzzerTestOneInput, PALPATE_SOURCE_ROOT "/tests/corpus/open_devices", 6);
   Random random(41);
   const std::string kinds = "abcspd";
   const std::string line = "[1,10,20,30,0,0,0,0]\n";

@@ -271,15 +271,6 @@ TEST(GovernorLatch, TheFirstFaultStaysUntilArmed) {
   EXPECT_EQ(g.fault(), Fault::kNone);
 }
 
-TEST(GovernorLatch, GarbledPacketsAreAFault) {
-  ForceGovernor g = made();
-  const double t = rest(g, Vec3::Zero(), Vec3{1, 0, 0});
-  DeviceState state = fresh(Vec3::Zero());
-  state.status = ReadStatus::kGarbled;
-  EXPECT_EQ(g.govern(t + kPeriod1kS, state, Vec3{1, 0, 0}).newtons(), Vec3::Zero());
-  EXPECT_EQ(g.fault(), Fault::kGarbled);
-}
-
 TEST(SurfaceFits, NamesTheLimitThatAScaledSurfaceBreaks) {
   DeviceLimits limits = arm_limits();
   EXPECT_TRUE(surface_fits(limits, 100.0, 100.0).ok()) << "limits that nobody knows limit nothing";
