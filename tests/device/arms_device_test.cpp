@@ -2,10 +2,7 @@
 // and arms that lie.
 #include "device/arms/arm_device.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
-#include <memory>
 
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
@@ -352,7 +349,6 @@ TEST(ArmDevice, TornLinesAreWhole) {
   EXPECT_EQ(rig.device->counters().reports, 2u);
 }
 
-/// A whole loop: whatever the arm says, through the governor, what goes out is zero from the second frame on.
 TEST(ArmDevice, LiesNeverGetForceThrough) {
   using Lie = std::function<void(ArmRig&, int)>;
   const std::vector<std::pair<const char*, Lie>> lies = {

@@ -1,14 +1,10 @@
 // What arms say and hear, to the byte; what is no report; description files and their errors.
-#include <gtest/gtest.h>
 #include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <numbers>
-#include <string>
 
 #include "device/arms/arm_description.h"
 #include "tests/device/helpers.h"

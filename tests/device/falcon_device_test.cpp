@@ -1,16 +1,10 @@
 // The Falcon's set-up and the device over it, against a simulated Falcon on virtual time, with the real
 // governor and servo: no frame with force follows a fault.
-#include <gtest/gtest.h>
 
-#include <memory>
-#include <string>
-#include <utility>
-#include <vector>
-
+#include "device/falcon/falcon_device.h"
 #include <palpate/clock.h>
 #include <palpate/device/servo.h>
 #include <palpate/device/watchdog.h>
-#include "device/falcon/falcon_device.h"
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/device/mock/falcon_link.h"

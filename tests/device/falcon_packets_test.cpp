@@ -1,21 +1,15 @@
 // The Falcon's packets, its firmware files, and SHA-256.
 #include "device/falcon/falcon_packets.h"
 
-#include <gtest/gtest.h>
 #include <Eigen/LU>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <initializer_list>
 #include <limits>
 #include <numbers>
-#include <string>
-#include <vector>
 
 #include "device/falcon/falcon_boot.h"
 #include "device/falcon/falcon_device.h"

@@ -1,9 +1,6 @@
 // The governor alone, on times given by hand.
 #include <palpate/device/force_governor.h>
 
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <limits>
 #include <type_traits>
 

@@ -1,5 +1,4 @@
 // What the governor does with places, speeds, homing and rates; the rest is in force_governor_test.cpp.
-#include <gtest/gtest.h>
 
 #include <cmath>
 

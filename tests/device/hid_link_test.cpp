@@ -3,14 +3,9 @@
 // --soak=SECONDS: only measures round trips at 1 kHz, over hidraw and over a pseudo-terminal, as JSON.
 #include "device/links/hid_link.h"
 
-#include <gtest/gtest.h>
-
 #include <array>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <string>
-#include <thread>
 
 #include "device/arms/arm_device.h"
 #include "device/links/tty_link.h"

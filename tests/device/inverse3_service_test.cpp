@@ -1,18 +1,13 @@
 // The Inverse3 over real sockets and the real library, against a service that pretends. Nothing here is asked
 // to happen within a time of its own: what is waited for comes, or the test fails after a long patience.
-#include <gtest/gtest.h>
 #include <libwebsockets.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <cstdint>
 #include <cstring>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <thread>
-#include <vector>
 
 #include <palpate/device/force_governor.h>
 #include "device/haply/inverse3_device.h"

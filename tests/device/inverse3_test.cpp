@@ -1,8 +1,6 @@
 // The Inverse3 without a service: texts, and the device over a pretended connection.
 #include "device/haply/inverse3_device.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <nlohmann/json.hpp>
 

@@ -1,13 +1,9 @@
 // Packets, the simulated link and the device over it.
 #include "device/simulated/packet_device.h"
 
-#include <gtest/gtest.h>
-
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <utility>
-#include <vector>
 
 #include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_link.h"

@@ -1,14 +1,7 @@
 // Haply's 2DIY: kinematics, bytes, and zero torque on every path, since its board holds the last one.
 #include "device/haply/planar_device.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <memory>
 #include <numbers>
-#include <utility>
 
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"

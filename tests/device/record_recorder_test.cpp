@@ -1,13 +1,8 @@
 // The recorder while the loop runs: it never waits, and counts what it loses.
 #include <sys/resource.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include <atomic>
-#include <chrono>
 #include <csignal>
-#include <filesystem>
-#include <thread>
 
 #include <palpate/clock.h>
 #include "tests/device/helpers.h"

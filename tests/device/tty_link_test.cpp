@@ -1,21 +1,10 @@
 // The serial link over a pseudo-terminal, and the hand-over of commands between threads.
 #include "device/links/tty_link.h"
 
-#include <fcntl.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include <algorithm>
-#include <array>
-#include <atomic>
-#include <chrono>
-#include <cstring>
-#include <filesystem>
-#include <mutex>
 #include <set>
-#include <thread>
 
 #include <palpate/device/guard.h>
 #include "device/arms/arm_device.h"

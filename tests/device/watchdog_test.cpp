@@ -2,20 +2,15 @@
 // but what no load can change.
 #include <palpate/device/watchdog.h>
 
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
 #include <cctype>
-#include <chrono>
 #include <cmath>
 #include <csignal>
-#include <memory>
 #include <new>
 #include <optional>
-#include <string>
-#include <thread>
 
 #include <palpate/clock.h>
 #include <palpate/device/guard.h>

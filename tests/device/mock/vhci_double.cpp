@@ -13,18 +13,13 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <deque>
-#include <fstream>
 #include <mutex>
 #include <span>
 #include <sstream>
-#include <string>
-#include <thread>
 #include <utility>
-#include <vector>
 
 #include <palpate/clock.h>
 #include "device/links/usb_link.h"
