@@ -1,12 +1,7 @@
 // The folder of results: whose it is, which files in it are ours, and what stays of an interrupted run.
 #include "experiments/study/output_folder.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
-#include <cmath>
-#include <functional>
-#include <limits>
 
 #include <palpate/generate.h>
 #include <palpate/paths.h>

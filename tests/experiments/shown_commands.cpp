@@ -1,8 +1,6 @@
 #include "tests/experiments/shown_commands.h"
 
 #include <algorithm>
-#include <cctype>
-#include <filesystem>
 #include <optional>
 #include <regex>
 #include <set>
