@@ -1,14 +1,10 @@
 // What arms say and hear, to the byte; what is no report; description files and their errors.
-#include <gtest/gtest.h>
 #include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <numbers>
-#include <string>
 
 #include "device/arms/arm_description.h"
 #include "tests/device/helpers.h"
@@ -235,9 +231,7 @@ TEST(ArmDescription, TheUsersOwnStandForThoseBuiltIn) {
 }
 
 TEST(OpenDevicesFuzz, TheCorpusAndManyOthersPass) {
-  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/open_devices");
-  EXPECT_GE(corpus.size(), 6u);
-  for (const auto& bytes : corpus) EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0);
+  expect_corpus_passes(&LLVMFuzzerTestOneInput, PALPATE_SOURCE_ROOT "/tests/corpus/open_devices", 6);
   Random random(41);
   const std::string kinds = "abcspd";
   const std::string line = "[1,10,20,30,0,0,0,0]\n";

@@ -1,21 +1,15 @@
 // The Falcon's packets, its firmware files, and SHA-256.
 #include "device/falcon/falcon_packets.h"
 
-#include <gtest/gtest.h>
 #include <Eigen/LU>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <initializer_list>
 #include <limits>
 #include <numbers>
-#include <string>
-#include <vector>
 
 #include "device/falcon/falcon_boot.h"
 #include "device/falcon/falcon_device.h"
@@ -104,23 +98,7 @@ FalconReply any_reply(Random& random) {
 }
 
 TEST(FalconReader, FindsEveryReplyHoweverTheStreamIsTornAndDirty) {
-  Random random(11);
-  for (int run = 0; run < 200; ++run) {
-    FalconReader reader;
-    std::vector<FalconReply> sent, got;
-    std::vector<std::uint8_t> stream;
-    for (int i = 0; i < 20; ++i) {
-      for (std::size_t k = random.below(20); k > 0; --k)
-        stream.push_back(static_cast<std::uint8_t>(random.below('<')));
-      sent.push_back(any_reply(random));
-      const FalconBytes bytes = encoded(sent.back());
-      stream.insert(stream.end(), bytes.begin(), bytes.end());
-    }
-    for (const std::uint8_t byte : stream)
-      if (const auto reply = reader.take(byte)) got.push_back(*reply);
-    ASSERT_EQ(got, sent) << "seed 11, run " << run;
-    ASSERT_EQ(reader.malformed(), 0u);
-  }
+  expect_found_in_dirt<FalconReader>('<', any_reply);
 }
 
 TEST(FalconReader, AReplyBehindATornOneIsFoundAndTheDamageCounted) {
@@ -233,22 +211,11 @@ TEST_F(FirmwareFolder, PlacesComeFromTheEnvironment) {
   before.empty() ? ::unsetenv("XDG_DATA_HOME") : ::setenv("XDG_DATA_HOME", before.c_str(), 1);
 }
 
-// The fuzz target aborts where something is wrong.
 TEST(FalconFuzz, TheCorpusIsRead) {
-  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/falcon");
-  EXPECT_GE(corpus.size(), 8u);
-  for (const auto& bytes : corpus) EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0);
+  expect_corpus_passes(&LLVMFuzzerTestOneInput, PALPATE_SOURCE_ROOT "/tests/corpus/falcon", 8);
   Random random(17);
   for (int run = 0; run < 2000; ++run) {
-    // Mostly starts, replies and torn ones: plain noise holds none.
-    std::vector<std::uint8_t> stream;
-    while (stream.size() < 100) {
-      const FalconBytes bytes = encoded(any_reply(random));
-      const std::size_t from = random.below(3) == 0 ? random.below(kFalconPacketBytes) : 0;
-      const std::size_t to = random.below(3) == 0 ? random.below(kFalconPacketBytes + 1) : kFalconPacketBytes;
-      for (std::size_t i = from; i < to; ++i) stream.push_back(bytes[i]);
-      if (random.below(4) == 0) stream.push_back('<');
-    }
+    const std::vector<std::uint8_t> stream = torn_stream(random, '<', any_reply);
     ASSERT_EQ(LLVMFuzzerTestOneInput(stream.data(), stream.size()), 0) << "seed 17, run " << run;
   }
 }

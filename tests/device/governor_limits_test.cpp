@@ -1,5 +1,4 @@
 // What the governor does with places, speeds, homing and rates; the rest is in force_governor_test.cpp.
-#include <gtest/gtest.h>
 
 #include <cmath>
 
@@ -269,15 +268,6 @@ TEST(GovernorLatch, TheFirstFaultStaysUntilArmed) {
   EXPECT_EQ(g.govern(t + kPeriod1kS, fresh(Vec3::Zero()), Vec3{1, 0, 0}).newtons(), Vec3::Zero());
   g.arm(t + 2 * kPeriod1kS);
   EXPECT_EQ(g.fault(), Fault::kNone);
-}
-
-TEST(GovernorLatch, GarbledPacketsAreAFault) {
-  ForceGovernor g = made();
-  const double t = rest(g, Vec3::Zero(), Vec3{1, 0, 0});
-  DeviceState state = fresh(Vec3::Zero());
-  state.status = ReadStatus::kGarbled;
-  EXPECT_EQ(g.govern(t + kPeriod1kS, state, Vec3{1, 0, 0}).newtons(), Vec3::Zero());
-  EXPECT_EQ(g.fault(), Fault::kGarbled);
 }
 
 TEST(SurfaceFits, NamesTheLimitThatAScaledSurfaceBreaks) {

@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -18,6 +17,7 @@
 #include <palpate/clock.h>
 #include <palpate/device/drivers.h>
 #include <palpate/device/force_governor.h>
+#include "toolkit/core/random.h"
 
 namespace palpate::device {
 
@@ -86,6 +86,51 @@ template <class Answer>
     all.emplace_back(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
   }
   return all;
+}
+
+/// Runs a fuzz target, which aborts where something is wrong, over a corpus of at least so many files.
+inline void expect_corpus_passes(int (*target)(const std::uint8_t*, std::size_t), const std::string& folder,
+                                 std::size_t least) {
+  const auto corpus = corpus_of(folder);
+  EXPECT_GE(corpus.size(), least);
+  for (const auto& bytes : corpus) EXPECT_EQ(target(bytes.data(), bytes.size()), 0);
+}
+
+/// A stream of starts, packets and torn ones: plain noise holds none. `any` makes a packet.
+template <class AnyPacket>
+std::vector<std::uint8_t> torn_stream(Random& random, std::uint8_t start, const AnyPacket& any) {
+  std::vector<std::uint8_t> stream;
+  while (stream.size() < 100) {
+    const auto bytes = encoded(any(random));
+    const std::size_t from = random.below(3) == 0 ? random.below(bytes.size()) : 0;
+    const std::size_t to = random.below(3) == 0 ? random.below(bytes.size() + 1) : bytes.size();
+    for (std::size_t i = from; i < to; ++i) stream.push_back(bytes[i]);
+    if (random.below(4) == 0) stream.push_back(start);
+  }
+  return stream;
+}
+
+/// A reader finds every packet between dirt without a start: a false start may swallow what follows it, as it
+/// must.
+template <class Reader, class AnyPacket>
+void expect_found_in_dirt(std::uint8_t start, const AnyPacket& any) {
+  Random random(11);
+  for (int run = 0; run < 200; ++run) {
+    Reader reader;
+    std::vector<decltype(any(random))> sent, got;
+    std::vector<std::uint8_t> stream;
+    for (int i = 0; i < 20; ++i) {
+      for (std::size_t k = random.below(20); k > 0; --k)
+        stream.push_back(static_cast<std::uint8_t>(random.below(start)));
+      sent.push_back(any(random));
+      const auto bytes = encoded(sent.back());
+      stream.insert(stream.end(), bytes.begin(), bytes.end());
+    }
+    for (const std::uint8_t byte : stream)
+      if (const auto packet = reader.take(byte)) got.push_back(*packet);
+    ASSERT_EQ(got, sent) << "seed 11, run " << run;
+    ASSERT_EQ(reader.malformed(), 0u);
+  }
 }
 
 }  // namespace palpate::device

@@ -1,19 +1,9 @@
 // What goes wrong between a servo and a device over the real hidapi, a pseudo-terminal and UDP sockets. See
 // docs/results/hands-and-loops.md for the table.
 #include <arpa/inet.h>
-#include <fcntl.h>
-#include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
-
-#include <atomic>
-#include <chrono>
-#include <fstream>
-#include <iterator>
-#include <mutex>
-#include <thread>
 
 #include "device/arms/arm_device.h"
 #include "device/bridge/bridge_server.h"
@@ -234,7 +224,6 @@ TEST(TextArm, HalfACommandDoesNotSpoilTheGuardsZero) {
   EXPECT_TRUE(is_zero()) << last;
 }
 
-// The page names what is tested here, each fault on each link.
 TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {
   std::ifstream file(PALPATE_SOURCE_ROOT "/docs/results/hands-and-loops.md");
   const std::string page{std::istreambuf_iterator<char>(file), {}};

@@ -3,14 +3,9 @@
 // --soak=SECONDS: only measures round trips at 1 kHz, over hidraw and over a pseudo-terminal, as JSON.
 #include "device/links/hid_link.h"
 
-#include <gtest/gtest.h>
-
 #include <array>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <string>
-#include <thread>
 
 #include "device/arms/arm_device.h"
 #include "device/links/tty_link.h"
@@ -51,15 +46,17 @@ class Report14Board {
   std::atomic<bool> pressed{false};
 };
 
+const HidrawIdentity kCompact = {.vendor = 0x256f,
+                                 .product = 0xc635,
+                                 .usage_page = 1,
+                                 .usage = 8,
+                                 .serial = "",
+                                 .product_name = "SpaceMouse Compact",
+                                 .numbered = true};
+
 TEST(HidLink, FindsByIdUsageSerialAndPath) {
   HidrawDouble arm({}), other({.serial = "two"});
-  HidrawDouble mouse({.vendor = 0x256f,
-                      .product = 0xc635,
-                      .usage_page = 1,
-                      .usage = 8,
-                      .serial = "",
-                      .product_name = "SpaceMouse Compact",
-                      .numbered = true});
+  HidrawDouble mouse(kCompact);
   HidrawDouble keyboard({.vendor = 0x256f, .product = 0xc664, .usage_page = 1, .usage = 6, .serial = ""});
   EXPECT_EQ(hid_devices().size(), 4u);
   EXPECT_EQ(hid_devices({0x1234, 0x0006}).size(), 2u);
@@ -217,13 +214,7 @@ TEST(HidArm, SilenceAndShortReportsOverTheRealLibrary) {
 }
 
 TEST(HidSpaceMouse, MovesOverTheRealLibrary) {
-  HidrawDouble usb({.vendor = 0x256f,
-                    .product = 0xc635,
-                    .usage_page = 1,
-                    .usage = 8,
-                    .serial = "",
-                    .product_name = "SpaceMouse Compact",
-                    .numbered = true});
+  HidrawDouble usb(kCompact);
   const MonotonicClock clock;
   auto made = driver_of(&register_spacemouse_driver, "spacemouse").make({"spacemouse", {}, {}}, clock);
   ASSERT_TRUE(made) << made.error().message();

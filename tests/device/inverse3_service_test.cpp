@@ -1,18 +1,13 @@
 // The Inverse3 over real sockets and the real library, against a service that pretends. Nothing here is asked
 // to happen within a time of its own: what is waited for comes, or the test fails after a long patience.
-#include <gtest/gtest.h>
 #include <libwebsockets.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <cstdint>
 #include <cstring>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <thread>
-#include <vector>
 
 #include <palpate/device/force_governor.h>
 #include "device/haply/inverse3_device.h"
@@ -188,6 +183,14 @@ struct ServiceRig {
     device->send(governor->govern(clock.now_s(), last, wanted_n));
     ::usleep(500);
   }
+  /// Frames with this force wanted until it is so.
+  template <class Condition>
+  bool felt_until(const Vec3& wanted_n, const Condition& seen) {
+    return comes([&] {
+      frame(wanted_n);
+      return seen();
+    });
+  }
   void arm() {
     governor.emplace(ForceGovernor::create(device->limits(), patient_governor()).value());
     governor->arm(clock.now_s());
@@ -208,21 +211,13 @@ TEST(Inverse3Service, IsFeltAndLetGo) {
   EXPECT_EQ(requests[0], R"(POST /inverse3/049D/config/torque_scaling {"enabled":true})");
   EXPECT_EQ(requests[1], "GET /inverse3/049D/config/torque_scaling");
   rig.arm();
-  EXPECT_TRUE(comes([&] {
-    rig.frame(Vec3{0.5, 0, -0.25});
-    return (rig.service->held_n() - Vec3{0.5, 0, -0.25}).norm() < 1e-4;
-  }));
+  const Vec3 wanted_n{0.5, 0, -0.25};
+  EXPECT_TRUE(rig.felt_until(wanted_n, [&] { return (rig.service->held_n() - wanted_n).norm() < 1e-4; }));
   EXPECT_LT((rig.last.position_mm - Vec3{1, 0, 0}).norm(), 1e-9);
-  EXPECT_TRUE(comes([&] {
-    rig.frame(Vec3{0.5, 0, -0.25});
-    return rig.service->commands() > 10;
-  }));
+  EXPECT_TRUE(rig.felt_until(wanted_n, [&] { return rig.service->commands() > 10; }));
   EXPECT_TRUE(rig.device->cut_force());
   EXPECT_TRUE(comes([&] { return rig.service->held_n().isZero(0.0); })) << "from any thread";
-  EXPECT_TRUE(comes([&] {
-    rig.frame(Vec3{0.5, 0, -0.25});
-    return !rig.service->held_n().isZero(0.0);
-  }));
+  EXPECT_TRUE(rig.felt_until(wanted_n, [&] { return !rig.service->held_n().isZero(0.0); }));
   rig.device->close();
   EXPECT_TRUE(comes([&] { return rig.service->held_n().isZero(0.0); })) << "closing lets go";
 }
@@ -252,10 +247,7 @@ TEST(Inverse3Service, EveryFaultInASessionIsSeen) {
   ASSERT_TRUE(rig.device->open());
   rig.arm();
   const auto comes_to_read = [&](ReadStatus status) {
-    return comes([&] {
-      rig.frame(Vec3::Zero());
-      return rig.last.status == status;
-    });
+    return rig.felt_until(Vec3::Zero(), [&] { return rig.last.status == status; });
   };
   EXPECT_TRUE(comes_to_read(ReadStatus::kFresh));
   rig.service->set_mood(Mood::kGarbage);
@@ -289,10 +281,7 @@ TEST(Inverse3Service, TheGuardsHandleOfItsOwnLetsGo) {
   ServiceRig rig;
   ASSERT_TRUE(rig.device->open());
   rig.arm();
-  EXPECT_TRUE(comes([&] {
-    rig.frame(Vec3{0.5, 0, 0});
-    return rig.service->held_n().x() > 0.4;
-  }));
+  EXPECT_TRUE(rig.felt_until(Vec3{0.5, 0, 0}, [&] { return rig.service->held_n().x() > 0.4; }));
   const auto made =
       driver_of(&register_inverse3_driver, "inverse3")
           .make({"inverse3", {}, {{"service", "127.0.0.1:" + std::to_string(rig.service->port())}}},

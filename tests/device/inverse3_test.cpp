@@ -1,8 +1,6 @@
 // The Inverse3 without a service: texts, and the device over a pretended connection.
 #include "device/haply/inverse3_device.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -254,9 +252,7 @@ TEST(Inverse3Driver, ReadsItsOptionsAndRefusesOthers) {
 }
 
 TEST(Inverse3Fuzz, TheCorpusIsRead) {
-  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/inverse3");
-  EXPECT_GE(corpus.size(), 10u);
-  for (const auto& bytes : corpus) EXPECT_EQ(palpate_fuzz_inverse3(bytes.data(), bytes.size()), 0);
+  expect_corpus_passes(&palpate_fuzz_inverse3, PALPATE_SOURCE_ROOT "/tests/corpus/inverse3", 10);
   Random random(23);
   const std::string whole = state_text("049D", 0.01, -0.1, 0.25);
   for (int run = 0; run < 3000; ++run) {

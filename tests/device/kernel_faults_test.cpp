@@ -4,12 +4,8 @@
 //
 //   test_kernel --faults RUNS FILE.json     the rows of docs/results/hands-and-loops.md, in real time
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <cstdio>
-#include <memory>
-#include <string>
-#include <vector>
 
 #include "device/links/usb_link.h"
 #include "tests/device/helpers.h"
@@ -40,7 +36,6 @@ TEST_P(KernelLinkFaults, OverHidEndInZero) {
 }
 INSTANTIATE_TEST_SUITE_P(Each, KernelLinkFaults, testing::Range(0, kLinkWrongs));
 
-// The made-up image, byte for byte through the kernel's queues.
 TEST(KernelFalcon, LoadsFirmware) {
   FalconBoard board;
   VhciDouble usb(board);

@@ -8,12 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <limits>
 #include <map>
-#include <optional>
 #include <thread>
 
 #include <palpate/clock.h>

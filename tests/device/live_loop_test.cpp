@@ -1,11 +1,7 @@
 // When one renderer may take over from another, where the scene stands, what buttons ask for.
-#include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 #include <numbers>
-#include <thread>
-#include <vector>
 
 #include "device/live/hand_controls.h"
 #include "device/live/switch_rules.h"

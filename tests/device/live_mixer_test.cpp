@@ -14,6 +14,15 @@
 namespace palpate::device {
 namespace {
 
+/// Came from above, and has been at rest a millimetre deep for long.
+struct Touching : TwoPlanes {
+  explicit Touching(SwitchRule rule = SwitchRule::kContactElseWait) : TwoPlanes(bench_options(rule)) {
+    begin(1.0);
+    rest(1.0, 5);
+    rest(-1.0, 200);
+  }
+};
+
 TEST(Mixer, TheFirstIsFeltAndAllFollow) {
   TwoPlanes rig(bench_options());
   rig.begin(1.0);
@@ -39,9 +48,7 @@ TEST(Mixer, InFreeSpaceItSwapsAtOnce) {
 }
 
 TEST(Mixer, InContactItFadesAndTheForceNeverSteps) {
-  TwoPlanes rig(bench_options());
-  rig.begin(1.0);
-  rig.rest(-1.0, 200);
+  Touching rig;
   rig.ask(1);
   double last = rig.step(-1.0).force_n.z();
   EXPECT_EQ(rig.mixer.last().decision, MixDecision::kFadeBegun);
@@ -118,9 +125,7 @@ TEST(Mixer, ReasonsOfContactAndSpeed) {
 }
 
 TEST(Mixer, StudiesWaitForFreeSpaceAlone) {
-  TwoPlanes rig(bench_options(SwitchRule::kFreeSpace));
-  rig.begin(1.0);
-  rig.rest(-1.0, 200);
+  Touching rig(SwitchRule::kFreeSpace);
   rig.ask(1);
   rig.rest(-1.0, 300);
   EXPECT_EQ(rig.mixer.last().state, MixState::kWaiting);
@@ -130,9 +135,7 @@ TEST(Mixer, StudiesWaitForFreeSpaceAlone) {
 }
 
 TEST(Mixer, OneRequestIsQueuedDuringAFade) {
-  TwoPlanes rig(bench_options());
-  rig.begin(1.0);
-  rig.rest(-1.0, 200);
+  Touching rig;
   rig.ask(1);
   rig.step(-1.0);
   rig.ask(0);
@@ -168,9 +171,7 @@ TEST(Mixer, WhatCannotBeAskedForIsRefused) {
 }
 
 TEST(Mixer, AStandbyThatAnswersNoNumberIsNeverFadedTo) {
-  TwoPlanes rig(bench_options());
-  rig.begin(1.0);
-  rig.rest(-1.0, 200);
+  Touching rig;
   rig.b->broken = true;
   EXPECT_DOUBLE_EQ(rig.step(-1.0).force_n.z(), 0.5) << "nobody feels it";
   EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kNonFinite);
@@ -188,10 +189,7 @@ TEST(Mixer, AStandbyThatAnswersNoNumberIsNeverFadedTo) {
 
 TEST(Mixer, AFaultInAFadeEndsInZeroAndGoesOnWithWhoIsHealthy) {
   for (const bool old_one : {true, false}) {
-    TwoPlanes rig(bench_options());
-    rig.begin(1.0);
-    rig.rest(1.0, 5);
-    rig.rest(-1.0, 200);
+    Touching rig;
     rig.ask(1);
     rig.rest(-1.0, 50);
     ASSERT_EQ(rig.mixer.last().state, MixState::kFading);
@@ -208,10 +206,7 @@ TEST(Mixer, AFaultInAFadeEndsInZeroAndGoesOnWithWhoIsHealthy) {
 }
 
 TEST(Mixer, LettingGoEndsAFadeWhereItBegan) {
-  TwoPlanes rig(bench_options());
-  rig.begin(1.0);
-  rig.rest(1.0, 5);
-  rig.rest(-1.0, 200);
+  Touching rig;
   rig.ask(1);
   rig.rest(-1.0, 60);
   rig.mixer.release_contact(Vec3(0.0, 0.0, 1.0));

@@ -1,10 +1,7 @@
 // Requests over the network: what is understood, and that nothing else is.
-#include <gtest/gtest.h>
 
 #include <bit>
 #include <limits>
-#include <string>
-#include <vector>
 
 #include "device/live/remote_command.h"
 #include "tests/device/helpers.h"

@@ -5,22 +5,16 @@
 
 #include <palpate/clock.h>
 #include "device/live/mixer.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {
 
 /// The half space below z = height, a spring.
-class HighPlane final : public render::HapticRenderer {
+class HighPlane final : public render::SceneFreeRenderer {
  public:
   HighPlane(double stiffness, double height) : stiffness_n_per_mm(stiffness), height_mm(height) {}
   ~HighPlane() override {
     if (destroyed != nullptr) ++*destroyed;
-  }
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    ++prepared;
-    return render::PrepareReport{};
   }
   void restart(const Vec3& hip_mm, double) noexcept override {
     ++restarts;
@@ -58,7 +52,7 @@ class HighPlane final : public render::HapticRenderer {
   VirtualClock* clock = nullptr;  ///< goes on by takes_s in every step
   double takes_s = 0.0;
   int* destroyed = nullptr;
-  int prepared = 0, restarts = 0, lettings_go = 0, steps = 0, back_in_time = 0;
+  int restarts = 0, lettings_go = 0, steps = 0, back_in_time = 0;
   double last_s = -1.0;
   Vec3 new_points_mm = Vec3::Zero();
 };

@@ -234,13 +234,19 @@ struct LoopCase {
   LoopOptions loop;
 };
 
-LoopRun run(LoopCase c) {
+/// As long as the script, where nothing else is said.
+LoopRun run_on(render::HapticRenderer& wall, const LoopCase& c, double duration_s = 0.0) {
   VirtualClock clock;
   SimulatedArm device(c.arm, c.hand, c.script, clock);
+  LoopOptions loop = c.loop;
+  loop.period_s = c.arm.period_s;
+  loop.duration_s = duration_s > 0.0 ? duration_s : c.script.duration_s();
+  return run_loop(wall, device, clock, loop).value();
+}
+
+LoopRun run(const LoopCase& c) {
   SpringPlane wall(c.stiffness);
-  c.loop.period_s = c.arm.period_s;
-  c.loop.duration_s = c.script.duration_s();
-  return run_loop(wall, device, clock, c.loop).value();
+  return run_on(wall, c);
 }
 
 TEST(ClosedLoop, APressedWallAndAHandShareTheDepthAsTwoSprings) {
@@ -275,14 +281,9 @@ TEST(ClosedLoop, TheSameToTheLastBitAndOtherwiseWithAnotherSeed) {
 
 TEST(ClosedLoop, FarFromTheOriginItSwingsAsNearIt) {
   LoopCase c;
-  c.loop.world_from_device.translation_mm = Vec3(0, 0, 0);
   const LoopRun here = run(c);
-  VirtualClock clock;
-  SimulatedArm device(c.arm, c.hand, c.script, clock);
-  SpringPlane wall(c.stiffness);
-  c.loop.duration_s = c.script.duration_s();
   c.loop.world_from_device.translation_mm = Vec3(1e6, -1e6, 0);  // the plane is still at z = 0
-  const LoopRun there = run_loop(wall, device, clock, c.loop).value();
+  const LoopRun there = run(c);
   ASSERT_EQ(here.hip.size(), there.hip.size());
   for (std::size_t i = 0; i < here.hip.size(); i += 50)
     ASSERT_NEAR(here.hip.hip_mm[i].z(), there.hip.hip_mm[i].z(), 1e-9);
@@ -293,16 +294,11 @@ TEST(ClosedLoop, TooStiffAWallIsSeenToBuzzAndASoftOneToRest) {
   c.hand = hand_models()[0];
   c.hand.push_n = Vec3(0, 0, -0.5);  // nobody but a steady push: the lightest hand
   c.script = resting_at(Vec3(0, 0, 1));
+  c.arm.friction_n = 0.02;
   for (const double stiffness : {0.2, 12.0}) {
-    LoopCase one = c;
-    one.stiffness = stiffness;
-    one.arm.friction_n = 0.02;
-    VirtualClock clock;
-    SimulatedArm device(one.arm, one.hand, one.script, clock);
     SpringPlane wall(stiffness);
-    one.loop.duration_s = 5.0;
-    const LoopRun done = run_loop(wall, device, clock, one.loop).value();
-    const Swing swing = swing_of(done.hip, Vec3::UnitZ(), one.arm.encoder_mm);
+    const LoopRun done = run_on(wall, c, 5.0);
+    const Swing swing = swing_of(done.hip, Vec3::UnitZ(), c.arm.encoder_mm);
     const bool buzzes = done.fault != Fault::kNone || swing.sustained;
     EXPECT_EQ(buzzes, stiffness > 1.0) << stiffness << ": " << swing.amplitude_mm << " mm";
     if (buzzes && done.fault == Fault::kNone) {
@@ -349,15 +345,6 @@ class CountedPlane final : public render::SceneFreeRenderer {
   double changes_s_;
 };
 
-LoopRun run_counted(const LoopCase& c, CountedPlane& wall) {
-  VirtualClock clock;
-  SimulatedArm device(c.arm, c.hand, c.script, clock);
-  LoopOptions loop = c.loop;
-  loop.period_s = c.arm.period_s;
-  loop.duration_s = c.script.duration_s();
-  return run_loop(wall, device, clock, loop).value();
-}
-
 void expect_same_run(const LoopRun& a, const LoopRun& b) {
   EXPECT_EQ(trace::path_hash(a.hip), trace::path_hash(b.hip));
   EXPECT_EQ(trace::path_hash(a.measured), trace::path_hash(b.measured));
@@ -376,9 +363,9 @@ TEST(ClosedLoop, APressThatIsStillIsNotSimulatedToItsEndAndEndsTheSame) {
       c.arm.delay_s = delay_s;
       c.loop.jitter_s = jitter_s;
       CountedPlane to_the_end, until_still;
-      const LoopRun whole = run_counted(c, to_the_end);
+      const LoopRun whole = run_on(to_the_end, c);
       c.loop.still_s = 0.25;
-      const LoopRun ended = run_counted(c, until_still);
+      const LoopRun ended = run_on(until_still, c);
       expect_same_run(whole, ended);
       EXPECT_LT(2 * until_still.steps, to_the_end.steps) << delay_s << ", " << jitter_s;
     }
@@ -388,23 +375,23 @@ TEST(ClosedLoop, WhatStillMovesOrIsStillToChangeIsSimulated) {
   LoopCase swinging;  // a wall that changes before it has been still for long enough
   swinging.loop.still_s = 1.5;
   CountedPlane changing(1.5), changing_too(1.5);
-  const LoopRun ended = run_counted(swinging, changing);
+  const LoopRun ended = run_on(changing, swinging);
   swinging.loop.still_s = 0.0;
-  expect_same_run(run_counted(swinging, changing_too), ended);
+  expect_same_run(run_on(changing_too, swinging), ended);
   EXPECT_LT(ended.hip.hip_mm.back().z(), ended.hip.hip_mm[1400].z() - 0.1) << "deeper into a softer wall";
   LoopCase released;  // the hand lets go later: what rests before that does not rest for good
   released.script = release_contact(kPlace, {});
   released.loop.still_s = 0.1;
   CountedPlane wall, same_wall;
-  const LoopRun let = run_counted(released, wall);
+  const LoopRun let = run_on(wall, released);
   released.loop.still_s = 0.0;
-  expect_same_run(run_counted(released, same_wall), let);
+  expect_same_run(run_on(same_wall, released), let);
   EXPECT_GT(let.hip.hip_mm.back().z(), 0.0);
   LoopCase frictionless;  // it dies away and never rests
   frictionless.arm.friction_n = 0.0;
   frictionless.loop.still_s = 0.1;
   CountedPlane felt;
-  const LoopRun all = run_counted(frictionless, felt);
+  const LoopRun all = run_on(felt, frictionless);
   EXPECT_EQ(felt.steps, all.hip.size());
 }
 

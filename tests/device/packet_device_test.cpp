@@ -1,13 +1,9 @@
 // Packets, the simulated link and the device over it.
 #include "device/simulated/packet_device.h"
 
-#include <gtest/gtest.h>
-
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <utility>
-#include <vector>
 
 #include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_link.h"
@@ -66,23 +62,7 @@ TEST(Packets, RoundTripAndNoDamageOfThreeBitsPasses) {
 }
 
 TEST(PacketReader, FindsEveryPacketHoweverTheStreamIsTornAndDirty) {
-  Random random(11);
-  for (int run = 0; run < 200; ++run) {
-    PacketReader reader;
-    std::vector<Packet> sent, got;
-    std::vector<std::uint8_t> stream;
-    for (int i = 0; i < 20; ++i) {
-      // Dirt without a start: a false start may swallow what follows it, as it must.
-      for (std::size_t k = random.below(20); k > 0; --k)
-        stream.push_back(static_cast<std::uint8_t>(random.below(0xA5)));
-      sent.push_back(any_packet(random));
-      const PacketBytes bytes = encoded(sent.back());
-      stream.insert(stream.end(), bytes.begin(), bytes.end());
-    }
-    for (const std::uint8_t byte : stream)
-      if (const auto packet = reader.take(byte)) got.push_back(*packet);
-    ASSERT_EQ(got, sent) << "seed 11, run " << run;
-  }
+  expect_found_in_dirt<PacketReader>(0xA5, any_packet);
 }
 
 TEST(PacketReader, APacketWithinADamagedOneIsFound) {
@@ -101,22 +81,11 @@ TEST(PacketReader, APacketWithinADamagedOneIsFound) {
   }
 }
 
-// The fuzz target aborts where something is wrong.
 TEST(PacketReader, TheFuzzCorpusIsRead) {
-  const auto corpus = corpus_of(PALPATE_SOURCE_ROOT "/tests/corpus/packets");
-  EXPECT_GE(corpus.size(), 7u);
-  for (const auto& bytes : corpus) EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0);
+  expect_corpus_passes(&LLVMFuzzerTestOneInput, PALPATE_SOURCE_ROOT "/tests/corpus/packets", 7);
   Random random(17);
   for (int run = 0; run < 2000; ++run) {
-    // Mostly starts, packets and torn ones: plain noise holds none.
-    std::vector<std::uint8_t> stream;
-    while (stream.size() < 100) {
-      const PacketBytes bytes = encoded(any_packet(random));
-      const std::size_t from = random.below(3) == 0 ? random.below(kPacketBytes) : 0;
-      const std::size_t to = random.below(3) == 0 ? random.below(kPacketBytes + 1) : kPacketBytes;
-      for (std::size_t i = from; i < to; ++i) stream.push_back(bytes[i]);
-      if (random.below(4) == 0) stream.push_back(0xA5);
-    }
+    const std::vector<std::uint8_t> stream = torn_stream(random, 0xA5, any_packet);
     ASSERT_EQ(LLVMFuzzerTestOneInput(stream.data(), stream.size()), 0) << "seed 17, run " << run;
   }
 }

@@ -1,14 +1,7 @@
 // Haply's 2DIY: kinematics, bytes, and zero torque on every path, since its board holds the last one.
 #include "device/haply/planar_device.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-#include <memory>
 #include <numbers>
-#include <utility>
 
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
@@ -274,43 +267,33 @@ TEST(PlanarDevice, ForcesBecomeTorquesAndZIsNotShown) {
 }
 
 TEST(PlanarDevice, ZeroGoesOutOnEveryPath) {
-  const auto pushing = [](PlaneRig& rig) {
-    EXPECT_TRUE(rig.device->open().ok());
+  const std::pair<const char*, void (*)(PlaneRig&)> ends[] = {
+      {"of the force, though the board has not answered yet",
+       [](PlaneRig& rig) { rig.device->send(governed(Vec3::Zero())); }},
+      {"closed", [](PlaneRig& rig) { rig.device->close(); }},
+      {"destroyed", [](PlaneRig& rig) { rig.device.reset(); }},
+      {"cut", [](PlaneRig& rig) { EXPECT_TRUE(rig.device->cut_force()); }},
+      {"opened again", [](PlaneRig& rig) { EXPECT_TRUE(rig.device->open().ok()); }},
+      {"both cranks in one place",
+       [](PlaneRig& rig) {
+         rig.wire.give(reply_of(0.0F, 0.0F));
+         EXPECT_EQ(rig.frame().status, ReadStatus::kGarbled);
+         rig.device->send(governed(Vec3(0.5, 0.5, 0)));
+       }},
+      {"silent: nobody knows where the grip is by now", [](PlaneRig& rig) {
+         rig.clock.advance(0.021);
+         rig.device->send(governed(Vec3(0.5, 0.5, 0)));
+       }}};
+  for (const auto& [name, end] : ends) {
+    SCOPED_TRACE(name);
+    PlaneRig rig;
+    ASSERT_TRUE(ok(rig.device->open()));
     rig.at(0, 0);
     rig.device->send(governed(Vec3(0.5, 0.5, 0)));
-    EXPECT_NE(rig.wire.sent.back(), kPlaneZero);
-  };
-  PlaneRig ends;  // of the force, though the board has not answered yet
-  pushing(ends);
-  ends.device->send(governed(Vec3::Zero()));
-  EXPECT_EQ(ends.wire.sent.back(), kPlaneZero);
-  PlaneRig closed;
-  pushing(closed);
-  closed.device->close();
-  EXPECT_EQ(closed.wire.sent.back(), kPlaneZero);
-  PlaneRig destroyed;
-  pushing(destroyed);
-  destroyed.device.reset();
-  EXPECT_EQ(destroyed.wire.sent.back(), kPlaneZero);
-  PlaneRig cut;
-  pushing(cut);
-  EXPECT_TRUE(cut.device->cut_force());
-  EXPECT_EQ(cut.wire.sent.back(), kPlaneZero);
-  PlaneRig again;  // what an earlier program left
-  pushing(again);
-  EXPECT_TRUE(again.device->open().ok());
-  EXPECT_EQ(again.wire.sent.back(), kPlaneZero);
-  PlaneRig impossible;
-  pushing(impossible);
-  impossible.wire.give(reply_of(0.0F, 0.0F));  // both cranks in one place
-  EXPECT_EQ(impossible.frame().status, ReadStatus::kGarbled);
-  impossible.device->send(governed(Vec3(0.5, 0.5, 0)));
-  EXPECT_EQ(impossible.wire.sent.back(), kPlaneZero);
-  PlaneRig silent;
-  pushing(silent);
-  silent.clock.advance(0.021);
-  silent.device->send(governed(Vec3(0.5, 0.5, 0)));
-  EXPECT_EQ(silent.wire.sent.back(), kPlaneZero) << "nobody knows where the grip is by now";
+    ASSERT_NE(rig.wire.sent.back(), kPlaneZero);
+    end(rig);
+    EXPECT_EQ(rig.wire.sent.back(), kPlaneZero);
+  }
 }
 
 TEST(PlanarDevice, KeepsTheBeatAndSaysWhatIsWrong) {

@@ -1,11 +1,7 @@
 // Plug-ins over pretended libraries of their makers. Nothing is asked to happen within a time of its own.
 #include "device/plugins/plugin_host.h"
 
-#include <gtest/gtest.h>
-#include <unistd.h>
-
 #include <cstdlib>
-#include <fstream>
 #include <optional>
 
 #include <palpate/device/force_governor.h>

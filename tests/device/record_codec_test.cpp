@@ -2,9 +2,6 @@
 #include "device/record/recording_codec.h"
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 
 #include "tests/device/helpers.h"
 #include "tests/device/record_rig.h"

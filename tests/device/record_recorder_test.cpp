@@ -1,19 +1,15 @@
 // The recorder while the loop runs: it never waits, and counts what it loses.
 #include <sys/resource.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include <atomic>
-#include <chrono>
 #include <csignal>
-#include <filesystem>
-#include <thread>
 
 #include <palpate/clock.h>
 #include "tests/device/helpers.h"
 #include "tests/device/record_rig.h"
 #include "tests/house/allocation_count.h"
 #include "tests/in_folder.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {
 namespace {
@@ -187,23 +183,13 @@ TEST(Recorder, TakingATickAllocatesNothing) {
 }
 
 TEST(Recorder, TheTapNotesEveryCall) {
-  class Answers final : public render::HapticRenderer {
+  class Answers final : public render::SceneFreeRenderer {
    public:
-    Result<render::Decisions> decide(const render::SceneInput&,
-                                     const render::PrepareContext&) const override {
-      return render::Decisions{};
-    }
-    Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-      return render::PrepareReport{};
-    }
-    void restart(const Vec3&, double) noexcept override {}
-    void release_contact(const Vec3&) noexcept override {}
     render::Frame step(const Vec3& hip_mm, double) noexcept override {
       render::Frame frame;
       frame.god_object_mm = hip_mm;
       return frame;
     }
-    render::FrameCounters counters() const noexcept override { return {}; }
     render::Description describe() const override { return {}; }
   };
   Answers inner;

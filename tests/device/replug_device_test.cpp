@@ -1,15 +1,10 @@
 // A device that is unplugged and comes back while a servo runs.
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdint>
-#include <memory>
 #include <numeric>
-#include <thread>
 #include <utility>
-#include <vector>
 
 #include <palpate/device/loop_histogram.h>
 #include <palpate/device/servo_thread.h>
@@ -337,7 +332,6 @@ TEST(LoopHistograms, CountsAreReadAsTheyWereCounted) {
   EXPECT_EQ(all.exchange.p50_ns, 3);
 }
 
-/// What ThreadSanitizer watches: a reader beside the loop that counts at full speed.
 TEST(DurationHistogram, AReaderBesideTheLoopSeesWholeNumbersThatFitEachOther) {
   constexpr std::uint64_t kCounts = 100'000;
   Histogram histogram;

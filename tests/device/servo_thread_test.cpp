@@ -1,20 +1,15 @@
 // The loop on a virtual clock and on a thread of its own. No test here asserts how fast anything was.
 #include <palpate/device/servo_thread.h>
 
-#include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <optional>
-#include <string>
-#include <thread>
 #include <utility>
-#include <vector>
 
 #include <palpate/device/scheduling.h>
 #include <palpate/progress.h>

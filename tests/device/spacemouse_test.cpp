@@ -1,10 +1,7 @@
 // 3Dconnexion: reports to the byte, rate control, silence.
 #include "device/spacemouse/spacemouse_device.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
-#include <memory>
 #include <set>
 
 #include "tests/device/helpers.h"

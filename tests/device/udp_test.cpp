@@ -1,15 +1,10 @@
 // The bridge over real sockets on this machine. Nothing is asked to happen within a time of its own.
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <csignal>
-#include <fstream>
-#include <iterator>
-#include <optional>
 #include <set>
-#include <thread>
 
 #include <palpate/device/drivers.h>
 #include <palpate/device/guard.h>
@@ -252,7 +247,6 @@ TEST(AllDrivers, HaveNamesOfTheirOwnAndSayWhatTheyNeed) {
     EXPECT_NE(drivers.of(name), nullptr) << name;
 }
 
-// Whoever is sent a device's name and nothing else learns what it is called, never a crash.
 TEST(AllDrivers, NonsenseIsRefusedByEachWithAnError) {
   Drivers drivers;
   register_all_drivers(drivers);

@@ -5,25 +5,16 @@
 //   umockdev-wrapper test_usb --faults RUNS FILE.json   the table of docs/results/hands-and-loops.md
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
-#include <array>
-#include <cmath>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
-#include <memory>
-#include <string>
-#include <thread>
-#include <vector>
 
 #include <palpate/clock.h>
-#include <palpate/device/guard.h>
 #include <palpate/device/servo.h>
 #include <palpate/progress.h>
 #include "device/falcon/falcon_device.h"
@@ -57,24 +48,13 @@ GovernorOptions patient() {
   return options;
 }
 
-/// The driver's process in the tests of its death: presses until it is killed.
-[[noreturn]] void press_over_usb(bool guarded) {
+/// The driver's process in the test of a death without a guard: presses until it is killed.
+[[noreturn]] void press_unguarded() {
   const MonotonicClock clock;
-  Result<MadeDevice> made = driver_of(&register_falcon_driver, "falcon").make({"falcon", {}, {}}, clock);
-  if (!made) ::_exit(3);
-  std::unique_ptr<Guard> guard;
-  if (guarded) {
-    Result<Guard> started = Guard::start(made->zero);
-    if (!started) ::_exit(4);
-    guard = std::make_unique<Guard>(std::move(started).value());
-  }
   FalconDevice device(falcon_link(), clock, {});
   SpringPlane plane(0.5);
   Servo servo(plane, patient(), device, clock, {});
-  if (const Status started = servo.start(); !started) {
-    fmt::print(stderr, "{}\n", started.error().message());
-    ::_exit(5);
-  }
+  if (!servo.start()) ::_exit(5);
   for (;;) {
     static_cast<void>(servo.tick());
     ::nanosleep(&kMillisecond, nullptr);
@@ -118,10 +98,14 @@ GovernorOptions patient() {
 }
 
 /// This program once more, in a process of its own.
-pid_t run_self(const char* argument) {
+pid_t run_self(std::vector<std::string> words) {
   const pid_t child = ::fork();
   if (child != 0) return child;
-  ::execl("/proc/self/exe", "test_usb", argument, static_cast<char*>(nullptr));
+  words.insert(words.begin(), "test_usb");
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  ::execv("/proc/self/exe", argv.data());
   ::_exit(9);
 }
 
@@ -166,7 +150,7 @@ TEST_F(UsbFalcon, AUserWhoMayNotOpenItIsToldTheRule) {
       usb_udev_rule(0x0403, 0xCB48),
       R"(SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48", MODE="0660", TAG+="uaccess")");
   usb->forbid();
-  const pid_t child = run_self("--be-refused");
+  const pid_t child = run_self({"--be-refused"});
   int status = -1;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_EQ(WIFEXITED(status) ? WEXITSTATUS(status) : -1, 0);
@@ -325,26 +309,24 @@ TEST_P(UsbFalconFaults, AreSeenAndTheMotorsLetGo) {
              watch.ms());
 }
 
-INSTANTIATE_TEST_SUITE_P(Falcon, UsbFalconFaults,
-                         testing::Values(SpoiltCase{"silent", Fault::kSilence,
-                                                    [](FalconBoard& now) { now.faults.silent = true; }},
-                                         SpoiltCase{"garbled", Fault::kGarbled,
-                                                    [](FalconBoard& now) { now.faults.garbled = true; }},
-                                         SpoiltCase{"unhomed", Fault::kHomingLost,
-                                                    [](FalconBoard& now) { now.faults.lost_homing = true; }},
-                                         SpoiltCase{"jump", Fault::kJump,
-                                                    [](FalconBoard& now) {
-                                                      now.counts = falcon_counts_at(Vec3{0, 30, -2});
-                                                    }},
-                                         SpoiltCase{"nowhere", Fault::kGarbled,
-                                                    [](FalconBoard& now) {
-                                                      now.faults.jump = {20'000, -20'000, 20'000};
-                                                    }}),
+const SpoiltCase kSpoilt[] = {
+    {"silent", Fault::kSilence, [](FalconBoard& now) { now.faults.silent = true; }},
+    {"garbled", Fault::kGarbled, [](FalconBoard& now) { now.faults.garbled = true; }},
+    {"unhomed", Fault::kHomingLost, [](FalconBoard& now) { now.faults.lost_homing = true; }},
+    {"jump", Fault::kJump,
+     [](FalconBoard& now) {
+       now.counts = falcon_counts_at(Vec3{0, 30, -2});
+     }},
+    {"nowhere", Fault::kGarbled, [](FalconBoard& now) {
+       now.faults.jump = {20'000, -20'000, 20'000};
+     }}};
+
+INSTANTIATE_TEST_SUITE_P(Falcon, UsbFalconFaults, testing::ValuesIn(kSpoilt),
                          [](const auto& instance) { return std::string(instance.param.name); });
 
 TEST_F(UsbFalcon, TheGuardSendsZeroAfterEveryDeathOfTheProgram) {
   for (const int number : {SIGKILL, SIGSEGV, SIGABRT}) {
-    const pid_t child = run_self("--press");
+    const pid_t child = run_self({kPressArgument, "0", "falcon"});
     ASSERT_TRUE(comes([&] { return holds_force(); })) << "it presses";
     const Stopwatch watch;
     ::kill(child, number);
@@ -362,7 +344,7 @@ TEST_F(UsbFalcon, TheGuardSendsZeroAfterEveryDeathOfTheProgram) {
 }
 
 TEST_F(UsbFalcon, WithoutTheGuardTheTorqueStays) {
-  const pid_t child = run_self("--press-unguarded");
+  const pid_t child = run_self({"--press-unguarded"});
   ASSERT_TRUE(comes([&] { return holds_force(); }));
   ::kill(child, SIGKILL);
   ASSERT_EQ(::waitpid(child, nullptr, 0), child);
@@ -371,7 +353,7 @@ TEST_F(UsbFalcon, WithoutTheGuardTheTorqueStays) {
 }
 
 TEST_F(UsbFalcon, AStopOfTheProgramSendsZeroThatLeavesIt) {
-  const pid_t child = run_self("--press-and-stop");
+  const pid_t child = run_self({"--press-and-stop"});
   ASSERT_TRUE(comes([&] { return holds_force(); })) << "it presses";
   ::kill(child, SIGTERM);
   int status = -1;
@@ -453,8 +435,7 @@ TEST(UsbRoundTrip, EveryPacketIsAnswered) {
 int main(int argc, char** argv) {
   using namespace palpate::device;
   const std::string first = argc > 1 ? argv[1] : "";
-  if (first == "--press") press_over_usb(true);
-  if (first == "--press-unguarded") press_over_usb(false);
+  if (first == "--press-unguarded") press_unguarded();
   if (first == "--press-and-stop") press_and_stop();
   if (first == "--be-refused") be_refused();
   if (first == kPressArgument) press_until_killed(std::vector<std::string>(argv + 2, argv + argc));

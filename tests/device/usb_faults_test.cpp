@@ -1,10 +1,7 @@
 // What goes wrong between a servo and a Falcon, over the real libusb. See docs/results/hands-and-loops.md for
 // the table.
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 #include <time.h>
-
-#include <vector>
 
 #include <palpate/clock.h>
 #include "device/falcon/falcon_packets.h"

@@ -2,7 +2,6 @@
 #include "experiments/run/choices.h"
 
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>

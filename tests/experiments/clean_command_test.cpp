@@ -1,12 +1,10 @@
 // `palpate clean`, clean= of a renderer, and a mesh file as the truth.
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include <array>
 #include <bit>
 #include <cmath>
-#include <fstream>
 #include <limits>
 
 #include <palpate/generate.h>
@@ -39,10 +37,6 @@ class CleanCommand : public OnCommandLine {
         io::write_cloud_ply(in("scan.ply"), *cloud::build_cloud(points, cloud::NonFinite::kRefuse)).ok());
     EXPECT_TRUE(io::write_mesh_ply(in("truth.ply"), *model.original_mesh).ok());
     points_ = points.size();
-  }
-  json result(const std::string& folder) const {
-    std::ifstream file(in(folder + "/result.json"));
-    return json::parse(file);
   }
   std::size_t points_ = 0;
 };
@@ -85,7 +79,7 @@ TEST_F(CleanCommand, WrongArgumentsLeaveNothingBehind) {
 TEST_F(CleanCommand, ARendererOnCleanedPointsIsNearerToTheTruth) {
   succeeds("compare @/scan.ply --reference @/truth.ply --path", kPath,
            "--renderers cloud,cloud:clean=outliers+smooth:label=cleaned --out @/out");
-  const json document = result("out");
+  const json document = json_in("out/result.json");
   const json &raw = document["renderers"][0], &cleaned = document["renderers"][1];
   EXPECT_EQ(raw["model"]["points"], points_);
   EXPECT_LE(cleaned["model"]["points"], points_ - 20);
@@ -100,7 +94,7 @@ TEST_F(CleanCommand, CleaningOfTheSceneCountsAsPreparation) {
   std::ofstream(in("scene.toml"))
       << "[[model]]\ncloud = \"scan.ply\"\n  [[model.clean]]\n  step = \"outliers\"\n";
   succeeds("compare @/scene.toml --renderers cloud --reference @/truth.ply --path", kPath, "--out @/out");
-  const json one = result("out")["renderers"][0];
+  const json one = json_in("out/result.json")["renderers"][0];
   EXPECT_EQ(one["prepare"]["phases"][0]["name"], "cleaning: outliers");
   EXPECT_LE(one["model"]["points"], points_ - 20);
   EXPECT_THAT(palpate("info @/scene.toml").out, HasSubstr("points removed"));
@@ -121,8 +115,6 @@ TEST_F(CleanCommand, AReferenceMustBeAMesh) {
 
 // ---- Scans with missing posts through every entry of the program: what `info` calls a height field, what
 // the plan chooses and what is felt.
-
-using nlohmann::json;
 
 class HolesCommand : public OnCommandLine {
  protected:
@@ -151,7 +143,6 @@ class HolesCommand : public OnCommandLine {
   }
   static constexpr std::size_t kTapFrames = 12, kDeepest = 7;
 
-  json run_json(const std::vector<std::string>& arguments) { return printed(arguments); }
   json replayed(const std::vector<std::string>& arguments) {
     succeeds("compare --renderers auto", arguments, "--out @/out");
     return json_in("out/result.json")["renderers"][0];
@@ -204,8 +195,8 @@ TEST_F(HolesCommand, InfoPlanAndRenderersAgree) {
       if (is_file) arguments.insert(arguments.end(), {"--unit", "mm"});
       return arguments;
     };
-    const json info = run_json(with_unit({"info", model, "--json"}));
-    const json plan = run_json(with_unit({"info", "plan", model, "--json"}));
+    const json info = printed(with_unit({"info", model, "--json"}));
+    const json plan = printed(with_unit({"info", "plan", model, "--json"}));
     const bool is = info["height_field"].get<bool>();
     flat += is;
     EXPECT_EQ(plan["renderer"], is ? "heightfield" : "cloud-smooth");
@@ -250,19 +241,14 @@ TEST_F(HolesCommand, AGridsVoidsFollowTheSameRule) {
     }
   write_text(folder_ / "grid.pfm", grid);
   const std::vector<std::string> model = {in("grid.pfm"), "--post-mm", "0.5", "--vertical-mm", "1"};
-  std::vector<std::string> arguments = {"info"};
-  arguments.insert(arguments.end(), model.begin(), model.end());
-  arguments.push_back("--json");
-  const json info = run_json(arguments);
+  const json info = printed("info", model, "--json");
   ASSERT_TRUE(info["height_field"].get<bool>()) << info["height_field_words"];
   EXPECT_GT(info["lattice"]["filled"].get<int>(), 900);
   EXPECT_GT(info["lattice"]["open"].get<int>(), 100);
   EXPECT_GE(info["lattice"]["widest_hole"].get<int>(), 12);
   // Over the void nothing is felt, around it everything.
   write_taps("taps.csv", {{18.0, 8.0}, {8.1, 8.2}, {25.0, 8.0}, {18.0, 16.0}, {18.0, 3.1}});
-  arguments = model;
-  arguments.insert(arguments.end(), {"--path", in("taps.csv")});
-  const json r = replayed(arguments);
+  const json r = replayed(words(model, "--path", in("taps.csv")));
   EXPECT_EQ(r["name"], "heightfield");
   EXPECT_EQ(felt_taps(), 4);
   EXPECT_EQ(r["prepare"]["warnings"].size(), 1u) << r["prepare"]["warnings"];
@@ -272,9 +258,7 @@ TEST_F(HolesCommand, AGridsVoidsFollowTheSameRule) {
   for (int i = 1; i <= 20; ++i)
     text += fmt::format("{},{},8,{}\n", 0.02 + 0.001 * i, 18 - 0.5 * i, hill(18, 8) - 3.0);
   write_text(folder_ / "under.csv", text);
-  arguments = model;
-  arguments.insert(arguments.end(), {"--path", in("under.csv")});
-  const json under = replayed(arguments);
+  const json under = replayed(words(model, "--path", in("under.csv")));
   EXPECT_EQ(under["frame"]["contact_frames"], 0);
   EXPECT_EQ(under["prepare"]["warnings"].size(), 2u) << under["prepare"]["warnings"];
 }

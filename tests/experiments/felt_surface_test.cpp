@@ -1,11 +1,6 @@
 // The trial of the felt surface: what it prints and writes, on its smallest sets.
-#include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include "tests/experiments/program.h"
 
 #include "tests/in_folder.h"

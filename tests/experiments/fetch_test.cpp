@@ -1,11 +1,7 @@
 // Downloads: whole, checked, or not at all. A fake npm and files stand for the network.
 #include "experiments/data/scans.h"
 
-#include <gtest/gtest.h>
 #include <sys/stat.h>
-
-#include <atomic>
-#include <functional>
 
 #include "tests/experiments/loopback_server.h"
 #include "tests/experiments/program.h"
@@ -133,10 +129,14 @@ class Fetch : public InFolder {
   Scan scan_;
 };
 
-TEST_F(Fetch, BringsACheckedFile) {
+TEST_F(Fetch, BringsACheckedFileAlsoAfterAnInterruption) {
   from_file(sha256_of(kContent));
-  EXPECT_EQ(fetched(), kContent);
-  EXPECT_FALSE(std::filesystem::exists(options_.cache / "partial" / "test-scan.download"));
+  for (const std::size_t here : {0u, 1234u}) {
+    std::filesystem::create_directories(options_.cache / "partial");
+    if (here > 0) write_text(options_.cache / "partial" / "test-scan.download", kContent.substr(0, here));
+    EXPECT_EQ(fetched(), kContent);
+    EXPECT_FALSE(std::filesystem::exists(options_.cache / "partial" / "test-scan.download"));
+  }
 }
 
 TEST_F(Fetch, AWrongChecksumLeavesNothing) {
@@ -144,13 +144,6 @@ TEST_F(Fetch, AWrongChecksumLeavesNothing) {
   EXPECT_THAT(failure(), HasSubstr("checksum is wrong"));
   EXPECT_TRUE(nothing_whole());
   EXPECT_FALSE(std::filesystem::exists(options_.cache / "partial" / "test-scan.download"));
-}
-
-TEST_F(Fetch, ResumesAfterAnInterruption) {
-  from_file(sha256_of(kContent));
-  std::filesystem::create_directories(options_.cache / "partial");
-  write_text(options_.cache / "partial" / "test-scan.download", kContent.substr(0, 1234));
-  EXPECT_EQ(fetched(), kContent);
 }
 
 TEST_F(Fetch, ASpoiledRestIsFoundAndTheNextCallStartsAfresh) {

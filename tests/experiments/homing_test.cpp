@@ -1,15 +1,8 @@
 // What a person at a device is told until it knows its zero: Falcon and arms, pretended, in `palpate live`,
 // `palpate live record` and `palpate list devices --report`. And the force of a device that has no motors, on
 // a terminal.
-#include <fcntl.h>
-#include <gtest/gtest.h>
-#include <poll.h>
-#include <stdlib.h>
 #include <sys/ioctl.h>
-#include <termios.h>
-#include <unistd.h>
 
-#include <atomic>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -20,14 +13,13 @@
 #include "experiments/live/live.h"
 #include "experiments/live/recording_session.h"
 #include "tests/device/hid_fake_link.h"
+#include "tests/device/tty_board.h"
 #include "tests/experiments/live_device_rig.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/pulled_falcon.h"
 
 namespace palpate::experiments {
 namespace {
-
-const char* const kSmallWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
 
 /// An arm that is moved for so many reports, and then lies in its rest pose with its button pressed.
 class LaidArm final : public device::Link {
@@ -102,14 +94,7 @@ testing::AssertionResult has_in_order(const std::string& text, const std::vector
 class Homing : public InFolder {
  protected:
   LiveArguments session(const std::string& device, double seconds) const {
-    LiveArguments a;
-    a.run.scene = kSmallWaves;
-    a.run.renderers = "cloud";
-    a.run.out = in("out");
-    a.run.json = true;
-    a.run.load.threads = 1;
-    a.device.device = device;
-    a.seconds = seconds;
+    LiveArguments a = session_of(device, in("out"), seconds);
     a.accelerated = true;
     return a;
   }
@@ -182,46 +167,30 @@ TEST(Force, InWordsIsABarAndItsAxes) {
 /// Standard error is a terminal of ours while this is there.
 class TerminalForErrors {
  public:
-  TerminalForErrors() {
-    master_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
-    EXPECT_EQ(::grantpt(master_), 0);
-    EXPECT_EQ(::unlockpt(master_), 0);
-    const int slave = ::open(::ptsname(master_), O_RDWR | O_NOCTTY | O_CLOEXEC);
+  TerminalForErrors() : kept_(::dup(STDERR_FILENO)) {
+    const int line = ::open(terminal_.path().c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    EXPECT_GE(line, 0);
     winsize size{};
     size.ws_col = 120;
     size.ws_row = 24;
-    ::ioctl(slave, TIOCSWINSZ, &size);
+    ::ioctl(line, TIOCSWINSZ, &size);
     std::fflush(stderr);
-    kept_ = ::dup(STDERR_FILENO);
-    ::dup2(slave, STDERR_FILENO);
-    ::close(slave);
-    reader_ = std::thread([this] {
-      char bytes[512];
-      while (!over_.load()) {
-        pollfd ready{master_, POLLIN, 0};
-        if (::poll(&ready, 1, 5) <= 0) continue;
-        const ssize_t got = ::read(master_, bytes, sizeof(bytes));
-        if (got > 0) text_.append(bytes, static_cast<std::size_t>(got));
-      }
-    });
+    ::dup2(line, STDERR_FILENO);
+    ::close(line);
   }
   /// What was written; standard error is what it was.
   std::string text() {
     std::fflush(stderr);
     ::dup2(kept_, STDERR_FILENO);
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    over_ = true;
-    reader_.join();
     ::close(kept_);
-    ::close(master_);
-    return text_;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    const device::TtyBoard::Bytes all = terminal_.received();
+    return {all.begin(), all.end()};
   }
 
  private:
-  int master_ = -1, kept_ = -1;
-  std::atomic<bool> over_{false};
-  std::string text_;
-  std::thread reader_;
+  device::TtyBoard terminal_;
+  int kept_;
 };
 
 TEST_F(Homing, WithoutMotorsTheForceStandsOnTheTerminal) {

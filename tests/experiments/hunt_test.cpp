@@ -1,9 +1,7 @@
 // The hunt: that what breaks a promise is seen, that trials are the same from run to run, and the command.
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <map>
 

@@ -1,5 +1,4 @@
 // What happens when the program is told to stop: at once, with what is complete, and the next run goes on.
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <array>
@@ -15,9 +14,6 @@ namespace {
 using nlohmann::json;
 
 constexpr int kInterrupted = 130, kTerminated = 143;
-const char* const kInterruptScene =
-    "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kInterruptPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 // Minutes of work for brute-force, and hardly any for the others.
 const char* const kLargeScene = "sinusoid:points=160801";
 const char* const kLongPath = "weave:frames=8000:depth_mm=1:seed=1";
@@ -36,8 +32,8 @@ class Interrupt : public OnCommandLine {
     return all;
   }
   std::vector<std::string> compare(const std::string& renderers, const std::string& out = "out",
-                                   const std::string& path = kInterruptPath,
-                                   const std::string& scene = kInterruptScene) const {
+                                   const std::string& path = kTinyWeave,
+                                   const std::string& scene = kTinyWaves) const {
     return {"compare", scene, "--renderers", renderers, "--path", path, "--out", in(out)};
   }
   /// A file that is half written, or that only an unfinished run needs.
@@ -95,9 +91,9 @@ TEST_F(Interrupt, WhatIsCompleteIsKeptAndTheNextRunGoesOn) {
   EXPECT_TRUE(exists("out/trace-cloud.csv"));
   EXPECT_FALSE(exists("out/report.html"));
   // A renderer more, one less: what is complete stays, and nothing of it is measured again.
-  const ProcessOutcome next = succeeds(compare("cloud-literal,cloud", "out", kLongPath, kLargeScene));
-  EXPECT_THAT(next.err, HasAll("going on from an interrupted run",
-                               "Finished by an earlier run, which was interrupted: cloud."));
+  EXPECT_THAT(succeeds(compare("cloud-literal,cloud", "out", kLongPath, kLargeScene)).err,
+              HasAll("going on from an interrupted run",
+                     "Finished by an earlier run, which was interrupted: cloud."));
   const json whole = result();
   EXPECT_TRUE(whole["complete"]);
   EXPECT_EQ(whole["renderers"][1], document["renderers"][0]);
@@ -143,13 +139,13 @@ TEST_F(Interrupt, WhateverItIsDoing) {
   const std::string large = "sinusoid:points=1002001";
   const std::map<std::string, std::vector<std::string>> works = {
       {"an exploration",
-       {"compare", kInterruptScene, "--renderers", "cloud", "--reference", "none", "--path",
-        kEndlessExploration, "--out", in("out")}},
-      {"the reference",
-       {"compare", kInterruptScene, "--renderers", "cloud", "--path", kEndlessPath, "--out", in("out")}},
-      {"frames",
-       {"compare", large, "--renderers", "brute-force", "--reference", "none", "--path", kInterruptPath,
+       {"compare", kTinyWaves, "--renderers", "cloud", "--reference", "none", "--path", kEndlessExploration,
         "--out", in("out")}},
+      {"the reference",
+       {"compare", kTinyWaves, "--renderers", "cloud", "--path", kEndlessPath, "--out", in("out")}},
+      {"frames",
+       {"compare", large, "--renderers", "brute-force", "--reference", "none", "--path", kTinyWeave, "--out",
+        in("out")}},
       {"a generator", {"info", "sinusoid:points=100000000"}},
       {"a plan", {"info", "plan", "sinusoid:points=100000000"}},
       {"cleaning", {"clean", large, "--steps", "smooth/iterations=50", "--out", in("cleaned.ply")}},
@@ -184,12 +180,11 @@ TEST_F(Interrupt, NothingChangesBeforeTheInputIsKnown) {
   EXPECT_FALSE(exists("new")) << "made for nothing";
 }
 
-TEST_F(Interrupt, AnInterruptedRunOfSomethingElseIsDroppedAndSaidSo) {
+TEST_F(Interrupt, AnInterruptedRunOfSomethingElseIsNotWrittenOver) {
   stopped(compare("cloud,brute-force", "out", kLongPath, kLargeScene), is_kept("cloud"));
-  const ProcessOutcome next = succeeds(compare("cloud-literal"));
-  EXPECT_THAT(next.err, HasSubstr("begun anew"));
-  EXPECT_FALSE(exists("out/trace-cloud.csv"));
-  EXPECT_FALSE(something_left_over());
+  refuses("remove this folder", compare("cloud-literal"));
+  EXPECT_TRUE(exists("out/trace-cloud.csv"));
+  EXPECT_TRUE(is_kept("cloud")());
 }
 
 TEST_F(Interrupt, AChangedModelIsAnotherRun) {
@@ -203,8 +198,8 @@ TEST_F(Interrupt, AChangedModelIsAnotherRun) {
   points[points.size() - 1] = static_cast<char>(points[points.size() - 1] ^ 1);  // a coordinate, hardly
   write_text(in("a.ply"), points);
   Started next(folder_, arguments("cloud"));
-  EXPECT_EQ(next.end(), 0);
-  EXPECT_THAT(next.err(), HasSubstr("begun anew"));
+  EXPECT_EQ(next.end(), kExitBadInput);
+  EXPECT_THAT(next.err(), HasSubstr("of something else"));
 }
 
 TEST_F(Interrupt, ADownloadIsEndedWithAllThatItStarted) {
@@ -260,8 +255,7 @@ TEST_F(Interrupt, BehavioursGoOn) {
   const Words arguments = words(
       "test behaviours --renderers cloud,cloud-literal,brute-force --only thin-plate,hovering --out @/out");
   stopped(arguments, is_kept("cloud"));
-  const ProcessOutcome next = succeeds(arguments);
-  EXPECT_THAT(next.err, HasSubstr("going on from an interrupted run"));
+  EXPECT_THAT(succeeds(arguments).err, HasSubstr("going on from an interrupted run"));
   const std::string first = text_in("out/behaviours.json");
   expect_valid("behaviours", first);
   succeeds(arguments);

@@ -9,7 +9,6 @@
 
 #include <atomic>
 #include <memory>
-#include <new>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,6 +17,8 @@
 #include "device/simulated/packet_device.h"
 #include "device/simulated/simulated_arm.h"
 #include "device/simulated/simulated_link.h"
+#include "experiments/live/live.h"
+#include "tests/experiments/program.h"
 
 namespace palpate::experiments {
 
@@ -131,6 +132,19 @@ inline device::Drivers drivers_with(PacketsPlan& plan) {
          return made;
        }});
   return drivers;
+}
+
+/// A session of one renderer on a small sinusoid.
+inline LiveArguments session_of(const std::string& device, const std::string& out, double seconds) {
+  LiveArguments a;
+  a.run.scene = kSmallWaves;
+  a.run.renderers = "cloud";
+  a.run.out = out;
+  a.run.json = true;
+  a.run.load.threads = 1;
+  a.device.device = device;
+  a.seconds = seconds;
+  return a;
 }
 
 }  // namespace palpate::experiments

@@ -1,20 +1,17 @@
 // Sessions on a driver's device: guarded, unplugged, armed again, killed.
 #include <arpa/inet.h>
-#include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <cmath>
-#include <csignal>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "device/record/recording.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/live.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/live/remote.h"
+#include "tests/device/helpers.h"
 #include "tests/device/rig.h"
 #include "tests/experiments/live_device_rig.h"
 #include "tests/experiments/program.h"
@@ -29,31 +26,14 @@ namespace {
 using nlohmann::json;
 using Fault = device::LinkFault;
 
-const char* const kFlatWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
 const char* const kBoardVariable = "PALPATE_TEST_BOARD";
 constexpr auto kMoment = std::chrono::milliseconds(1);
-constexpr int kMoments = 60'000;  // a minute: who waits longer waits for nothing
-
-template <class Seen>
-bool comes(Seen&& seen) {
-  for (int i = 0; i < kMoments && !seen(); ++i) std::this_thread::sleep_for(kMoment);
-  return seen();
-}
+using device::comes;
 
 class LiveDevice : public InFolder {
  protected:
   LiveDevice() : plan_(in("board")) {}
-  LiveArguments arguments(double seconds) const {
-    LiveArguments a;
-    a.run.scene = kFlatWaves;
-    a.run.renderers = "cloud";
-    a.run.out = in("out");
-    a.run.json = true;
-    a.run.load.threads = 1;
-    a.device.device = "packets";
-    a.seconds = seconds;
-    return a;
-  }
+  LiveArguments arguments(double seconds) const { return session_of("packets", in("out"), seconds); }
   /// The exit status; what was printed.
   int live(const LiveArguments& a) {
     ProgressBar progress;
@@ -255,7 +235,7 @@ TEST_F(LiveDevice, RecordTakesItToo) {
   plan_.transport = "simulation";
   plan_.faults = {{Fault::Kind::kUnplugged, 2.5, 100.0}};
   RecordArguments a;
-  a.scene = kFlatWaves;
+  a.scene = kSmallWaves;
   a.renderer = "cloud";
   a.device.device = "packets";
   a.seconds = 8.0;
@@ -280,14 +260,9 @@ TEST(LiveDeviceChild, DISABLED_Presses) {
   const char* const file = std::getenv(kBoardVariable);
   ASSERT_NE(file, nullptr);
   PacketsPlan plan(file, false);
-  LiveArguments a;
-  a.run.scene = kFlatWaves;
-  a.run.renderers = "cloud";
-  a.run.out = std::string(file) + ".out";
-  a.device.device = "packets";
+  LiveArguments a = session_of("packets", std::string(file) + ".out", 600.0);
   constexpr double kKillAfterMs = 500.0;
   a.device.guard_kill_after_ms = kKillAfterMs;
-  a.seconds = 600.0;
   ProgressBar progress;
   Context context{progress, "palpate live"};
   FAIL() << run_live_with(a, drivers_with(plan), context);

@@ -1,12 +1,7 @@
 // The folder of results: whose it is, which files in it are ours, and what stays of an interrupted run.
 #include "experiments/study/output_folder.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
-#include <cmath>
-#include <functional>
-#include <limits>
 
 #include <palpate/generate.h>
 #include <palpate/paths.h>
@@ -134,7 +129,7 @@ TEST_F(Folder, PartsOfAnInterruptedRunAreTakenOver) {
   for (const char* gone : {"b.csv", "c.csv", "half.csv", ".palpate-parts"}) EXPECT_FALSE(there(gone)) << gone;
 }
 
-TEST_F(Folder, ACompleteRunIsNotTakenOverAndAnotherOneIsDropped) {
+TEST_F(Folder, ACompleteRunIsNotTakenOverAndAnInterruptedOneOfAnotherKeyIsRefused) {
   const auto run = [&](const char* key, Begun expected, bool complete) {
     const OutputFolder folder = begun(key, expected);
     EXPECT_FALSE(take(folder, "a", "1", "text") && expected != Begun::kGoesOn);
@@ -144,7 +139,37 @@ TEST_F(Folder, ACompleteRunIsNotTakenOverAndAnotherOneIsDropped) {
   run("k", Begun::kAnew, true);
   run("k", Begun::kAnew, false);
   run("k", Begun::kGoesOn, false);
-  run("other", Begun::kOtherDropped, true);
+  const Result<Begun> other = open().begin("other");
+  ASSERT_FALSE(other.ok());
+  EXPECT_THAT(other.error().message(), HasAll("of something else", "remove this folder"));
+  EXPECT_FALSE(open().begin("other", "rows").ok());
+  EXPECT_TRUE(there("a.csv"));
+  run("k", Begun::kGoesOn, true);
+  run("other", Begun::kAnew, true);
+}
+
+TEST_F(Folder, ARecordIsGoneOnWithWhetherItsRunWasCompleteOrNot) {
+  const auto run = [&](Begun expected, bool complete) {
+    const OutputFolder folder = open();
+    const Result<Begun> how = folder.begin("k", "rows");
+    ASSERT_TRUE(how.ok() && *how == expected);
+    EXPECT_EQ(there("rows"), expected != Begun::kAnew);
+    EXPECT_EQ(there("beside.csv"), expected != Begun::kAnew);
+    ASSERT_TRUE(folder.write("beside.csv", "1").ok() && folder.write("rows", "1").ok());
+    ASSERT_TRUE(!complete || folder.complete().ok());
+  };
+  run(Begun::kAnew, false);
+  EXPECT_FALSE(open().begin("k").ok()) << "a run that has no record would remove it";
+  EXPECT_FALSE(open().begin("other", "rows").ok());
+  run(Begun::kGoesOn, true);
+  run(Begun::kGoesOnFromComplete, false);
+  run(Begun::kGoesOn, true);
+  EXPECT_TRUE(there("beside.csv"));
+  EXPECT_FALSE(open().begin("k", "trials").ok()) << "complete results of another kind";
+  EXPECT_TRUE(there("rows"));
+  // A run that has no record takes a complete one away, as every new run does.
+  begun("k", Begun::kAnew);
+  EXPECT_FALSE(there("rows"));
 }
 
 TEST_F(Folder, AFileThatIsReadIsNotReplaced) {

@@ -1,12 +1,8 @@
 // Files and folders that the user names to be written: never what is read, never somebody else's.
-#include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <cstdlib>
-#include <sstream>
 
 #include "experiments/command/subcommands.h"
 #include "experiments/session/session.h"
@@ -19,7 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-const char* const kOutputScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
 const char* const kOutputPath = "tap:frames=800";
 
 class Output : public OnCommandLine {
@@ -116,8 +111,8 @@ TEST_F(Output, AMeshIsNotSavedOntoTheScan) {
 
 TEST_F(Output, AResultThatIsReadIsNotReplaced) {
   const auto replay = [&](const std::string& path) {
-    return std::vector<std::string>{"compare", kOutputScene, "--renderers", "cloud",
-                                    "--path",  path,         "--out",       in("out")};
+    return std::vector<std::string>{"compare", kTinyWaves, "--renderers", "cloud",
+                                    "--path",  path,       "--out",       in("out")};
   };
   succeeds(replay(kOutputPath));
   // A path of one's own may stand there; a result may not be read.
@@ -130,7 +125,7 @@ TEST_F(Output, AResultThatIsReadIsNotReplaced) {
 
 TEST_F(Output, ARerunLeavesNoOldTracesOrFigures) {
   const auto compare = [&](const std::string& renderers) {
-    succeeds("compare", kOutputScene, "--renderers", renderers, "--path weave:frames=600 --out @/out");
+    succeeds("compare", kTinyWaves, "--renderers", renderers, "--path weave:frames=600 --out @/out");
   };
   compare("cloud,cloud-literal");
   EXPECT_TRUE(exists("out/trace-cloud-literal.csv"));
@@ -151,8 +146,8 @@ TEST_F(Output, ASecondRunIntoTheSameFolderIsRefused) {
   const Result<OutputFolder> ours = OutputFolder::open(in("out"));
   ASSERT_TRUE(ours.ok());
   for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{"compare", kOutputScene, "--renderers", "cloud", "--path", kOutputPath},
-        {"compare", kOutputScene, "--renderers", "cloud", "--path", kOutputPath},
+       {std::vector<std::string>{"compare", kTinyWaves, "--renderers", "cloud", "--path", kOutputPath},
+        {"compare", kTinyWaves, "--renderers", "cloud", "--path", kOutputPath},
         {"reproduce", "--tables", "7", "--quick"},
         {"test", "behaviours", "--only", "hovering", "--renderers", "cloud"}}) {
     std::vector<std::string> all = arguments;
@@ -201,7 +196,7 @@ TEST_F(Output, ASessionInContactOutlivesItsTerminal) {
   for (const char* const streams :
        {"2>&-", "2>/dev/full", "0<&- 2>&-", "1>&- 2>&-", "1>/dev/full 2>/dev/full"}) {
     const std::string out = in("live" + std::to_string(number++));
-    const int status = status_with({"live", kOutputScene, "--device", "sim", "--seconds", "2", "--renderers",
+    const int status = status_with({"live", kTinyWaves, "--device", "sim", "--seconds", "2", "--renderers",
                                     "cloud,analytic", "--switch-every", "1", "--accelerated", "--out", out},
                                    streams);
     EXPECT_EQ(status, std::string(streams).find("1>") == std::string::npos ? 0 : 1) << streams;

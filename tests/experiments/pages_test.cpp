@@ -1,11 +1,8 @@
 // What pages and help texts print is true: every command is understood, and runs where it can run here.
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
-#include <fstream>
 #include <set>
-#include <sstream>
 
 #include <palpate/scene.h>
 #include "experiments/command/cli.h"
@@ -354,8 +351,7 @@ TEST_F(Shown, FiguresAreWrittenFromARun) {
   EXPECT_THAT(text_in("docs/results/deep.md"), HasSubstr("12,345")) << "in subfolders too";
   EXPECT_THAT(text_in("docs/figures/one-run.json"), Not(HasSubstr("phases"))) << "what is shown";
   // Again, from what was kept: nothing changes.
-  const ProcessOutcome again = succeeds("report --docs", folder_.string());
-  EXPECT_THAT(again.out, Not(HasSubstr("README.md")));
+  EXPECT_THAT(succeeds("report --docs", folder_.string()).out, Not(HasSubstr("README.md")));
   // What a cache kept was measured on another day: nothing is taken of it.
   const std::string kept = text_in("docs/figures/one-run.json");
   put("run/table7/result.json",

@@ -1,7 +1,5 @@
 #include "tests/experiments/program.h"
 
-#include <csignal>
-
 #include "experiments/command/cli.h"
 #include "tests/json_schema.h"
 

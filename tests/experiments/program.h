@@ -26,6 +26,14 @@ namespace palpate::experiments {
 
 using testing::HasSubstr, testing::Not;
 
+/// Scenes and a path on which a command is done in a moment.
+inline constexpr const char* kTinyWaves =
+    "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+inline constexpr const char* kSmallWaves =
+    "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
+inline constexpr const char* kTinyWeave =
+    "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+
 /// A text that holds all of these; one that holds none.
 template <class... Texts>
 auto HasAll(const Texts&... texts) {
@@ -69,6 +77,12 @@ inline testing::AssertionResult ended_well(int status, const std::filesystem::pa
   for (const std::string fault : json["fault_names"])
     if (fault.find("the servo loop") == std::string::npos) return testing::AssertionFailure() << fault;
   return testing::AssertionSuccess();
+}
+/// How often a text has this part.
+inline std::size_t count_of(const std::string& text, const std::string& part) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+  return count;
 }
 
 inline void write_text(const std::filesystem::path& path, const std::string& text) {

@@ -49,8 +49,8 @@ class Blinded : public StudyFolder {
 };
 
 TEST_F(Blinded, AbxFindsItsObserver) {
-  const ProcessOutcome run = succeeds(study("abx", "simulated:dprime=2.5", "out"));
-  EXPECT_THAT(run.out, HasSubstr("69")) << "trials to find 65 % are said beforehand: ";
+  EXPECT_THAT(succeeds(study("abx", "simulated:dprime=2.5", "out")).out, HasSubstr("69"))
+      << "trials to find 65 % are said beforehand: ";
   expect_valid("observed", text_in("out/study.json"));
   const json found = document("out");
   EXPECT_EQ(found["trials"]["main"], 80);

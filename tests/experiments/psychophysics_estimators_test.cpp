@@ -207,7 +207,6 @@ TEST(Sensitivity, IsRightOnAverageAndCovers) {
     }
 }
 
-/// A bias of the observer is taken out where the task knows it.
 TEST(Sensitivity, ABiasIsNoInsensitivity) {
   for (const Task task : {Task::kTwoInterval, Task::kYesNo}) {
     ObserverOptions observer;

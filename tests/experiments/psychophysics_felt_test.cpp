@@ -33,7 +33,8 @@ Plan plan_of(const std::string& example) {
 /// A plan with what it feels on.
 struct Laboratory {
   explicit Laboratory(const std::string& example, const std::string& observer = "machine")
-      : plan(plan_of(example)) {
+      : Laboratory(plan_of(example), observer) {}
+  Laboratory(Plan felt_plan, const std::string& observer) : plan(std::move(felt_plan)) {
     spec = *psychophysics::parse_observer(observer);
     device = *choose_device({}, session_drivers());
     auto made = Bench::make(plan, {spec.hand, spec.depth_mm, 1000.0}, progress);
@@ -140,6 +141,7 @@ TEST(MachineObserver, FeelsASpacingANoiseAndARate) {
                  {"noise", "cloud", 0.0001, 0.3, true},
                  {"rate", "cloud", 1000.0, 980.0, false}};
   for (const auto& turned : kTurned) {
+    SCOPED_TRACE(turned.key);
     Plan plan = plan_of("constant");
     plan.option->renderer = turned.renderer;
     plan.option->key = turned.key;
@@ -147,18 +149,12 @@ TEST(MachineObserver, FeelsASpacingANoiseAndARate) {
     plan.option->upwards = turned.upwards;
     plan.levels = {turned.level};
     plan.catch_level = turned.level;
-    ProgressBar progress;
-    const auto bench = Bench::make(plan, {"slide", 4.0, 1000.0}, progress);
-    ASSERT_TRUE(bench) << turned.key << bench.error().message();
-    const DeviceChoice device = *choose_device({}, session_drivers());
-    const auto spec = psychophysics::parse_observer("machine:hand=slide");
-    Machine machine(plan, *spec, **bench, device);
-    const Status learnt = machine.learn(progress);
-    ASSERT_TRUE(learnt) << turned.key << learnt.error().message();
+    const Laboratory lab(plan, "machine:hand=slide");
+    const auto& apart = lab.machine->apart();
     double most = 0.0;
-    for (const double apart : machine.apart()) most = std::max(most, std::abs(apart));
-    std::printf("%s: stiffness %+.2f, force %+.2f, vibration %+.2f, direction %+.2f\n", turned.key,
-                machine.apart()[0], machine.apart()[1], machine.apart()[2], machine.apart()[3]);
+    for (const double by : apart) most = std::max(most, std::abs(by));
+    std::printf("%s: stiffness %+.2f, force %+.2f, vibration %+.2f, direction %+.2f\n", turned.key, apart[0],
+                apart[1], apart[2], apart[3]);
     EXPECT_GT(most, 0.5) << turned.key << " makes no difference";
   }
 }
@@ -397,8 +393,7 @@ TEST_F(FeltStudy, WhatDoesNotGoTogetherIsRefused) {
       file,
       "task = \"2ifc\"\nscene = \"sinusoid:points=961\"\n[option]\nrenderer = \"cloud\"\nkey = \"rate\"\n"
       "unit = \"Hz\"\nstandard = 1000.0\n[trials]\ncount = 4\nlevels = [500.0]\n");
-  const ProcessOutcome run = refuses({}, study(file, "machine", "out"));
-  EXPECT_THAT(run.err, HasAll("rate.toml", "1000 Hz"));
+  EXPECT_THAT(refuses({}, study(file, "machine", "out")).err, HasAll("rate.toml", "1000 Hz"));
   EXPECT_FALSE(exists("out"));
   EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kAbx, 's'), -1);
   EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kSameDifferent, 'd'), 1);

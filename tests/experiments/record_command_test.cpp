@@ -1,10 +1,6 @@
 // Recordings made, compared and exported as a user does; and their hashes, segment by segment.
-#include <gtest/gtest.h>
 
-#include <csignal>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #ifdef PALPATE_WITH_HDF5
 #include <hdf5.h>
@@ -24,8 +20,6 @@ namespace {
 
 using nlohmann::json;
 
-const char* const kRolling = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
-
 class QuietProgress final : public Progress {
  public:
   void report(std::string_view /*what*/, double /*fraction*/) override {}
@@ -42,7 +36,7 @@ Prepared prepared_stage(const std::string& renderer, const std::string& path) {
   Prepared p;
   ProgressBar progress;
   RunArguments run;
-  run.scene = kRolling;
+  run.scene = kSmallWaves;
   run.renderers = renderer;
   run.path = path;
   run.reference = "none";
@@ -143,11 +137,14 @@ TEST_P(RecordSegments, AnswerTheSameBitsWithFaultsAndStartsInContactBetween) {
 INSTANTIATE_TEST_SUITE_P(Renderers, RecordSegments,
                          testing::Values("cloud", "cloud-smooth", "mesh-godobject"));
 
-TEST(RecordedPaths, StartFreeAndGoByThePlacesOfBringUps) {
+class RecordedFaults : public InFolder {
+ protected:
+  RecordedFaults() { record_with_faults(p, file); }
   const Prepared p = prepared_stage("cloud", "weave:frames=3200:depth_mm=1.5");
-  const std::string file = testing::TempDir() + "/record_paths_" + std::to_string(::getpid()) + ".palrec";
-  std::filesystem::remove(file);
-  record_with_faults(p, file);
+  const std::string file = in("faults.palrec");
+};
+
+TEST_F(RecordedFaults, ArePathsThatStartFreeAndGoByThePlacesOfBringUps) {
   const Result<RecordedPath> recorded = path_of_recording(file, kMemoryLimitBytes);
   ASSERT_TRUE(recorded) << recorded.error().message();
   EXPECT_TRUE(recorded->warnings.empty());
@@ -155,14 +152,9 @@ TEST(RecordedPaths, StartFreeAndGoByThePlacesOfBringUps) {
   EXPECT_GT(recorded->path.size(), 2000u);
   for (std::size_t i = 1; i < recorded->path.size(); ++i)
     ASSERT_GT(recorded->path.t_s[i], recorded->path.t_s[i - 1]) << i;
-  std::filesystem::remove(file);
 }
 
-TEST(RecordingFacts, CountFaultsAndSegments) {
-  const Prepared p = prepared_stage("cloud", "weave:frames=3200:depth_mm=1.5");
-  const std::string file = testing::TempDir() + "/record_facts_" + std::to_string(::getpid()) + ".palrec";
-  std::filesystem::remove(file);
-  record_with_faults(p, file);
+TEST_F(RecordedFaults, AreCountedAndSoAreSegments) {
   const Result<RecordingFacts> facts = facts_of_recording(file, false);
   ASSERT_TRUE(facts) << facts.error().message();
   EXPECT_EQ(facts->end.ticks, p.stage.path.size());
@@ -198,7 +190,6 @@ TEST(RecordingFacts, CountFaultsAndSegments) {
   EXPECT_GT(contact, 500u);
   EXPECT_EQ(facts->force_max_n, force_n);
   EXPECT_GT(force_n, 0.1);
-  std::filesystem::remove(file);
 }
 
 class RecordCommand : public OnCommandLine {
@@ -206,8 +197,9 @@ class RecordCommand : public OnCommandLine {
   /// Two seconds on a virtual clock.
   template <class... More>
   Words record(const std::string& out, const More&... more) const {
-    return words("live record", kRolling, "--renderer cloud --seconds 2 --path weave:frames=2000:depth_mm=1",
-                 "--accelerated --out", in(out), more...);
+    return words("live record", kSmallWaves,
+                 "--renderer cloud --seconds 2 --path weave:frames=2000:depth_mm=1", "--accelerated --out",
+                 in(out), more...);
   }
   json document(const std::string& file) const { return json_in(file); }
   /// Turns a bit in the middle.
@@ -233,20 +225,21 @@ TEST_F(RecordCommand, RecordsReplaysToTheSameHashesAndCompares) {
   EXPECT_GT(said["contact_ticks"], 200);
   EXPECT_EQ(said["bytes"], std::filesystem::file_size(in("one.palrec")));
 
-  const ProcessOutcome replayed =
-      succeeds("compare", kRolling, "--path @/one.palrec --passes 1 --out @/again --renderers auto");
-  EXPECT_THAT(replayed.out, HasSubstr("the same hash"));
+  EXPECT_THAT(
+      succeeds("compare", kSmallWaves, "--path @/one.palrec --passes 1 --out @/again --renderers auto").out,
+      HasSubstr("the same hash"));
   const json segments = document("again/segments.json");
   EXPECT_EQ(segments["schema"], "palpate-segments/1");
   ASSERT_GE(segments["segments"].size(), 1u);
   for (const json& segment : segments["segments"]) EXPECT_TRUE(segment["same"]) << segment;
   // On another scene it says that hashes may differ, and is no failure.
-  const ProcessOutcome other = succeeds(
-      "compare sinusoid:points=961:extent_mm=40:wavelength_mm=20:amplitude_mm=1 --path @/one.palrec --passes "
-      "1 --out @/other --renderers auto");
-  EXPECT_THAT(other.out, HasSubstr("the scene is another one"));
+  EXPECT_THAT(succeeds("compare sinusoid:points=961:extent_mm=40:wavelength_mm=20:amplitude_mm=1 --path "
+                       "@/one.palrec --passes "
+                       "1 --out @/other --renderers auto")
+                  .out,
+              HasSubstr("the scene is another one"));
 
-  succeeds("compare", kRolling,
+  succeeds("compare", kSmallWaves,
            "--renderers cloud,cloud:refine=1:label=bare --path @/one.palrec --passes 1 --out @/compared");
   const json result = document("compared/result.json");
   ASSERT_EQ(result["renderers"].size(), 2u);
@@ -350,7 +343,7 @@ TEST_F(RecordCommand, InfoSaysWhatIsInIt) {
   EXPECT_EQ(facts["bytes"], std::filesystem::file_size(in("one.palrec")));
   EXPECT_NEAR(facts["length_s"].get<double>(), 2.0, 1e-9);
   EXPECT_EQ(facts["lost_ticks"], 0);
-  EXPECT_EQ(facts["scene"], kRolling);
+  EXPECT_EQ(facts["scene"], kSmallWaves);
   EXPECT_EQ(facts["segments"], 1);
   EXPECT_TRUE(facts["faults"].empty() && facts["warnings"].empty());
   EXPECT_TRUE(facts["closed"].get<bool>());
@@ -361,7 +354,7 @@ TEST_F(RecordCommand, InfoSaysWhatIsInIt) {
   EXPECT_GT(facts["renderers"][0]["contact_ticks"], 200);
   EXPECT_TRUE(facts["renderers"][0]["options"].contains("refine"));
   const ProcessOutcome text = succeeds("info @/one.palrec");
-  for (const char* const words : {"2.000 s, 2,001 ticks, none lost", "virtual clock", kRolling,
+  for (const char* const words : {"2.000 s, 2,001 ticks, none lost", "virtual clock", kSmallWaves,
                                   "cloud (cloud): stepped in 2,001 ticks"})
     EXPECT_THAT(text.out, HasSubstr(words)) << words << "\n";
   // Whatever it is called.
@@ -382,22 +375,21 @@ TEST_F(RecordCommand, InfoOfWhatIsMissingOrDamaged) {
   EXPECT_GE(facts["warnings"].size(), 1u);
   damage(in("one.palrec"));
   refused("--skip-damaged", "info @/one.palrec");
-  const ProcessOutcome skipped = succeeds("info @/one.palrec --skip-damaged");
-  EXPECT_THAT(skipped.out, HasSubstr("damaged and were left out"));
+  EXPECT_THAT(succeeds("info @/one.palrec --skip-damaged").out, HasSubstr("damaged and were left out"));
   write_text(in("text.palrec"), "somebody's");
   refused("is no recording", "info @/text.palrec");
   refused("no such file", "info @/missing.palrec");
   refused("--unit does nothing", "info @/torn.palrec --unit m");
-  refused("--skip-damaged does nothing", "info", kRolling, "--skip-damaged");
+  refused("--skip-damaged does nothing", "info", kSmallWaves, "--skip-damaged");
 }
 
 TEST_F(RecordCommand, ATornTailIsDroppedAndSaid) {
   succeeds(record("one.palrec"));
   std::filesystem::resize_file(in("one.palrec"), std::filesystem::file_size(in("one.palrec")) / 2);
-  const ProcessOutcome csv = succeeds("report export @/one.palrec --out @/one.csv");
-  EXPECT_THAT(csv.err, HasAll("not closed", "half a chunk"));
+  EXPECT_THAT(succeeds("report export @/one.palrec --out @/one.csv").err,
+              HasAll("not closed", "half a chunk"));
   const ProcessOutcome replayed =
-      succeeds("compare", kRolling, "--path @/one.palrec --passes 1 --out @/again --renderers auto");
+      succeeds("compare", kSmallWaves, "--path @/one.palrec --passes 1 --out @/again --renderers auto");
   EXPECT_THAT(replayed.out, HasSubstr("the same hash"));
   EXPECT_THAT(replayed.err, HasSubstr("not closed"));
 }
@@ -407,8 +399,8 @@ TEST_F(RecordCommand, DamageInTheMiddleIsAnErrorThatNamesTheByte) {
   damage(in("one.palrec"));
   refuses({"byte ", "--skip-damaged"}, "report export @/one.palrec --out @/one.csv");
   EXPECT_FALSE(exists("one.csv"));
-  const ProcessOutcome skipped = succeeds("report export @/one.palrec --skip-damaged --out @/one.csv");
-  EXPECT_THAT(skipped.err, HasSubstr("damaged"));
+  EXPECT_THAT(succeeds("report export @/one.palrec --skip-damaged --out @/one.csv").err,
+              HasSubstr("damaged"));
 }
 
 TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
@@ -416,7 +408,7 @@ TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
   refused("create the folder", record("no/such/folder.palrec"));
   refused("sim:omni", record("x.palrec", "--device sim:omny"));
   refused("hand", record("x.palrec", "--grip foot"));
-  refused("one renderer", "live record", kRolling,
+  refused("one renderer", "live record", kSmallWaves,
           "--renderer cloud,cloud-smooth --seconds 1 --accelerated --out @/x.palrec");
   EXPECT_FALSE(exists("x.palrec"));
   write_text(in("there.palrec"), "somebody's");
@@ -435,7 +427,7 @@ TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
 }
 
 TEST_F(RecordCommand, StoppedByCtrlCItIsClosedAndWhole) {
-  Started started(folder_, {"live", "record", kRolling, "--renderer", "cloud", "--seconds", "60", "--path",
+  Started started(folder_, {"live", "record", kSmallWaves, "--renderer", "cloud", "--seconds", "60", "--path",
                             "weave:frames=2000:depth_mm=1", "--out", in("stopped.palrec")});
   started.wait_for([&] {
     std::error_code code;

@@ -1,5 +1,4 @@
 // Tables, headlines and the page are pure functions of results.
-#include <gtest/gtest.h>
 #include <png.h>
 
 #include <algorithm>

@@ -1,5 +1,4 @@
 // Every command that takes long goes on where it was killed: a case that is kept is not done again.
-#include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
@@ -26,7 +25,7 @@ struct Killed {
 std::vector<Killed> killed_commands() {
   return {
       {"compare",
-       {"compare", kWavesToGoOn, "--renderers", "cloud,cloud-literal,brute-force", "--path", kPathToGoOn},
+       {"compare", kTinyWaves, "--renderers", "cloud,cloud-literal,brute-force", "--path", kTinyWeave},
        ".palpate-parts/cloud",
        R"(\"reason\": null)",
        R"(\"reason\": \"987654\")",
@@ -45,7 +44,7 @@ std::vector<Killed> killed_commands() {
        R"("cause":"987654")",
        "stress.json"},
       {"stability",
-       {"test", "stability", kWavesToGoOn, "--renderers", "cloud", "--path", kPathToGoOn, "--rates", "1000",
+       {"test", "stability", kTinyWaves, "--renderers", "cloud", "--path", kTinyWeave, "--rates", "1000",
         "--delays", "0", "--dampings", "0"},
        ".palpate-parts/truth",
        R"("control":"none")",
@@ -64,15 +63,15 @@ std::vector<Killed> killed_commands() {
        R"("faulty":987654)",
        "hunt.json"},
       {"ablate",
-       {"compare", "ablate", kWavesToGoOn, "--renderer", "cloud", "--friction", "0.7,0.5", "--deformation",
-        "0.2", "--path", kPathToGoOn, "--budget", "0"},
+       {"compare", "ablate", kTinyWaves, "--renderer", "cloud", "--friction", "0.7,0.5", "--deformation",
+        "0.2", "--path", kTinyWeave, "--budget", "0"},
        ".palpate-parts/1",
        R"("instead":")",
        R"("instead":"987654 )",
        "ablate.json"},
       {"sweep",
-       {"compare", "sweep", kWavesToGoOn, "--renderers", "cloud,cloud-literal", "--axes", "rate,precision",
-        "--path", kPathToGoOn, "--passes", "2", "--budget", "10"},
+       {"compare", "sweep", kTinyWaves, "--renderers", "cloud,cloud-literal", "--axes", "rate,precision",
+        "--path", kTinyWeave, "--passes", "2", "--budget", "10"},
        "rows.jsonl",
        R"("reason":"")",
        R"("reason":"987654")",

@@ -1,9 +1,6 @@
 // palpate test stability as a user runs it, on a tiny scene.
-#include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include <filesystem>
-#include <fstream>
 #include <limits>
 
 #include "experiments/goals/goals.h"
@@ -17,14 +14,12 @@ namespace {
 
 using nlohmann::json;
 
-const char* const kWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
-
 class Stability : public OnCommandLine {
  protected:
   template <class... More>
   Words stability(const std::string& out, const More&... more) const {
-    return words("test stability", kWaves, "--renderers cloud --path weave:frames=1500:depth_mm=0.5 --out",
-                 in(out), more...);
+    return words("test stability", kSmallWaves,
+                 "--renderers cloud --path weave:frames=1500:depth_mm=0.5 --out", in(out), more...);
   }
   json document(const std::string& out) const { return json_in(out + "/stability.json"); }
 };

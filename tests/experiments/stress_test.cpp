@@ -1,8 +1,6 @@
 // The short set of the stress matrix: no cell of ours turns red unseen; and what the matrix says is true.
-#include <gtest/gtest.h>
 
 #include <algorithm>
-#include <csignal>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -156,7 +154,6 @@ TEST(Stress, AMeshFarFromItsOriginIsFeltInItsOwnFrame) {
   EXPECT_EQ(voxels.status, CellStatus::kOk) << voxels.check << ": " << voxels.cause;
 }
 
-// Points in double at any place: the force of the same scene at the origin, within the bound of rounding.
 TEST(Stress, OursAnswerTheSameAtEveryPlace) {
   for (const char* renderer : {"cloud", "cloud-smooth", "heightfield"})
     for (const StressCase& one : stress_cases()) {
@@ -181,7 +178,6 @@ TEST(Stress, FlyingPixelsCloseNoSheet) {
     }
 }
 
-// The tip of a turned body: hundreds of facets around one vertex.
 TEST(Stress, AMeshIsFeltWhereManyFacetsMeet) {
   for (const char* name : {"fan-400", "fan-1000"}) {
     const StressCell cell = run_cell(case_of(name), request_of("mesh-godobject"), registry());
@@ -192,7 +188,6 @@ TEST(Stress, AMeshIsFeltWhereManyFacetsMeet) {
   }
 }
 
-// A field that looks forces up by place has none below its band, and the matrix says why.
 TEST(Stress, AFieldEndsBelowItsBand) {
   for (const char* name : {"deep-slide", "depth-10x"}) {
     const StressCase deep = case_of(name);
@@ -276,12 +271,6 @@ TEST_F(StressCommand, HashesOfAnotherRunMustBeTheSame) {
   EXPECT_FALSE(exists("fourth"));
 }
 
-std::size_t count_of_text(const std::string& text, const std::string& part) {
-  std::size_t count = 0;
-  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
-}
-
 // docs/results/measured.md: `palpate report DIR --docs .` takes both at once.
 TEST(Stress, PictureAndTableOfThePageAreOfOneRun) {
   const std::string figures = std::string(PALPATE_DOCS) + "/figures/";
@@ -294,7 +283,7 @@ TEST(Stress, PictureAndTableOfThePageAreOfOneRun) {
   EXPECT_GT(cells["ok"], 200u);
   for (const auto& [status, colour] : std::map<std::string, std::string>{
            {"ok", "#009e73"}, {"limit", "#f0e442"}, {"failed", "#d55e00"}, {"skipped", "#e6e6e6"}})
-    EXPECT_EQ(count_of_text(picture, "fill=\"" + colour + "\""), cells[status] + 1)
+    EXPECT_EQ(count_of(picture, "fill=\"" + colour + "\""), cells[status] + 1)
         << status << ", and the legend";
 }
 

@@ -1,5 +1,4 @@
 // The folder of a study suffices: report and scores come from its files alone.
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <map>
@@ -14,13 +13,10 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-const char* const kStudyScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kStudyPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
-
 class StudyFolder : public OnCommandLine {
  protected:
   void compare(const std::string& renderers, const std::vector<std::string>& more = {},
-               const std::string& scene = kStudyScene, const std::string& path = kStudyPath) const {
+               const std::string& scene = kTinyWaves, const std::string& path = kTinyWeave) const {
     succeeds("compare", scene, "--renderers", renderers, "--path", path, "--out @/out", more);
   }
   [[nodiscard]] json result(const std::string& folder = "out") const {
@@ -93,7 +89,7 @@ TEST_F(StudyFolder, ScoringAgainGivesTheSameNumbers) {
 }
 
 TEST_F(StudyFolder, AReplayIsAStudyToo) {
-  succeeds("compare", kStudyScene, "--renderers cloud --path", kStudyPath, "--reference none --out @/out");
+  succeeds("compare", kTinyWaves, "--renderers cloud --path", kTinyWeave, "--reference none --out @/out");
   expect_valid("result", text_in("out/result.json"));
   EXPECT_TRUE(result()["truth"].is_null());
   ASSERT_EQ(palpate_command({"report", in("out")}).exit_code, 0);
@@ -190,8 +186,7 @@ TEST_F(StudyFolder, ForcesThatCannotBeComparedAreNotScored) {
   write_text(folder_ / "rough.toml",
              "[[model]]\ngenerate = \"plane\"\npoints = 2601\nextent_mm = 20\n[model.surface]\nfriction = "
              "0.5\n");
-  compare("cloud,cloud-literal", {}, in("rough.toml"),
-          "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1");
+  compare("cloud,cloud-literal", {}, in("rough.toml"), kTinyWeave);
   expect_valid("result", text_in("out/result.json"));
   const json document = result();
   EXPECT_FALSE(document["scoring"]["forces_comparable"]);
@@ -236,7 +231,7 @@ TEST_F(StudyFolder, SaysWhatEachRendererIsAndLeavesOut) {
 TEST_F(StudyFolder, WhatThePageWarnsOfStandsInTheDocument) {
   // Far above the model: nobody ever touches.
   write_text(folder_ / "far.csv", "t_s,x_mm,y_mm,z_mm\n0,0,0,50\n0.001,0,0,51\n0.002,0,0,52\n");
-  compare("cloud,analytic", {}, kStudyScene, in("far.csv"));
+  compare("cloud,analytic", {}, kTinyWaves, in("far.csv"));
   const std::string page = text_in("out/report.html");
   const json document = result();
   ASSERT_FALSE(document["warnings"].empty());

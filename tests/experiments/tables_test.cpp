@@ -1,9 +1,6 @@
 // What tables say, and that they fit: a terminal of any width, a page, many renderers.
-#include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 
 #include "experiments/report/page.h"
@@ -59,12 +56,6 @@ const std::vector<Cell>& row_of(const Table& table, const std::string& name) {
     if (row.size() > 1 && row[0].text == name) return row;
   ADD_FAILURE() << "no row '" << name << "'";
   return table.rows.front();
-}
-
-std::size_t count_of(const std::string& text, const std::string& what) {
-  std::size_t n = 0;
-  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++n;
-  return n;
 }
 
 std::vector<std::string> lines_of(const std::string& text) {
@@ -282,17 +273,14 @@ TEST(TableHtml, ManyRenderersBecomeRows) {
 }
 
 TEST(Terminal, WidthIsWhatTheEnvironmentSays) {
-  const char* const before = std::getenv("COLUMNS");
-  const std::string kept = before == nullptr ? "" : before;
-  ::setenv("COLUMNS", "132", 1);
-  EXPECT_EQ(terminal_columns(-1), 132u);
-  for (const char* wrong : {"", "0", "-5", "wide", "80x", "99999999999999999999"}) {
-    ::setenv("COLUMNS", wrong, 1);
-    EXPECT_EQ(terminal_columns(-1), 80u) << wrong;
-  }
-  ::unsetenv("COLUMNS");
-  EXPECT_EQ(terminal_columns(-1), 80u) << "no terminal";
-  if (before != nullptr) ::setenv("COLUMNS", kept.c_str(), 1);
+  const auto columns_if = [](const char* said) {
+    const Environment columns("COLUMNS", said);
+    return terminal_columns(-1);
+  };
+  EXPECT_EQ(columns_if("132"), 132u);
+  for (const char* wrong : {"", "0", "-5", "wide", "80x", "99999999999999999999"})
+    EXPECT_EQ(columns_if(wrong), 80u) << wrong;
+  EXPECT_EQ(columns_if(nullptr), 80u) << "no terminal";
 }
 
 }  // namespace

@@ -1,12 +1,9 @@
 // palpate compare sweep, merge, tune and compare --against, as a user runs them, on a tiny scene.
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <sstream>
 
 #include "tests/experiments/program.h"
 

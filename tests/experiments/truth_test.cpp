@@ -1,5 +1,4 @@
 // The truth that nobody shares, through the real program.
-#include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 

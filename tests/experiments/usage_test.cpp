@@ -1,14 +1,10 @@
 // What a new user does first: paths by name, surfaces from the command line, models, paths and references
 // that do not fit each other.
 #include <fmt/format.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <string>
-#include <vector>
 
 #include <palpate/generate.h>
 #include <palpate/paths.h>
@@ -179,8 +175,8 @@ TEST_F(Usage, SurfacesFromTheCommandLineActAndSaySo) {
   EXPECT_NEAR(largest({}), 0.5, 1e-4);
   EXPECT_NEAR(largest({"--stiffness", "0.8"}), 0.8, 1e-4);
   EXPECT_NEAR(largest({"--stiffness", "0.8", "--deformation", "0.25"}), 0.6, 1e-4);
-  const ProcessOutcome plan = succeeds("info plan", kPlane, "--friction 0.7,0.5 --json");
-  EXPECT_THAT(plan.out, HasSubstr("friction 0.7 static, 0.5 dynamic"));
+  EXPECT_THAT(succeeds("info plan", kPlane, "--friction 0.7,0.5 --json").out,
+              HasSubstr("friction 0.7 static, 0.5 dynamic"));
 }
 
 TEST_F(Usage, SurfacesThatCannotBeAreRefused) {
@@ -233,9 +229,9 @@ TEST_F(Usage, TablesAreReproducedAsFarAsTheNetworkAllows) {
   const char* const kNobody = "http://127.0.0.1:9";
   const Environment http("http_proxy", kNobody), https("https_proxy", kNobody), all("all_proxy", kNobody),
       npm("npm_config_registry", kNobody), none("no_proxy", nullptr), upper("NO_PROXY", nullptr);
-  const ProcessOutcome run = succeeds("reproduce --tables 3 --mesh-limit 2 --out @/out");
-  EXPECT_THAT(run.out, HasAll("not done: table 3, bunny", "not done: table 3, dragon",
-                              "Reconstruction of the sinusoid"));
+  EXPECT_THAT(
+      succeeds("reproduce --tables 3 --mesh-limit 2 --out @/out").out,
+      HasAll("not done: table 3, bunny", "not done: table 3, dragon", "Reconstruction of the sinusoid"));
   EXPECT_TRUE(exists("out/report.html"));
   // Where nothing comes of what was asked for, that is a failure.
   EXPECT_EQ(palpate("reproduce --tables 9 --out @/nine").exit_code, 1);

@@ -2,19 +2,10 @@
 // closed.
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <atomic>
 #include <chrono>
-#include <cmath>
 #include <cstring>
-#include <filesystem>
-#include <functional>
-#include <optional>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include <palpate/clock.h>
 #include "experiments/live/changes.h"
@@ -28,7 +19,6 @@
 namespace palpate::experiments {
 namespace {
 
-const char* const kSmallWaves = "sinusoid:points=10201:extent_mm=60:wavelength_mm=30:amplitude_mm=3";
 constexpr double kLongestTestS = 120.0;
 
 void close_window() {
@@ -186,7 +176,7 @@ TEST_F(DrivenWindow, ChangesRecordsMarksExportsAndOpensWhatIsDropped) {
         return window.scene().scene() != nullptr &&
                window.scene().scene()->name.find("dropped") != std::string::npos && ticks(window);
       });
-  const int status = live(arguments(kSmallWaves, "cloud,cloud-smooth"), std::ref(script));
+  const int status = live(arguments(kWindowWaves, "cloud,cloud-smooth"), std::ref(script));
   EXPECT_TRUE(ended_well(status, in("results/live.json")));
   ASSERT_TRUE(script.done());
   EXPECT_TRUE(recorded);
@@ -304,7 +294,7 @@ TEST_F(DrivenWindow, ADeviceThatHasToBeHomedAsksInTheWindow) {
                [&pulled](const device::DeviceRequest&, const Clock& clock) -> Result<device::MadeDevice> {
                  return pulled_falcon(clock, kCommandsALeg, &pulled);
                }});
-  LiveArguments a = arguments("sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1", "cloud");
+  LiveArguments a = arguments(kSmallWaves, "cloud");
   a.device.device = "falcon";
   std::vector<std::string> asked;
   int big = 0;
@@ -357,12 +347,9 @@ TEST_F(DrivenWindow, AScenesFileSaysWhatIsUpAndTheOptionWins) {
   const std::string said = testing::internal::GetCapturedStderr();
   EXPECT_NE(said.find("lying.toml:5"), std::string::npos) << said;
   EXPECT_NE(said.find("choose from"), std::string::npos) << said;
-}
-
-TEST_F(DrivenWindow, WhatIsUpIsAnAxis) {
-  LiveArguments a = arguments(kSmallWaves, "cloud");
-  a.up = "w";
-  EXPECT_EQ(live(a, [](Window&) { ADD_FAILURE() << "a window opened"; }), kExitBadInput);
+  LiveArguments named = arguments(kWindowWaves, "cloud");
+  named.up = "w";
+  EXPECT_EQ(live(named, [](Window&) { ADD_FAILURE() << "a window opened"; }), kExitBadInput);
 }
 
 TEST(StandIn, SpreadsEvenlyAndTakesThePropertiesAlong) {

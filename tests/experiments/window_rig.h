@@ -24,6 +24,10 @@
 
 namespace palpate::experiments {
 
+/// Three millimetres high, and small enough to be drawn at once.
+inline constexpr const char* kWindowWaves =
+    "sinusoid:points=10201:extent_mm=60:wavelength_mm=30:amplitude_mm=3";
+
 /// A generated scene, loaded.
 inline scene::LoadedScene loaded_scene(const std::string& name) {
   const auto file = scene::open_scene(name);

@@ -1,14 +1,4 @@
 // What the window shows beyond points and contact: errors against the truth, dents, cells, other axes up.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-#include <cstdlib>
-#include <filesystem>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "experiments/window/overlay.h"
 #include "experiments/window/window.h"
@@ -132,25 +122,6 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
     ASSERT_TRUE(window->frame());
   }
   EXPECT_EQ(window->scene().shifted(), 0u);
-}
-
-TEST_F(WindowShows, CellsThatTheWayIntoTheSurfaceCrosses) {
-  VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3",
-                                 {"cloud-vertices"});
-  begin(virtual_session);
-  virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
-  virtual_session.run(1.0);
-  window->panel().workspace = false;
-  ASSERT_TRUE(window->frame());
-  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
-  const double width = window->view_width();
-  EXPECT_EQ(spot_of(window->picture(), kCellColour, width).count, 0);
-  window->panel().near.cells = true;
-  for (int i = 0; i < 5; ++i) settle();
-  const Spot cells = spot_of(window->picture(), kCellColour, width);
-  const Pixel god_object = seen(window->drawn_tick().tick.frame.god_object_mm);
-  ASSERT_GT(cells.count, 40);
-  EXPECT_LT(std::hypot(cells.x - god_object.x, cells.y - god_object.y), 60.0);
 }
 
 int ink_in(const ColourImage& image, const std::array<std::uint8_t, 3>& colour, int left, int top, int right,
@@ -296,8 +267,7 @@ TEST_F(WindowShows, TheColoursBesideTheirNumbers) {
 }
 
 TEST_F(WindowShows, AnyAxisUp) {
-  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60:wavelength_mm=30:amplitude_mm=3",
-                                 {"cloud"});
+  VirtualSession virtual_session(kWindowWaves, {"cloud"});
   virtual_session.session.show_in(link);
   settle();
   const std::vector<Vec3> axes = {Vec3::UnitZ(),  Vec3::UnitY(),  Vec3::UnitX(),

@@ -1,14 +1,8 @@
 // The window as a person sees it: input is put in, the picture is read back and compared by what is in it.
 #include "experiments/window/window.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <cstdlib>
 #include <thread>
-#include <vector>
 
 #include <palpate/device/servo_thread.h>
 #include "experiments/window/overlay.h"
@@ -19,10 +13,8 @@
 namespace palpate::experiments {
 namespace {
 
-const char* const kWaves = "sinusoid:points=10201:extent_mm=60:wavelength_mm=30:amplitude_mm=3";
-
 TEST_F(WindowTest, PointsStandWhereTheModelProjects) {
-  VirtualSession virtual_session(kWaves);
+  VirtualSession virtual_session(kWindowWaves);
   virtual_session.session.show_in(link);
   settle();
   window->panel().workspace = false;
@@ -116,7 +108,7 @@ TEST_F(WindowTest, GoesOnWithThePictureAndBeginsAnewWhenTheCameraMoves) {
 }
 
 TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
-  VirtualSession virtual_session(kWaves);
+  VirtualSession virtual_session(kWindowWaves);
   WindowSession& session = virtual_session.session;
   begin(virtual_session);
   const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
@@ -166,7 +158,7 @@ TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
 }
 
 TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
-  VirtualSession virtual_session(kWaves);
+  VirtualSession virtual_session(kWindowWaves);
   WindowSession& session = virtual_session.session;
   begin(virtual_session);
   point_at(session.input().models.front().cloud->point_mm(5050));
@@ -243,7 +235,7 @@ TEST(SeenLine, IsCutAtTheNearPlaneAndNowhereElse) {
 }
 
 TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
-  VirtualSession virtual_session(kWaves);
+  VirtualSession virtual_session(kWindowWaves);
   virtual_session.session.show_in(link);
   virtual_session.run(1.0);
   settle();
@@ -290,7 +282,7 @@ TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
 }
 
 TEST_F(WindowTest, AFaultIsShownWithItsRemedyAndTheButtonArmsAgain) {
-  VirtualSession virtual_session(kWaves);
+  VirtualSession virtual_session(kWindowWaves);
   virtual_session.session.show_in(link, [&] { virtual_session.loop().request_rearm(); });
   virtual_session.run(0.6);
   settle();
@@ -322,31 +314,39 @@ TEST_F(WindowTest, AFaultIsShownWithItsRemedyAndTheButtonArmsAgain) {
     EXPECT_STRNE(fault_remedy(static_cast<device::Fault>(fault)), "");
 }
 
-TEST_F(WindowTest, ShowsWhatIsNearTheTouchedPlaceOnRequest) {
-  VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3");
+/// Whether the cells that the way into the surface crosses are asked for, or what is near.
+class WindowNear : public WindowTest, public testing::WithParamInterface<bool> {};
+
+TEST_P(WindowNear, IsShownAboutTheTouchedPlaceOnRequest) {
+  const bool cells = GetParam();
+  VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3",
+                                 {cells ? "cloud-vertices" : "cloud"});
   begin(virtual_session);
   virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
   virtual_session.run(1.0);
   window->panel().workspace = false;
   ASSERT_TRUE(window->frame());
   ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
-  const double width = window->view_width();
-  EXPECT_EQ(spot_of(window->picture(), kNearColour, width).count, 0);
-  window->panel().near = {true, true, true};
-  for (int i = 0; i < 50; ++i) {
+  const auto shown = [&] {
+    return spot_of(window->picture(), cells ? kCellColour : kNearColour, window->view_width());
+  };
+  EXPECT_EQ(shown().count, 0);
+  window->panel().near = {!cells, !cells, !cells, cells};
+  for (int i = 0; i < (cells ? 5 : 50); ++i) {
     ASSERT_TRUE(window->frame());
     settle();
   }
-  const ColourImage image = window->picture();
+  const Spot spot = shown();
   const Pixel god_object = seen(window->drawn_tick().tick.frame.god_object_mm);
-  const Spot near = spot_of(image, kNearColour, width);
-  ASSERT_GT(near.count, 30);
-  EXPECT_LT(std::hypot(near.x - god_object.x, near.y - god_object.y), 25.0) << "about the touched place";
+  ASSERT_GT(spot.count, cells ? 40 : 30);
+  EXPECT_LT(std::hypot(spot.x - god_object.x, spot.y - god_object.y), cells ? 60.0 : 25.0);
 }
+
+INSTANTIATE_TEST_SUITE_P(Cells, WindowNear, testing::Bool());
 
 TEST_F(WindowTest, TheServoTicksOnWhileTheWindowStandsStill) {
   MonotonicClock clock;
-  WindowSession session(kWaves, {"cloud"}, clock);
+  WindowSession session(kWindowWaves, {"cloud"}, clock);
   device::ServoThreadOptions options;
   options.free_mm = Vec3(0.0, 0.0, 10.0);
   const std::vector<device::TickObserver*> observers = {&session.feed()};
@@ -400,8 +400,9 @@ TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
     const auto window = Window::open(link, {});
     if (!window) GTEST_SKIP() << window.error().message();
   }
-  const ProcessOutcome run = palpate_process({"live", kWaves, "--renderers", "cloud", "--window", "--hand",
-                                              "press", "--seconds", "6", "--rearm", "--out", in("out")});
+  const ProcessOutcome run =
+      palpate_process({"live", kWindowWaves, "--renderers", "cloud", "--window", "--hand", "press",
+                       "--seconds", "6", "--rearm", "--out", in("out")});
   ASSERT_TRUE(ended_well(run.exit_code, in("out/live.json"))) << run.err;
   EXPECT_NE(run.err.find("touchable after"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("first touch after"), std::string::npos) << run.err;
@@ -410,7 +411,7 @@ TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
 
 TEST_F(LiveInAWindow, WhatCannotBeIsRefusedWithAReason) {
   const auto refused = [&](std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"live", kWaves, "--renderers", "cloud", "--out", in("out")};
+    std::vector<std::string> arguments = {"live", kWindowWaves, "--renderers", "cloud", "--out", in("out")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const ProcessOutcome run = palpate_process(arguments);
     EXPECT_EQ(run.exit_code, 2) << run.err;
@@ -421,7 +422,7 @@ TEST_F(LiveInAWindow, WhatCannotBeIsRefusedWithAReason) {
 }
 
 TEST(WindowFeed, LosesSamplesAndNothingElseWhereNobodyReads) {
-  VirtualSession virtual_session(kWaves, {"cloud"});
+  VirtualSession virtual_session(kWindowWaves, {"cloud"});
   virtual_session.run(20.0);
   WindowFeed& feed = virtual_session.session.feed();
   EXPECT_EQ(feed.ticks(), 20'001u);

@@ -106,7 +106,6 @@ TEST(WorstFrames, AreWithinTheWrittenBound) {
   }
 }
 
-// Callgrind and a processor that is stopped after each instruction are of one opinion.
 TEST(WorstFrames, AreTheSameStepByStep) {
   if (const Status able = can_count_instructions(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_WORST_FRAMES)) GTEST_SKIP() << "built without the benchmarks";

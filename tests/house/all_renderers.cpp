@@ -8,11 +8,13 @@
 
 namespace palpate::house {
 
-void register_all_renderers(render::Registry& registry) {
+render::Registry all_renderers() {
+  render::Registry registry;
   render::register_toolkit_renderers(registry);
 #ifdef PALPATE_WITH_BASELINES
   baselines::register_baseline_renderers(registry);
 #endif
+  return registry;
 }
 
 }  // namespace palpate::house

@@ -5,6 +5,6 @@
 
 namespace palpate::house {
 
-void register_all_renderers(render::Registry& registry);
+[[nodiscard]] render::Registry all_renderers();
 
 }  // namespace palpate::house

@@ -3,7 +3,6 @@
 #include <atomic>
 #include <cerrno>
 #include <cstddef>
-#include <cstdlib>
 
 // Sanitizers replace malloc and offer a hook. Otherwise this wraps glibc's functions: a definition in the
 // program precedes the library's for every caller, shared libraries included.

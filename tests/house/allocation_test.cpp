@@ -4,9 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <memory>
-#include <new>
-#include <string>
 #include <vector>
 
 #include <palpate/control.h>
@@ -99,7 +96,7 @@ Stand sinusoid_stand() {
   model.original_mesh = generated.original_mesh;
   model.analytic = generated.surface;
   stand.path = weaving_path(*model.analytic);
-  register_all_renderers(stand.registry);
+  stand.registry = all_renderers();
   example::register_ball(stand.registry);
   return stand;
 }
@@ -164,7 +161,6 @@ TEST(Frames, NoSurfaceAllocates) {
   }
 }
 
-// Pressed, moved from outside, restored: between frames or in them.
 TEST(Frames, NoChangeOfShapeAllocates) {
   Stand stand = sinusoid_stand();
   render::ModelInput& model = stand.scene.models[0];

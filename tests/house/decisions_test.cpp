@@ -9,7 +9,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -121,8 +120,7 @@ void expect_mesh([[maybe_unused]] const render::HapticRenderer& renderer,
 }
 
 TEST(Decisions, WhatIsBuiltIsWhatWasDecided) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   for (const std::string& file : kScenes) {
     const CorpusScene loaded = load_corpus(file, "plate.csv");
     const render::SceneInput& scene = loaded.scene.input;
@@ -153,10 +151,8 @@ TEST(Decisions, WhatIsBuiltIsWhatWasDecided) {
   }
 }
 
-/// A missing mesh is decided with estimates, not made.
 TEST(Decisions, AMeshIsDecidedWithoutBeingMade) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   if (registry.find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without baselines";
   CorpusScene loaded = load_corpus("torus.toml", "plate.csv");
   for (render::ModelInput& model : loaded.scene.input.models) model.original_mesh = nullptr;
@@ -176,8 +172,7 @@ TEST(Decisions, AMeshIsDecidedWithoutBeingMade) {
 }
 
 TEST(Decisions, EmptyScenesAndCloudsAreRefused) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   for (const render::RendererInfo& info : registry.all())
     EXPECT_FALSE(registry.make(info.name, {}).value()->decide({}, {1, nullptr})) << info.name;
 }
@@ -253,10 +248,7 @@ void lift_points(const render::ModelInput& model) {
 
 std::string hash_of(const render::Registry& registry, const render::RendererInfo& info,
                     const SceneInput& scene, const trace::ProbePath& path) {
-  Options options;
-  for (const OptionSpec& option : info.options)
-    if (option.key == "mesh") options.set("mesh", "original");
-  std::unique_ptr<render::HapticRenderer> renderer = registry.make(info.name, options).value();
+  const auto renderer = registry.make(info.name, with_own_mesh({info.name, {}}, info).options).value();
   const auto prepared = renderer->prepare(scene, {});
   if (!prepared) return "refused: " + prepared.error().message();
   if (scene.models[0].moves != nullptr) lift_points(scene.models[0]);
@@ -264,8 +256,7 @@ std::string hash_of(const render::Registry& registry, const render::RendererInfo
 }
 
 TEST(Capabilities, WhatIsSupportedIsFelt) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   const CorpusScene heights = load_corpus("ridge.toml", "ridge.csv");
   const CorpusScene formula = load_corpus("formula.toml", "plate.csv");
   for (const render::RendererInfo& info : registry.all()) {
@@ -363,8 +354,7 @@ Forces forces_at(render::HapticRenderer& renderer, const trace::ProbePath& path,
 }
 
 TEST(ContactCatchUp, ReachesTheForceOfARendererThatNeverLetGo) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   const std::pair<const char*, const char*> kStands[] = {
       {"ridge.toml", "ridge.csv"}, {"torus.toml", "torus.csv"}, {"formula.toml", "plate.csv"}};
   for (const auto& [scene_file, path_file] : kStands) {
@@ -372,10 +362,7 @@ TEST(ContactCatchUp, ReachesTheForceOfARendererThatNeverLetGo) {
     for (const render::RendererInfo& info : registry.all()) {
       if (kExceptions.contains(info.name)) continue;
       SCOPED_TRACE(info.name + " on " + scene_file);
-      Options options;
-      for (const OptionSpec& option : info.options)
-        if (option.key == "mesh") options.set("mesh", "original");
-      const auto renderer = registry.make(info.name, options).value();
+      const auto renderer = registry.make(info.name, with_own_mesh({info.name, {}}, info).options).value();
       if (!renderer->prepare(corpus.scene.input, {})) continue;  // no height field, no formula
       const auto trace = trace::replay(*renderer, corpus.path).value();
       const std::vector<Touch> touches = touches_of(trace);

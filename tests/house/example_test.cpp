@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <memory>
 
 #include <palpate/cloud.h>
 #include "tests/house/source_tree.h"
@@ -74,23 +73,15 @@ TEST(ExampleRenderer, OptionsAreChecked) {
   EXPECT_FALSE(registry.make("bal", {}).ok());
 }
 
-// The page's code block is this folder's file, character by character.
-TEST(ExampleRenderer, ThePagePrintsThisCode) {
-  const std::string page = house::text_of("docs/tutorials/your-renderer.md");
-  const std::string code = house::text_of("tests/house/example_renderer.cpp");
-  ASSERT_FALSE(code.empty());
-  EXPECT_NE(page.find("```cpp\n" + code + "```\n"), std::string::npos)
-      << "docs/tutorials/your-renderer.md must print tests/house/example_renderer.cpp as it is";
-}
-
-// The same of docs/tutorials/your-device.md, whose example the tests of tests/device run.
-TEST(ExampleDevice, ThePagePrintsThisCode) {
-  const std::string page = house::text_of("docs/tutorials/your-device.md");
-  for (const char* file : {"device/simulated/packet_device.h", "device/simulated/packet_device.cpp"}) {
+TEST(Examples, PagesPrintTheirCodeAsItIs) {
+  for (const auto& [page, file] : {std::pair{"your-renderer.md", "tests/house/example_renderer.cpp"},
+                                   std::pair{"your-device.md", "device/simulated/packet_device.h"},
+                                   std::pair{"your-device.md", "device/simulated/packet_device.cpp"}}) {
     const std::string code = house::text_of(file);
     ASSERT_FALSE(code.empty());
-    EXPECT_NE(page.find("```cpp\n" + code + "```\n"), std::string::npos)
-        << "docs/tutorials/your-device.md must print " << file << " as it is";
+    EXPECT_NE(house::text_of(std::string("docs/tutorials/") + page).find("```cpp\n" + code + "```\n"),
+              std::string::npos)
+        << "docs/tutorials/" << page << " must print " << file;
   }
 }
 

@@ -1,17 +1,13 @@
-// Which file may include which, found from the include lines. docs/how-to/change-palpate.md draws the same
-// picture for people.
+// Which file may include which, found from the include lines.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
-#include <initializer_list>
 #include <map>
 #include <optional>
 #include <regex>
 #include <set>
-#include <string>
 #include <string_view>
-#include <vector>
 
 #include "tests/house/source_tree.h"
 
@@ -276,19 +272,34 @@ std::string forbidden(const std::string& written_file, const std::string& writte
 
 TEST(IncludeEdges, TheTreeHasNoForbiddenOne) {
   std::size_t seen = 0;
-  const std::string found = findings_over(is_source, [&](const std::string& file, const auto& lines) {
-    std::string bad;
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      const auto path = included_path(lines[i]);
-      if (!path) continue;
-      ++seen;
-      const std::string why = forbidden(file, *path);
-      if (!why.empty()) bad += file + ":" + std::to_string(i + 1) + ": " + why + "\n";
-    }
-    return bad;
-  });
+  const std::string found =
+      findings_by_line(is_source, [&](const std::string& file, const std::string& line) {
+        const auto path = included_path(line);
+        seen += path ? 1u : 0u;
+        return path ? forbidden(file, *path) : std::string();
+      });
   EXPECT_EQ(found, "");
   EXPECT_GT(seen, 50u) << "too few include lines: is this the source tree?";
+}
+
+/// Names that a pattern's group finds between two marks of a text.
+std::vector<std::string> names_between(const std::string& text, const std::string& from,
+                                       const std::string& to, const std::regex& name) {
+  const std::size_t begin = text.find(from), end = text.find(to, begin);
+  if (begin == std::string::npos || end == std::string::npos) return {};
+  const std::string part = text.substr(begin, end - begin);
+  std::vector<std::string> names;
+  for (std::sregex_iterator it(part.begin(), part.end(), name), last; it != last; ++it)
+    names.push_back((*it)[1]);
+  return names;
+}
+
+TEST(IncludeEdges, ThePageDrawsTheSameLines) {
+  const std::string page = text_of("docs/how-to/change-palpate.md");
+  EXPECT_EQ(names_between(page, "core -> geometry", "```", std::regex("([a-z_]+)")),
+            std::vector<std::string>(kToolkitLine.begin(), kToolkitLine.end()));
+  EXPECT_EQ(names_between(page, "order: `interface`", ". In `experiments`", std::regex("`([a-z]+)`")),
+            std::vector<std::string>(kDeviceLine.begin(), kDeviceLine.end()));
 }
 
 TEST(IncludeEdges, LinesAreRead) {
@@ -297,19 +308,6 @@ TEST(IncludeEdges, LinesAreRead) {
   EXPECT_EQ(included_path("#include <palpate/vec.h>"), "palpate/vec.h");
   EXPECT_EQ(included_path("// #include \"toolkit/core/vec.h\""), std::nullopt);
   EXPECT_EQ(included_path("#define INCLUDE 1"), std::nullopt);
-}
-
-// The code below "// First:" at a file's head, indented as in a function.
-std::string first_example(const std::vector<std::string>& lines) {
-  static const std::string kMark = "//   ";
-  std::string code;
-  bool inside = false;
-  for (const std::string& line : lines) {
-    if (inside && line != "//" && !line.starts_with(kMark)) break;
-    if (inside) code += line == "//" ? "\n" : "  " + line.substr(kMark.size()) + "\n";
-    if (line == "// First:") inside = true;
-  }
-  return code;
 }
 
 struct Edge {
@@ -404,16 +402,11 @@ TEST(IncludeEdges, AllowedOnesPass) {
 TEST(PublicHeaders, IncludePublicOnesTheStandardLibraryAndEigenOnly) {
   const auto is_public = [](const std::string& file) { return !public_name(file).empty(); };
   std::vector<std::string> seen;
-  const std::string found = findings_over(is_public, [&](const std::string& file, const auto& lines) {
-    seen.push_back(public_name(file));
-    std::string bad;
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      const std::string why = leak(lines[i]);
-      if (!why.empty()) bad += file + ":" + std::to_string(i + 1) + ": " + why + "\n";
-    }
-    return bad;
-  });
-  EXPECT_EQ(found, "");
+  for (const std::string& file : project_files())
+    if (is_public(file)) seen.push_back(public_name(file));
+  EXPECT_EQ(
+      findings_by_line(is_public, [](const std::string&, const std::string& line) { return leak(line); }),
+      "");
   std::sort(seen.begin(), seen.end());
   EXPECT_EQ(seen, public_headers()) << "the list above, each in its room";
 }
@@ -428,20 +421,6 @@ TEST(PublicHeaders, LeaksAreFound) {
   EXPECT_EQ(leak("#include <Eigen/Core>"), "");
   EXPECT_EQ(leak("#include <vector>"), "");
   EXPECT_EQ(leak("// vectors"), "");
-}
-
-// A header's first example is compiled in public_examples.cpp, with no other header of ours.
-TEST(PublicHeaders, ShowAnExampleFirst) {
-  const std::string compiled = text_of("tests/house/public_examples.cpp");
-  const auto is_public = [](const std::string& file) { return !public_name(file).empty(); };
-  EXPECT_EQ(findings_over(is_public,
-                          [&](const std::string& file, const auto& lines) {
-                            const std::string code = first_example(lines);
-                            return !code.empty() && compiled.find(code) != std::string::npos
-                                       ? std::string()
-                                       : file + " shows no example of public_examples.cpp\n";
-                          }),
-            "");
 }
 
 }  // namespace

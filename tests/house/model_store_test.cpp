@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <memory>
-#include <string>
 #include <utility>
 
 #include <palpate/model_store.h>
@@ -22,11 +21,8 @@ struct Ready {
 /// Prepared, or null if the renderer refuses the scene.
 std::unique_ptr<Ready> ready(const render::Registry& registry, const render::RendererInfo& info,
                              const render::SceneInput& scene, render::ModelStore* store) {
-  Options options;
-  for (const OptionSpec& option : info.options)
-    if (option.key == "mesh") options.set("mesh", "original");
   auto made = std::make_unique<Ready>();
-  made->renderer = registry.make(info.name, options).value();
+  made->renderer = registry.make(info.name, with_own_mesh({info.name, {}}, info).options).value();
   render::PrepareContext context;
   context.store = store;
   Result<render::PrepareReport> report = made->renderer->prepare(scene, context);
@@ -46,8 +42,7 @@ bool shares(const std::string& name) {
 }
 
 TEST(ModelStore, TwoRenderersHoldOneGeometryAndFeelTheSame) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   const std::pair<const char*, const char*> kStands[] = {{"ridge.toml", "ridge.csv"},
                                                          {"torus.toml", "torus.csv"}};
   std::size_t shared = 0;
@@ -89,8 +84,7 @@ TEST(ModelStore, TwoRenderersHoldOneGeometryAndFeelTheSame) {
 }
 
 TEST(ModelStore, OtherOptionsAndOtherPointsAreOtherGeometry) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   CorpusScene corpus = load_corpus("ridge.toml", "ridge.csv");
   render::ModelStore store;
   render::PrepareContext context;
@@ -128,8 +122,7 @@ TEST(ModelStore, OtherOptionsAndOtherPointsAreOtherGeometry) {
 }
 
 TEST(ModelStore, PointsThatGiveWayAreNeverShared) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   CorpusScene corpus = load_corpus("ridge.toml", "ridge.csv");
   render::SceneInput soft = corpus.scene.input;
   soft.models[0].surface.dent = {0.1, 3.0, 20.0};
@@ -149,8 +142,7 @@ TEST(ModelStore, PointsThatGiveWayAreNeverShared) {
 }
 
 TEST(ModelStore, OneCloudTwiceInAScene) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   CorpusScene corpus = load_corpus("ridge.toml", "ridge.csv");
   render::SceneInput twice = corpus.scene.input;
   twice.models.push_back(twice.models[0]);

@@ -17,7 +17,6 @@
 #include <set>
 #include <span>
 #include <sstream>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -72,8 +71,7 @@ Pins read_pins() {
 }
 
 TEST(PinnedTraces, EveryRendererGivesThePinnedHash) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   std::vector<std::string> wanted = kFurtherPinned;
   for (const render::RendererInfo& info : registry.all()) wanted.push_back(info.name);
   const char* const write = std::getenv("PALPATE_PIN_TRACES");
@@ -141,8 +139,7 @@ std::string in_single_precision(const cloud::Cloud& cloud, const std::string& en
 
 // 32-bit floats from any file format give the hash of the same floats from memory.
 TEST(PinnedTraces, AreThoseOfPointsFromFilesInSinglePrecision) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   io::Readers readers;
   io::add_standard_readers(readers);
   std::vector<std::string> endings = {"ply"};
@@ -218,8 +215,7 @@ void expect_promises(const trace::ProbePath& path, const trace::ForceTrace& trac
 }
 
 TEST(Hunted, CasesKeepTheirPromisesNow) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   const std::string folder = corpus_folder() + "../hunt/";
   int played = 0;
   for (const std::string& name : files_in(folder, ".toml")) {
@@ -245,8 +241,7 @@ TEST(Hunted, CasesKeepTheirPromisesNow) {
 const std::vector<std::string> kOnPoints = {"cloud", "cloud-smooth"};
 
 std::unique_ptr<render::HapticRenderer> prepared(const std::string& text, const std::vector<Vec3>& points) {
-  render::Registry registry;
-  register_all_renderers(registry);
+  const render::Registry registry = all_renderers();
   const NamedOptions named = parse_named_options(text).value();
   auto renderer = registry.make(named.name, named.options).value();
   render::ModelInput model;

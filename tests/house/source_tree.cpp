@@ -58,4 +58,16 @@ std::string findings_over(
   return found;
 }
 
+std::string findings_by_line(
+    const std::function<bool(const std::string&)>& wanted,
+    const std::function<std::string(const std::string&, const std::string&)>& check) {
+  return findings_over(wanted, [&](const std::string& file, const std::vector<std::string>& lines) {
+    std::string found;
+    for (std::size_t i = 0; i < lines.size(); ++i)
+      if (const std::string what = check(file, lines[i]); !what.empty())
+        found += file + ":" + std::to_string(i + 1) + ": " + what + "\n";
+    return found;
+  });
+}
+
 }  // namespace palpate::house

@@ -20,6 +20,11 @@ namespace palpate::house {
 [[nodiscard]] bool is_source(const std::string& file);    ///< .h or .cpp
 [[nodiscard]] bool is_markdown(const std::string& file);  ///< .md
 
+/// "file:line: finding" for each line of the files accepted by `wanted` in which `check` finds something.
+[[nodiscard]] std::string findings_by_line(
+    const std::function<bool(const std::string&)>& wanted,
+    const std::function<std::string(const std::string& file, const std::string& line)>& check);
+
 /// Runs `check(file, lines)` over the files accepted by `wanted` and joins the findings, for EXPECT_EQ(..,
 /// "").
 [[nodiscard]] std::string findings_over(

@@ -3,13 +3,9 @@
 
 #include <algorithm>
 #include <cctype>
-#include <filesystem>
-#include <functional>
 #include <regex>
 #include <sstream>
-#include <string>
 #include <string_view>
-#include <vector>
 
 #include "tests/house/source_tree.h"
 
@@ -174,13 +170,10 @@ TEST(MachinePaths, NoneInTheTree) {
            std::any_of(kKinds.begin(), kKinds.end(),
                        [&](const std::string& kind) { return file.ends_with(kind); });
   };
-  EXPECT_EQ(findings_over(text,
-                          [](const std::string& file, const auto& lines) {
-                            std::string bad;
-                            for (std::size_t i = 0; i < lines.size(); ++i)
-                              if (names_a_machine(lines[i])) bad += file + ":" + std::to_string(i + 1) + "\n";
-                            return bad;
-                          }),
+  EXPECT_EQ(findings_by_line(text,
+                             [](const std::string&, const std::string& line) {
+                               return names_a_machine(line) ? line : std::string();
+                             }),
             "");
 }
 
@@ -198,13 +191,10 @@ TEST(Files, AreOpenedInOneWay) {
   const auto ours = [](const std::string& file) {
     return is_source(file) && !file.starts_with("tests/") && file != "toolkit/core/files.cpp";
   };
-  EXPECT_EQ(findings_over(ours,
-                          [](const std::string& file, const auto& lines) {
-                            std::string bad;
-                            for (std::size_t i = 0; i < lines.size(); ++i)
-                              if (opens_a_file(lines[i])) bad += file + ":" + std::to_string(i + 1) + "\n";
-                            return bad;
-                          }),
+  EXPECT_EQ(findings_by_line(ours,
+                             [](const std::string&, const std::string& line) {
+                               return opens_a_file(line) ? line : std::string();
+                             }),
             "");
 }
 

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <linux/uhid.h>
 #include <poll.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,11 +10,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <thread>
 #include <utility>
 
-#include <palpate/clock.h>
 #include "device/links/hid_link.h"
+#include "tests/device/helpers.h"
 
 namespace palpate::device {
 namespace {
@@ -25,8 +23,6 @@ constexpr std::uint8_t kUhidBytes = 8;
 
 constexpr const char* kUhid = "/dev/uhid";
 constexpr std::uint16_t kBusUsb = 3;
-constexpr double kUhidPatienceMs = 20'000.0;
-constexpr timespec kUhidStep{0, 5'000'000};
 constexpr int kUhidLookMs = 5;
 
 template <class Place>
@@ -59,14 +55,9 @@ struct UhidDouble::Node {
     return !hid_devices(address).empty();
   }
   void await(bool there) const {
-    const Stopwatch watch;
-    while (found() != there) {
-      if (watch.ms() > kUhidPatienceMs) {
-        std::fprintf(stderr, "uhid: the device does not %s\n", there ? "appear" : "go away");
-        std::abort();
-      }
-      ::nanosleep(&kUhidStep, nullptr);
-    }
+    if (comes([&] { return found() == there; })) return;
+    std::fprintf(stderr, "uhid: the device does not %s\n", there ? "appear" : "go away");
+    std::abort();
   }
 
   HidrawIdentity identity;

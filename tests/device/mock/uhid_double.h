@@ -2,13 +2,8 @@
 // kernel's own.
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <memory>
-#include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
 #include "tests/device/mock/hidraw_double.h"
 

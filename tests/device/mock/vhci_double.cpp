@@ -13,21 +13,17 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <deque>
-#include <fstream>
 #include <mutex>
 #include <span>
 #include <sstream>
-#include <string>
-#include <thread>
 #include <utility>
-#include <vector>
 
 #include <palpate/clock.h>
 #include "device/links/usb_link.h"
+#include "tests/device/helpers.h"
 
 namespace palpate::device {
 namespace {
@@ -40,8 +36,7 @@ constexpr std::size_t kHeadBytes = 48, kSequenceAt = 4, kDirectionAt = 12, kEndp
 constexpr std::size_t kLengthAt = 24, kSetupAt = 40;                       // of a submission
 constexpr std::size_t kStatusAt = 20, kActualAt = 24, kToUnlinkAt = 20;    // of an answer; of an unlinking
 constexpr int kFullSpeed = 2, kBusAndDevice = 0x0001'0002, kFreePort = 4;  // as the kernel numbers them
-constexpr double kVhciPatienceMs = 20'000.0;
-constexpr timespec kVhciLook{0, 200'000}, kVhciStep{0, 5'000'000};
+constexpr timespec kVhciLook{0, 200'000};
 
 using VhciBytes = std::vector<std::uint8_t>;
 using VhciHead = std::array<std::uint8_t, kHeadBytes>;
@@ -90,16 +85,6 @@ int free_vhci_port() {
     if (words >> hub >> port >> state && hub == "hs" && state == kFreePort) return port;
   }
   return -1;
-}
-
-template <class Condition>
-bool vhci_comes(const Condition& condition) {
-  const Stopwatch watch;
-  while (!condition()) {
-    if (watch.ms() > kVhciPatienceMs) return false;
-    ::nanosleep(&kVhciStep, nullptr);
-  }
-  return true;
 }
 
 [[noreturn]] void vhci_fails(const char* what) {
@@ -263,7 +248,7 @@ void VhciDouble::plug() {
   attach << fmt::format("{} {} {} {}", number, ends[1], kBusAndDevice, kFullSpeed) << std::flush;
   if (!attach) vhci_fails("the kernel takes no device");
   ::close(ends[1]);  // the kernel has it
-  if (!vhci_comes([] { return !usb_devices(kVhciVendor, kVhciProduct).empty(); }))
+  if (!comes([] { return !usb_devices(kVhciVendor, kVhciProduct).empty(); }))
     vhci_fails("the device does not appear");
 }
 
@@ -272,7 +257,7 @@ void VhciDouble::unplug() {
   ::shutdown(port_->socket, SHUT_RDWR);
   port_->thread.join();
   ::close(std::exchange(port_->socket, -1));
-  if (!vhci_comes([] { return usb_devices(kVhciVendor, kVhciProduct).empty(); }))
+  if (!comes([] { return usb_devices(kVhciVendor, kVhciProduct).empty(); }))
     vhci_fails("the device does not go away");
 }
 
