@@ -107,7 +107,7 @@ Result<std::unique_ptr<Bench::Bay>> Bench::make_bay(std::optional<double> value,
   PALPATE_ASSIGN(Stage stage, set_up(checked.stage, all_readers(), progress));
   auto bay = std::make_unique<Bay>();
   bay->stage = std::make_unique<Stage>(std::move(stage));
-  bay->workshop.reset(new Workshop{*bay->stage, registry_, run.load.threads});
+  bay->workshop.reset(new Workshop{*bay->stage, registry_, run.load.threads, options_.paced});
   return bay;
 }
 

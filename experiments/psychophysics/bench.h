@@ -25,6 +25,7 @@ struct BenchOptions {
   std::string hand = "press";  ///< press, slide or explore; for simulated devices
   double depth_mm = 4.0;       ///< depth of the hand's goal below the surface; device frame
   double rate_hz = 1000.0;
+  bool paced = false;  ///< a device's own time: frames must not wait
 };
 /// "press", "slide", "explore".
 [[nodiscard]] const std::vector<std::string>& bench_hands();

@@ -123,8 +123,10 @@ Result<Feeling> feeling_for(const BlindedArguments& arguments, const Plan& plan,
     feeling.device.emplace(std::move(made));
     feeling.device->say_unproven();
   }
-  PALPATE_ASSIGN(feeling.bench,
-                 Bench::make(plan, {observer.hand, observer.depth_mm, arguments.rate_hz}, progress));
+  PALPATE_ASSIGN(feeling.bench, Bench::make(plan,
+                                            {observer.hand, observer.depth_mm, arguments.rate_hz,
+                                             feeling.clock != nullptr && !arguments.accelerated},
+                                            progress));
   return feeling;
 }
 

@@ -25,6 +25,10 @@ class SpscRing {
     tail_.store(tail + 1, std::memory_order_release);
     return true;
   }
+  /// The pushing thread: whether push() would refuse.
+  [[nodiscard]] bool full() const noexcept {
+    return tail_.load(std::memory_order_relaxed) - head_.load(std::memory_order_acquire) == kSize;
+  }
   /// False if the ring is empty.
   [[nodiscard]] bool pop(T& value) noexcept {
     const std::size_t head = head_.load(std::memory_order_relaxed);

@@ -162,13 +162,17 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
     const PagedOptions options{static_cast<std::size_t>(options_.integer("level")),
                                static_cast<std::size_t>(options_.integer("resident_mb")) << 20, context.paced,
                                walk_steps()};
-    if (build() != SplineSdfOptions{})
-      return Error{"detail, voxel and sides of a prepared file were chosen when it was prepared",
-                   "leave them out, or prepare the scan again", input.prepared->path()};
     return open_prepared_body(input, options, report, paged);
   }
 
+  [[nodiscard]] Status check_build(const ModelInput& input) const {
+    if (input.prepared == nullptr || build() == SplineSdfOptions{}) return Done{};
+    return Error{"detail, voxel and sides of a prepared file were chosen when it was prepared",
+                 "leave them out, or prepare the scan again", input.prepared->path()};
+  }
+
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
+    PALPATE_TRY(check_build(input));
     PALPATE_ASSIGN(const SplineSdfDecision decided,
                    input.prepared != nullptr
                        ? decide_prepared(input, static_cast<std::size_t>(options_.integer("level")))
@@ -186,6 +190,7 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
+      PALPATE_TRY(check_build(input));
       std::unique_ptr<PagedContact> paged;
       PALPATE_ASSIGN(SplineSdfBody built, input.prepared != nullptr
                                               ? open_prepared(input, context, report, paged)

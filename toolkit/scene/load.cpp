@@ -222,7 +222,7 @@ Status refuse_changes(const SceneModel& model, double scale, const LoadOptions& 
   if (scale != 1.0) return refuse("has its scale already");
   if (options.unit || (model.unit && *model.unit != io::Unit::kMillimetre))
     return refuse("has its unit already");
-  if (surfaces && (!model.clean.empty() || model.sample || !model.views.empty()))
+  if (!model.views.empty() || (surfaces && (!model.clean.empty() || model.sample)))
     return refuse("has its surface already");
   return Done{};
 }

@@ -33,7 +33,8 @@ class PagedContact {
   [[nodiscard]] const PagedSurface& surface() const noexcept { return *surface_; }
 
  private:
-  [[nodiscard]] bool here(const Vec3& h_mm) const noexcept;
+  [[nodiscard]] bool here(const Vec3& at_mm) const noexcept;
+  [[nodiscard]] bool go_fine(const Vec3& h_mm, bool contact, FrameCounters& counters) noexcept;
   void go_coarse(const SplineSdfContact& from, const Vec3& h_mm) noexcept;
   void note_step(const Vec3& pull_mm) noexcept {
     corrected_ = true;
@@ -47,8 +48,10 @@ class PagedContact {
   SplineSdfContact fine_, before_, coarse_;
   bool waits_;
   bool coarse_on_ = false, corrected_ = false;
+  bool restart_again_ = false;  ///< the finest surface was not here when a replay began
   Vec3 uncorrected_mm_ = Vec3::Zero();
   Vec3 last_h_mm_ = Vec3::Zero();
+  Vec3 free_from_mm_ = Vec3::Zero();  ///< the last place that the finest surface left free
 };
 
 }  // namespace palpate::render

@@ -46,9 +46,11 @@ Result<std::unique_ptr<PagedSurface>> PagedSurface::start(std::shared_ptr<const 
                  fmt::format("give at least {} MB", kLeastResidentBytes >> 20), file->path()};
   const StoredSurface& stored = file->surfaces()[surface];
   double all_bricks = 0.0, all_groups = 0.0;
+  std::size_t most_groups = 0;
   for (const StoredSurface::Place& place : stored.places) {
     all_bricks += place.size.bricks;
     all_groups += place.size.groups;
+    most_groups = std::max<std::size_t>(most_groups, place.size.groups);
   }
   const double groups_per_brick = all_bricks > 0.0 ? all_groups / all_bricks : 1.0;
   const double of_brick = sizeof(Brick) + kSpareGroups * groups_per_brick * kGroupNodes * sizeof(TileNode);
@@ -57,7 +59,7 @@ Result<std::unique_ptr<PagedSurface>> PagedSurface::start(std::shared_ptr<const 
       std::min(static_cast<double>(resident_bytes) / of_brick / std::max(all_bricks, 1.0), 1.0);
   const auto bricks = static_cast<std::size_t>(std::ceil(share * all_bricks));
   const auto groups =
-      static_cast<std::size_t>(std::ceil(std::min(kSpareGroups * share, 1.0) * all_groups)) + 1;
+      static_cast<std::size_t>(std::ceil(std::min(kSpareGroups * share, 1.0) * all_groups)) + most_groups + 1;
   const std::size_t tiles = std::min(stored.keys.size(), bricks);
   return std::unique_ptr<PagedSurface>(new PagedSurface(std::move(file), surface, bricks, groups, tiles));
 }
@@ -84,10 +86,9 @@ PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t 
 }
 
 PagedSurface::~PagedSurface() {
+  // What was locked stays so until it is unmapped: locks do not nest, and the session may hold its own.
   loader_.request_stop();
   loader_.join();
-  ::munlock(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick));
-  ::munlock(window_.nodes().data(), window_.nodes().size_bytes());
 }
 
 std::size_t PagedSurface::bytes() const noexcept {
@@ -174,8 +175,11 @@ bool PagedSurface::poll() {
 void PagedSurface::take_forgotten() {
   TileForgotten one;
   while (window_.forgotten.pop(one)) {
-    if (state_[one.tile] == State::kLeaving) --leaving_;
-    if (one.kept)
+    // A tile that was refused and then told to leave is answered twice; the second answer counts.
+    const bool leaving = state_[one.tile] == State::kLeaving;
+    if (state_[one.tile] == State::kAbsent || (leaving && one.why == TileForgotten::Why::kRefused)) continue;
+    if (leaving) --leaving_;
+    if (one.why == TileForgotten::Why::kKept)
       state_[one.tile] = State::kHere;
     else
       release(one.tile);
@@ -193,6 +197,9 @@ void PagedSurface::release(std::uint32_t tile) {
   }
   held_.pop_back();
   state_[tile] = State::kAbsent;
+  // What left may be wanted again.
+  wanted_at_ = 0;
+  settled_.store(false);
   forgotten_.fetch_add(1, std::memory_order_relaxed);
 }
 
@@ -258,55 +265,71 @@ void PagedSurface::choose_wanted() {
 }
 
 bool PagedSurface::make_room(const TileSize& size, double distance) {
-  if (free_groups_.size() >= size.groups && free_bricks_.size() >= size.bricks &&
-      held_.size() < window_.most_tiles())
-    return true;
-  // The farthest go; memory comes back when frames have answered.
+  std::size_t groups = free_groups_.size(), bricks = free_bricks_.size();
+  std::size_t tiles = window_.most_tiles() - held_.size();
+  const auto enough = [&] { return groups >= size.groups && bricks >= size.bricks && tiles > 0; };
+  const auto count = [&](const Held& held) {
+    groups += held.groups.size();
+    bricks += held.bricks.size();
+    ++tiles;
+  };
+  if (enough()) return true;
+  // Memory comes back when frames have answered: first that of the tiles which are leaving already.
   std::vector<Wanted> far;
-  for (const Held& held : held_)
-    if (state_[held.tile] == State::kHere) {
-      const double away = distance_to(window_.keys()[held.tile]);
-      if (away > distance) far.push_back({held.tile, away});
-    }
-  const std::size_t most = std::min(far.size(), static_cast<std::size_t>(kLoadsPerPoll));
-  std::partial_sort(far.begin(), far.begin() + static_cast<std::ptrdiff_t>(most), far.end(),
-                    [](const Wanted& a, const Wanted& b) { return a.distance > b.distance; });
-  for (std::size_t i = 0; i < most && leaving_ < kMostLeaving; ++i) {
-    if (!window_.news.push({far[i].tile, TileNews::kForget})) break;
-    state_[far[i].tile] = State::kLeaving;
+  for (std::size_t at = 0; at < held_.size(); ++at) {
+    const std::uint32_t tile = held_[at].tile;
+    if (state_[tile] == State::kLeaving) count(held_[at]);
+    const double away = state_[tile] == State::kHere ? distance_to(window_.keys()[tile]) : 0.0;
+    if (state_[tile] == State::kHere && away > distance) far.push_back({tile, away});
+  }
+  std::sort(far.begin(), far.end(), [](const Wanted& a, const Wanted& b) { return a.distance > b.distance; });
+  for (const Wanted& one : far) {
+    if (enough() || leaving_ == kMostLeaving || !window_.news.push({one.tile, TileNews::kForget})) break;
+    state_[one.tile] = State::kLeaving;
     ++leaving_;
+    count(held_[held_of_[one.tile]]);
   }
   return false;
 }
 
 bool PagedSurface::load(std::uint32_t tile, double distance) {
   const StoredSurface::Place& place = stored().places[tile];
-  if (!make_room(place.size, distance)) return false;
-  const Result<TileSize> size = file_->read_tile(surface_, tile, image_);
-  bytes_read_.fetch_add(place.bytes, std::memory_order_relaxed);
+  if (window_.news.full() || !make_room(place.size, distance)) return false;
   Held held;
   held.tile = tile;
   std::uint32_t root = kEmptyRoot;
-  if (!size) {
-    damaged_.fetch_add(1, std::memory_order_relaxed);
-    const std::lock_guard lock(damage_mutex_);
-    if (damage_.empty()) damage_ = size.error().message();
-  } else {
-    held.groups.assign(free_groups_.end() - size->groups, free_groups_.end());
-    held.bricks.assign(free_bricks_.end() - size->bricks, free_bricks_.end());
+  if (const Status got = read(tile)) {
+    held.groups.assign(free_groups_.end() - place.size.groups, free_groups_.end());
+    held.bricks.assign(free_bricks_.end() - place.size.bricks, free_bricks_.end());
+    free_groups_.resize(free_groups_.size() - held.groups.size());
+    free_bricks_.resize(free_bricks_.size() - held.bricks.size());
     unpack_tile(
         image_, window_.nodes(), grid_.bricks, [&](std::uint32_t group) { return held.groups[group]; },
         [&](std::uint32_t brick) { return held.bricks[brick]; });
     root = held.groups.front();
+  } else {
+    damaged_.fetch_add(1, std::memory_order_relaxed);
+    const std::lock_guard lock(damage_mutex_);
+    if (damage_.empty()) damage_ = got.error().message();
   }
-  if (!window_.news.push({tile, root})) return false;
-  free_groups_.resize(free_groups_.size() - held.groups.size());
-  free_bricks_.resize(free_bricks_.size() - held.bricks.size());
+  static_cast<void>(window_.news.push({tile, root}));  // it is not full
   state_[tile] = State::kHere;
   held_of_[tile] = static_cast<std::uint32_t>(held_.size());
   held_.push_back(std::move(held));
   loaded_.fetch_add(1, std::memory_order_relaxed);
   return true;
+}
+
+/// Reads a tile's image. Memory that cannot be had is damage too: the thread goes on.
+Status PagedSurface::read(std::uint32_t tile) {
+  bytes_read_.fetch_add(stored().places[tile].bytes, std::memory_order_relaxed);
+  try {
+    PALPATE_TRY(file_->read_tile(surface_, tile, image_));
+    return Done{};
+  } catch (const std::exception& failed) {
+    return Error{fmt::format("tile {} could not be read: {}", tile, failed.what()), "free memory",
+                 file_->path()};
+  }
 }
 
 }  // namespace palpate::render

@@ -16,7 +16,7 @@
 
 namespace palpate::render {
 
-/// Bytes below which a window is refused: some ninety full tiles, so that those of one frame always fit.
+/// Bytes below which a window is refused: some ninety full tiles. A frame of a hand looks at a few.
 inline constexpr std::size_t kLeastResidentBytes = std::size_t{16} << 20;
 
 /// What contact holds: its tile must stay.
@@ -78,6 +78,7 @@ class PagedSurface {
   [[nodiscard]] double distance_to(TileKey node) const noexcept;
   /// False if there is no room yet. `distance`: of the tile from the hand.
   bool load(std::uint32_t tile, double distance);
+  Status read(std::uint32_t tile);
   /// Asks tiles farther away than `distance` to leave where memory is short. True if there is room now.
   bool make_room(const TileSize& size, double distance);
   void release(std::uint32_t tile);

@@ -34,10 +34,9 @@ class SplineSdfContact {
   /// Begins contact at the surface nearest to another one's god object (local mm), whose normal on the HIP's
   /// side is `outward`. False, and free, if none is near. Call after start_from().
   bool hold_near(const Vec3& god_object_mm, const Vec3& outward) noexcept;
-  /// Begins contact if h (local mm) is behind a piece's surface. Call after start_from().
-  bool hold_if_inside(const Vec3& h_mm) noexcept;
-  /// A brick may stand now where none was: the next frame looks again.
-  void forget_clear() noexcept { clear_ = -1.0; }
+  /// Begins contact if h (local mm) is behind a tight piece's surface by at most `most_mm`. Call after
+  /// start_from().
+  bool hold_if_inside(const Vec3& h_mm, double most_mm) noexcept;
   /// Moves the HIP to h. True in contact. Allocates nothing.
   [[nodiscard]] bool update(const Vec3& h_mm, FrameCounters& counters) noexcept;
 

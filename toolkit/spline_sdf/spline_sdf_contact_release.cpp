@@ -72,19 +72,23 @@ bool SplineSdfContact::hold_near(const Vec3& god_object_mm, const Vec3& outward)
   const BrickRef place = grid_->find(at);
   if (place.brick == BrickGrid::kNone) return false;
   const Jet jet = jet_at(place, place_in(place, at));
-  const float free = free_side_[grid_->bricks[place.brick].piece];
+  // The side that was felt before is right; a start that saw too little may have taken the other.
   const float faces = jet.gradient.cast<double>().dot(outward) < 0.0 ? -1.0f : 1.0f;
-  hold_on_surface_above(at, place, jet, free != 0.0f ? free : faces);
+  float& free = free_side_[grid_->bricks[place.brick].piece];
+  hold_on_surface_above(at, place, jet, faces);
+  if (contact_ && free != 0.0f) free = faces;
   return contact_;
 }
 
-bool SplineSdfContact::hold_if_inside(const Vec3& h_mm) noexcept {
+bool SplineSdfContact::hold_if_inside(const Vec3& h_mm, double most_mm) noexcept {
   const Vec3 h = grid_->in_voxels(h_mm);
   const BrickRef place = grid_->find(h);
   if (place.brick == BrickGrid::kNone) return false;
   const Jet jet = jet_at(place, place_in(place, h));
   const float free = free_side_[grid_->bricks[place.brick].piece];
-  if (jet.value * free < 0.0f) hold_on_surface_above(h, place, jet, free);
+  const double behind = -static_cast<double>(jet.value * free);
+  if (is_tight(place) && behind > 0.0 && behind <= most_mm * grid_->per_voxel)
+    hold_on_surface_above(h, place, jet, free);
   return contact_;
 }
 

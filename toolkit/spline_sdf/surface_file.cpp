@@ -98,46 +98,48 @@ bool get_geometry(ByteReader& from, StoredSurface& out) {
   surface.isolated_points = static_cast<std::size_t>(from.u64());
   static_cast<void>(from.raw(200 - (from.at() - start)));
   grid.per_voxel = 1.0 / grid.voxel_mm;
+  if (grid.coarser < 0 || grid.coarser > BrickGrid::kMaxCoarser || grid.levels < 1 ||
+      grid.levels > grid.coarser + BrickGrid::kFineLevels)
+    return false;
   const std::int64_t most = (std::int64_t{1} << (search::kMortonBits - grid.levels + 1)) - 1;
   return from.good() && is_finite(grid.low_mm) && is_finite(grid.box_mm.low_mm) &&
          is_finite(grid.box_mm.high_mm) && grid.voxel_mm > 0.0 && std::isfinite(grid.voxel_mm) &&
          std::isfinite(grid.per_voxel) && surface.spacing_mm >= 0.0 && std::isfinite(surface.spacing_mm) &&
-         grid.coarser >= 0 && grid.coarser <= BrickGrid::kMaxCoarser && grid.levels >= 1 &&
-         grid.levels <= grid.coarser + BrickGrid::kFineLevels && grid.last_brick >= 0 &&
+         grid.levels >= 1 && grid.levels <= grid.coarser + BrickGrid::kFineLevels && grid.last_brick >= 0 &&
          grid.last_brick <= most;
 }
 
-/// The pieces, with their parts joined within tiles: seen from afar the same.
-void put_pieces(const BrickGrid& grid, std::span<const BrickTile> tiles, Index& index) {
+/// Largest bricks along the edge of a cube whose parts of a piece are joined: so near that a start a few
+/// voxels off the surface still sees its side.
+constexpr int kJoinedBits = 2;
+
+/// The pieces, with their parts joined within cubes: seen from afar the same, and a twentieth of the bytes.
+void put_pieces(const BrickGrid& grid, Index& index) {
   index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(grid.closed_components.size())); });
-  const double per = grid.per_voxel_of(grid.levels - 1) / kBrickCells;
+  const double per = 1.0 / std::ldexp(grid.cube_edge(), kJoinedBits);
   for (const ClosedComponent& piece : grid.closed_components) {
     struct Sum {
       Vec3 area = Vec3::Zero(), middle = Vec3::Zero();
       double weight = 0.0;
     };
-    std::map<std::size_t, Sum> by_tile;
+    std::map<std::uint64_t, Sum> by_cube;
     for (const geometry::AreaElement& part : piece.parts) {
       std::array<std::uint32_t, 3> cube{};
       for (std::size_t a = 0; a < 3; ++a)
         cube[a] = static_cast<std::uint32_t>(std::clamp(
             static_cast<double>(part.middle[static_cast<Eigen::Index>(a)]) * per, 0.0, 0x1p21 - 1.0));
-      const std::uint64_t code = search::morton_code(cube[0], cube[1], cube[2]);
-      const auto after =
-          std::upper_bound(tiles.begin(), tiles.end(), code,
-                           [](std::uint64_t c, const BrickTile& t) { return c < t.key.first_code(); });
-      Sum& sum = by_tile[after == tiles.begin() ? 0 : static_cast<std::size_t>(after - tiles.begin()) - 1];
+      Sum& sum = by_cube[search::morton_code(cube[0], cube[1], cube[2])];
       const Vec3 area = part.area.cast<double>();
       const double weight = area.norm();
       sum.area += area;
       sum.middle += weight * part.middle.cast<double>();
       sum.weight += weight;
     }
-    index.put(9 + by_tile.size() * kPartBytes, [&](ByteWriter& to) {
+    index.put(9 + by_cube.size() * kPartBytes, [&](ByteWriter& to) {
       to.single(piece.normal_orientation);
       to.u8(piece.tight ? 1 : 0);
-      to.u32(static_cast<std::uint32_t>(by_tile.size()));
-      for (const auto& [tile, sum] : by_tile) {
+      to.u32(static_cast<std::uint32_t>(by_cube.size()));
+      for (const auto& [code, sum] : by_cube) {
         const Vec3 middle = sum.weight > 0.0 ? Vec3(sum.middle / sum.weight) : Vec3(Vec3::Zero());
         for (int a = 0; a < 3; ++a) to.single(static_cast<float>(middle[a]));
         for (int a = 0; a < 3; ++a) to.single(static_cast<float>(sum.area[a]));
@@ -213,7 +215,7 @@ Status write_surface(AtomicFile& file, std::uint64_t& at, const SplineSdf& surfa
                      const cloud::Cloud& sample, Index& index) {
   const BrickTiles cut = cut_into_tiles(surface.grid);
   put_geometry(surface, rms_of(surface, sample), index);
-  put_pieces(surface.grid, cut.tiles, index);
+  put_pieces(surface.grid, index);
   index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(cut.tiles.size())); });
   for (const BrickTile& tile : cut.tiles) {
     const std::vector<std::byte> image = tile_image(tile, surface.grid);
@@ -243,8 +245,8 @@ Status write_surface(AtomicFile& file, std::uint64_t& at, const SplineSdf& surfa
   return Done{};
 }
 
-/// The index's part on one surface; false where it makes no sense.
-bool get_surface(ByteReader& from, std::uint64_t tiles_end, StoredSurface& out) {
+/// The index's part on one surface, whose tiles begin at `tiles_at`; false where it makes no sense.
+bool get_surface(ByteReader& from, std::uint64_t& tiles_at, std::uint64_t tiles_end, StoredSurface& out) {
   BrickGrid& grid = out.surface.grid;
   if (!get_geometry(from, out) || !get_pieces(from, grid)) return false;
   const std::uint32_t tiles = from.u32();
@@ -259,13 +261,16 @@ bool get_surface(ByteReader& from, std::uint64_t tiles_end, StoredSurface& out) 
     place.bytes = from.u32();
     place.size.bricks = from.u32();
     const std::uint64_t tree = kTileHeadBytes + std::uint64_t{place.size.bricks} * kStoredBrickBytes;
-    if (place.size.bricks > kTileBricks || place.bytes <= tree) return false;
+    if (place.size.bricks == 0 || place.size.bricks > kTileBricks || place.bytes <= tree) return false;
     place.size.groups = static_cast<std::uint32_t>((place.bytes - tree) / (kGroupNodes * kStoredNodeBytes));
     if (key.depth < 0 || key.depth > search::kMortonBits || key.code >> (3 * key.depth) != 0) return false;
     if (i > 0 && key.first_code() < next) return false;  // tiles overlap
     next = TileKey{key.code + 1, key.depth}.first_code();
-    if (place.offset < kFileHeadBytes || place.offset > tiles_end || place.bytes > tiles_end - place.offset)
-      return false;
+    // Tiles stand back to back, so that none is counted twice.
+    if (place.offset != tiles_at || place.bytes > tiles_end - tiles_at) return false;
+    tiles_at += place.bytes;
+    // A brick's way from the root needs a group a depth; the root has one of its own.
+    if (place.size.groups > place.size.bricks * std::uint32_t{search::kMortonBits} + 1) return false;
     out.keys.push_back(key);
     out.places.push_back(place);
     out.tile_bytes += place.bytes;
@@ -396,12 +401,14 @@ Status SurfaceFile::read_index() {
   sample_ = std::move(sample);
   // Each surface takes some bytes, so that a large number ends soon.
   const std::uint32_t surfaces = from.u32();
+  std::uint64_t tiles_at = kFileHeadBytes;
   for (std::uint32_t i = 0; i < surfaces; ++i) {
     surfaces_.emplace_back();
-    if (!get_surface(from, offset, surfaces_.back()))
+    if (!get_surface(from, tiles_at, offset, surfaces_.back()))
       return damaged(path(), fmt::format("its index, surface {}", i));
   }
-  if (surfaces_.empty() || from.left() != 0) return damaged(path(), "its index has another length");
+  if (surfaces_.empty() || from.left() != 0 || tiles_at != offset)
+    return damaged(path(), "its index has another length");
   return Done{};
 }
 

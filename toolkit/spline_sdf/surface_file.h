@@ -23,7 +23,7 @@ inline constexpr std::uint64_t kMaxIndexBytes = std::uint64_t{1} << 31;
 /// A surface as the index has it.
 struct StoredSurface {
   /// Geometry and pieces; `bricks` and the levels' tables hold only the bricks above the tiles. A piece has a
-  /// part per tile.
+  /// part per cube of some bricks.
   SplineSdf surface;
   std::vector<TileKey> keys;  ///< of the tiles, by first_code()
   struct Place {

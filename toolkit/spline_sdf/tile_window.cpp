@@ -144,13 +144,16 @@ bool TileWindow::take_news(const BrickGrid& grid, const BrickGrid::BrickRef* hel
     if (one.root != TileNews::kForget) {
       came = true;
       // No place left is answered as forgotten: the loader takes the tile's memory back.
-      if (!insert(one.tile, one.root)) static_cast<void>(forgotten.push({one.tile, false}));
+      if (!insert(one.tile, one.root))
+        static_cast<void>(forgotten.push({one.tile, TileForgotten::Why::kRefused}));
       continue;
     }
-    const bool kept = held != nullptr && tile_of(first_code_of(grid, *held)) == one.tile;
+    const bool kept =
+        held != nullptr && held->brick != BrickGrid::kNone && tile_of(first_code_of(grid, *held)) == one.tile;
     if (!kept) erase(one.tile);
     // The ring holds as many answers as there can be news.
-    static_cast<void>(forgotten.push({one.tile, kept}));
+    static_cast<void>(
+        forgotten.push({one.tile, kept ? TileForgotten::Why::kKept : TileForgotten::Why::kGone}));
   }
   return came;
 }
@@ -168,14 +171,19 @@ void TileWindow::publish_aim(const Vec3& hip, const Vec3& god_object) noexcept {
 }
 
 bool TileWindow::covers(const BrickGrid& grid, const Vec3& at, double reach) const noexcept {
+  const bool missed = missed_;
+  bool all = true;
   for (int k = 0; k < 27; ++k) {
     const Vec3 place = at + reach * Vec3(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
     std::uint64_t code = 0;
     if (!code_of(grid, place, code)) continue;
     const std::uint32_t tile = tile_of(code);
-    if (tile != kNoTile && root_of(tile) == TileNews::kForget) return false;
+    if (tile == kNoTile || root_of(tile) != TileNews::kForget) continue;
+    note_missing(tile);
+    all = false;
   }
-  return true;
+  missed_ = missed;
+  return all;
 }
 
 }  // namespace palpate::render

@@ -39,10 +39,11 @@ struct TileNews {
   std::uint32_t root = 0;  ///< its group in the arena; kForget: forget it
   static constexpr std::uint32_t kForget = 0xffffffffu;
 };
-/// The frame's answer to kForget.
+/// The frame's answer to kForget, and to a tile that it has no slot for.
 struct TileForgotten {
+  enum class Why : std::uint8_t { kGone, kKept, kRefused };
   std::uint32_t tile = 0;
-  bool kept = false;  ///< the god object is in it
+  Why why = Why::kGone;  ///< kKept: the god object is in it
 };
 
 /// The frame's thread owns it, but for `nodes()`, the rings and the aim, which it shares with one loader.
@@ -71,7 +72,7 @@ class TileWindow {
     return missed;
   }
   /// Whether every tile that a place and its 26 neighbours at `reach` voxels lie in is here or does not
-  /// exist.
+  /// exist. Asks for those that are not here.
   [[nodiscard]] bool covers(const BrickGrid& grid, const Vec3& at, double reach) const noexcept;
   [[nodiscard]] std::size_t resident() const noexcept { return resident_; }
   /// The tiles that find() missed since the last publish_aim().

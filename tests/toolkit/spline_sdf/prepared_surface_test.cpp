@@ -272,6 +272,74 @@ TEST(PreparedCloudSmooth, EveryFrameIsAnsweredWhileTilesAreLate) {
   EXPECT_GT(renderer->counters().coarse_frames, 0u);
 }
 
+/// A sheet with waves: the side of an open one is known only from where the hand comes.
+TEST(PreparedCloudSmooth, AnOpenSheetIsNotLostWhileTilesAreLate) {
+  Random random(9);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 60'000; ++i) {
+    const double x = 40.0 * random.uniform(), y = 40.0 * random.uniform();
+    points.emplace_back(x, y, 0.8 * std::sin(0.5 * x) * std::sin(0.4 * y));
+  }
+  const PreparedFile made(cloud_of(points).models.front().cloud);
+  test::Stepped renderer = paced(made);
+  const auto height = [](double x, double y) { return 0.8 * std::sin(0.5 * x) * std::sin(0.4 * y); };
+  renderer->restart({5.0, 20.0, 3.0});
+  int lost = 0, contacts = 0;
+  for (int k = 0; k < 6000; ++k) {
+    const double x = 5.0 + 0.005 * k, depth = 0.6 * std::sin(0.004 * k) - 0.1;
+    const Vec3 h(x, 20.0, height(x, 20.0) - depth);
+    const Frame frame = renderer->step(h, 0.001);
+    lost += depth > 0.3 && !frame.contact;
+    contacts += frame.contact;
+    // As fast as a disk that is asked by others too.
+    if (k % 50 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_GT(contacts, 2000);
+  EXPECT_LT(lost, 60);
+}
+
+/// What left the window comes back to a hand that rests.
+TEST(PagedSurface, AHandThatRestsGetsTheFinestSurfaceBack) {
+  const PreparedFile made(torus_cloud(60'000));
+  test::Stepped renderer = paced(made);
+  const std::vector<Vec3> path = torus_path({}, 900);
+  renderer->restart(path.front());
+  for (const Vec3& h : path) static_cast<void>(renderer->step(h, 0.001));
+  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+  std::uint64_t coarse = 0, now = 1;
+  while (coarse != now && std::chrono::steady_clock::now() < until) {
+    coarse = renderer->counters().coarse_frames;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    for (int k = 0; k < 20; ++k) static_cast<void>(renderer->step(path.back(), 0.001));
+    now = renderer->counters().coarse_frames;
+  }
+  EXPECT_EQ(coarse, now);
+}
+
+/// A replay's jump may need more tiles than there is memory for: it goes on, if need be coarsely.
+TEST(PagedSurface, AJumpAcrossTheWholeDoesNotHang) {
+  const PreparedFile made(torus_cloud(60'000));
+  test::Stepped renderer = prepared(made.scene(), "cloud-smooth:resident_mb=16", 2);
+  renderer->restart({-30.0, 0.0, 0.0});
+  for (int k = 0; k < 50; ++k)
+    EXPECT_TRUE(renderer->step({k % 2 == 0 ? 30.0 : -30.0, 0.1 * k, 0.0}, 0.001).force_n.allFinite());
+}
+
+TEST(TileWindow, ATileThatIsRefusedAndToldToLeaveIsAnsweredForBoth) {
+  TileWindow window({{0, 3}, {1, 3}}, 1, 4);
+  ASSERT_TRUE(window.news.push({0, 1}));
+  ASSERT_TRUE(window.news.push({1, 2}));
+  ASSERT_TRUE(window.news.push({1, TileNews::kForget}));
+  BrickGrid grid;
+  EXPECT_TRUE(window.take_news(grid, nullptr));
+  TileForgotten answer;
+  ASSERT_TRUE(window.forgotten.pop(answer));
+  EXPECT_EQ(answer.why, TileForgotten::Why::kRefused);
+  ASSERT_TRUE(window.forgotten.pop(answer));
+  EXPECT_EQ(answer.why, TileForgotten::Why::kGone);
+  EXPECT_EQ(window.resident(), 1u);
+}
+
 std::string bytes_of(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
