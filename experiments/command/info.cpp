@@ -112,12 +112,12 @@ nlohmann::ordered_json to_json(const Info& info) {
     j["prepared"] = {{"points", info.model.prepared->points()},
                      {"bytes", info.model.prepared->bytes()},
                      {"surfaces", nlohmann::ordered_json::array()}};
-    for (const render::StoredSurface& s : info.model.prepared->surfaces())
-      j["prepared"]["surfaces"].push_back({{"tiles", s.keys.size()},
-                                           {"bytes", s.tile_bytes},
-                                           {"spacing_mm", s.surface.spacing_mm},
-                                           {"noise_mm", s.surface.noise_mm},
-                                           {"rms_mm", s.rms_mm}});
+    for (const render::StoredSurface& stored : info.model.prepared->surfaces())
+      j["prepared"]["surfaces"].push_back({{"tiles", stored.keys.size()},
+                                           {"bytes", stored.tile_bytes},
+                                           {"spacing_mm", stored.surface.spacing_mm},
+                                           {"noise_mm", stored.surface.noise_mm},
+                                           {"rms_mm", stored.rms_mm}});
   }
   // JSON has no infinity: a flat box has no volume to be dense in.
   if (!std::isfinite(s.density_per_mm3)) j["density_per_mm3"] = nullptr;

@@ -1,9 +1,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include <palpate/progress.h>
 #include "experiments/command/common_options.h"
@@ -21,7 +23,7 @@ namespace palpate::experiments {
 namespace {
 
 /// Of a file of surfaces, and of one of cells of points.
-constexpr const char *kSurfaces = ".palsurf", *kCells = ".palcells";
+constexpr const char *kSurfaces = "palsurf", *kCells = "palcells";
 
 struct PrepareArguments {
   std::string model, out;
@@ -30,12 +32,21 @@ struct PrepareArguments {
   bool json = false;
 };
 
+/// Whether the file is there and was made by this command: then a new one may replace it.
+bool is_prepared(const std::string& path) {
+  std::array<std::byte, 8> first{};
+  const Result<InputFile> file = InputFile::open(path);
+  return file && file->size() >= first.size() && file->read_at(0, first) &&
+         (render::SurfaceFile::begins_as_one(first) || prepared::CellFile::begins_as_one(first));
+}
+
 void declare_prepare(const Declaration& declare, PrepareArguments& a) {
   declare.required("MODEL", a.model, kSceneHelp);
-  declare.required("--out", a.out,
-                   fmt::format("the file to write: {} for the surface, {} for the points of a scan, or of a "
-                               "folder of its tiles, that may be larger than memory",
-                               kSurfaces, kCells));
+  declare.required(
+      "--out", a.out,
+      fmt::format("the file to write: .{} for the surface, .{} for the points of a scan, or of a "
+                  "folder of its tiles, that may be larger than memory",
+                  kSurfaces, kCells));
   declare_force(declare, a.force);
   declare_json(declare, a.json);
   declare_model(declare, a.load);
@@ -100,8 +111,8 @@ void print_cells(const prepared::PrepareCellsReport& report, double seconds, con
 /// Sorts the points of a file, or of a folder of tiles, into cells; they never stand in memory together.
 Result<int> run_cells(const PrepareArguments& arguments, Context& context) {
   const bool folder = std::filesystem::is_directory(arguments.model);
-  if (!folder) PALPATE_TRY(check_output({arguments.out, {kCells}, arguments.force}, {arguments.model}));
-  if (folder) PALPATE_TRY(check_output({arguments.out, {kCells}, arguments.force}, {}));
+  PALPATE_TRY(check_output({arguments.out, {kCells}, arguments.force || is_prepared(arguments.out)},
+                           std::vector{arguments.model}));
   PALPATE_ASSIGN(const std::unique_ptr<io::PointStream> stream,
                  folder ? io::open_folder_stream(arguments.model, arguments.load.threads)
                         : io::open_point_stream(arguments.model, arguments.load.threads));
@@ -122,13 +133,14 @@ Result<int> run_cells(const PrepareArguments& arguments, Context& context) {
 }
 
 Result<int> run_prepare(const PrepareArguments& arguments, Context& context) {
-  if (arguments.out.ends_with(kCells)) return run_cells(arguments, context);
+  if (arguments.out.ends_with(fmt::format(".{}", kCells))) return run_cells(arguments, context);
   PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
   PALPATE_ASSIGN(const scene::SceneFile file, open_scene(arguments.model, all_renderers(), context.progress));
   if (file.models.size() != 1)
     return Error{fmt::format("a prepared file has one model, the scene has {}", file.models.size()),
                  "prepare the models one by one", file.path};
-  PALPATE_TRY(check_output({arguments.out, {kSurfaces, kCells}, arguments.force}, files_read(file)));
+  PALPATE_TRY(check_output(
+      {arguments.out, {kSurfaces, kCells}, arguments.force || is_prepared(arguments.out)}, files_read(file)));
   StopCallback stop_callback([&] { return arguments.out + " was not written"; });
   PALPATE_ASSIGN(const scene::LoadedScene loaded,
                  scene::load(file, all_readers(), options, context.progress));

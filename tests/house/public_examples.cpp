@@ -47,6 +47,9 @@ extern Fresh fresh;
 extern render::SceneInput& scene;
 extern device::Device& device;
 
+// An example ends where its value is there, and names its own as the application's.
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wunused"
 #include "public_examples.inc"
 
 }  // namespace palpate::example
