@@ -51,7 +51,7 @@ Prepared prepared_stage(const std::string& renderer, const std::string& path) {
 
 std::unique_ptr<render::HapticRenderer> fresh(const Prepared& p) {
   QuietProgress progress;
-  auto renderer = prepared_renderer(p.request, p.registry, p.stage.scene, 1, progress);
+  auto renderer = prepared_renderer(p.request, p.registry, p.stage.scene, 1, false, progress);
   EXPECT_TRUE(renderer) << renderer.error().message();
   return *std::move(renderer);
 }

@@ -49,7 +49,8 @@ extern device::Device& device;
 
 // An example ends where its value is there, and names its own as the application's.
 #pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wunused"
+#pragma GCC diagnostic ignored "-Wunused-variable"
+#pragma GCC diagnostic ignored "-Wunused-but-set-variable"
 #include "public_examples.inc"
 
 }  // namespace palpate::example
