@@ -166,7 +166,7 @@ Subcommand prepare_subcommand() {
   return subcommand("prepare",
                     "makes a file of a scan's smooth surface: `cloud-smooth` feels it at once, and from disk",
                     {"palpate prepare scan.ply --unit m --out scan.palsurf",
-                     "palpate prepare tiles --unit m --out hall.palcells"},
+                     "palpate prepare hall.pts --unit m --out hall.palcells"},
                     declare_prepare, run_prepare);
 }
 

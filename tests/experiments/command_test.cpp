@@ -356,9 +356,32 @@ TEST_F(Command, FetchListsWithLicenceAndChecksum) {
 
 class Reading : public OnCommandLine {};
 
-TEST_F(Reading, FormatsThatAreNotReadAreNamed) {
+TEST_F(Reading, AScanThatIsCutShortIsNamed) {
   write_text(folder_ / "scan.laz", "LASF");
-  refuses({"scan.laz", "a LAZ scan", "pdal translate"}, "info @/scan.laz");
+  refuses({"scan.laz", "cut short"}, "info @/scan.laz");
+}
+
+TEST_F(Reading, APreparedFileIsFeltAndTakesTheScansPlace) {
+  succeeds("prepare sinusoid:points=2601 --out @/a.palsurf");
+  EXPECT_THAT(succeeds("info @/a.palsurf").out, HasAll("prepared from", "level 0", "level 1"));
+  succeeds("compare @/a.palsurf --renderers cloud-smooth,cloud --path weave:frames=500 --out @/felt");
+  // Made again it replaces what was made before, and nothing else.
+  succeeds("prepare sinusoid:points=2601 --out @/a.palsurf");
+  write_text(folder_ / "b.palsurf", "mine");
+  refuses({"b.palsurf", "--force"}, "prepare sinusoid:points=2601 --out @/b.palsurf");
+  refuses("has its unit already", "info @/a.palsurf --unit m");
+  refuses(".palcells", "prepare sinusoid:points=2601 --out @/a.ply");
+  refuses("prepared file already", "prepare @/a.palsurf --out @/c.palsurf");
+
+  std::string rows =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+      "property float z\nend_header\n";
+  for (const float number : {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f})
+    rows.append(reinterpret_cast<const char*>(&number), sizeof number);
+  write_text(folder_ / "a.ply", rows);
+  refuses("--unit", "prepare @/a.ply --out @/a.palcells");
+  EXPECT_THAT(succeeds("prepare @/a.ply --unit cm --out @/a.palcells").out, HasSubstr("3 points in 1 cells"));
+  EXPECT_THAT(succeeds("info @/a.palcells").out, HasSubstr("10 x 10 x 0 mm"));
 }
 
 TEST_F(Reading, CornersFarFromTheOriginAreTold) {

@@ -186,7 +186,7 @@ TEST_F(Output, NoStandardStreamThatFailsEndsACommandOtherwise) {
       if (!first) break;
     }
   }
-  EXPECT_EQ(commands, 11);
+  EXPECT_EQ(commands, 12);
 }
 
 // A session with a hand in contact goes on, stops its device and keeps what it wrote, whoever reads its

@@ -36,20 +36,24 @@ class SplineSdfModel {
   [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
   [[nodiscard]] unsigned features() const noexcept { return body_.surface.features; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return body_.smooth->grid.box_mm; }
-  [[nodiscard]] bool touching() const noexcept { return touched().contact() || spread_.active(); }
+  [[nodiscard]] bool touching() const noexcept { return touched_->contact() || spread_.active(); }
   void restart(const Vec3& h) noexcept {
-    if (paged_ != nullptr)
+    if (paged_ != nullptr) {
       paged_->restart(h);
-    else
+      touched_ = &paged_->active();
+    } else {
       contact_.restart(h);
+    }
     spread_.end();
     state_.release();
   }
   void release_contact(const Vec3& h) noexcept {
-    if (paged_ != nullptr)
+    if (paged_ != nullptr) {
       paged_->start_from(h);
-    else
+      touched_ = &paged_->active();
+    } else {
       contact_.start_from(h);
+    }
     spread_.end();
     state_.release();
   }
@@ -58,12 +62,15 @@ class SplineSdfModel {
   template <unsigned kFeatures>
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
-    if (paged_ != nullptr) [[unlikely]] {
-      const bool held = paged_->update(h, counters);
-      return answer<kFeatures>(h, paged_->active(), paged_->corrected_from(), held, contact, status);
-    }
-    const bool held = contact_.update(h, counters);
-    return answer<kFeatures>(h, contact_, contact_.corrected_from(), held, contact, status);
+    if (paged_ != nullptr) [[unlikely]]
+      return touch_paged<kFeatures>(h, contact, status, counters);
+    bool held = contact_.update(h, counters);
+    if (contact_.bound_hit()) status = FrameStatus::kBoundHit;
+    if (held) contact = contact_at<kFeatures>(h, contact_);
+    if (contact_.corrected_from() != nullptr || spread_.active()) [[unlikely]]
+      held = spread_.answer(h, contact_.corrected_from(), held, contact,
+                            [&] { contact = contact_at<kFeatures>(h, contact_); });
+    return held;
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact) noexcept {
@@ -71,18 +78,16 @@ class SplineSdfModel {
   }
 
  private:
-  [[nodiscard]] const SplineSdfContact& touched() const noexcept {
-    return paged_ != nullptr ? paged_->active() : contact_;
-  }
   template <unsigned kFeatures>
-  [[nodiscard, gnu::always_inline]] bool answer(const Vec3& h, const SplineSdfContact& by,
-                                                const Vec3* corrected_from, bool held,
-                                                SurfaceContact& contact, FrameStatus& status) noexcept {
-    if (by.bound_hit()) status = FrameStatus::kBoundHit;
-    if (held) contact = contact_at<kFeatures>(h, by);
-    if (corrected_from != nullptr || spread_.active()) [[unlikely]]
-      held =
-          spread_.answer(h, corrected_from, held, contact, [&] { contact = contact_at<kFeatures>(h, by); });
+  [[nodiscard, gnu::noinline]] bool touch_paged(const Vec3& h, SurfaceContact& contact, FrameStatus& status,
+                                                FrameCounters& counters) noexcept {
+    bool held = paged_->update(h, counters);
+    touched_ = &paged_->active();
+    if (touched_->bound_hit()) status = FrameStatus::kBoundHit;
+    if (held) contact = contact_at<kFeatures>(h, *touched_);
+    if (paged_->corrected_from() != nullptr || spread_.active())
+      held = spread_.answer(h, paged_->corrected_from(), held, contact,
+                            [&] { contact = contact_at<kFeatures>(h, *touched_); });
     return held;
   }
   template <unsigned kFeatures>
@@ -125,6 +130,7 @@ class SplineSdfModel {
   SplineSdfBody body_;
   SplineSdfContact contact_;
   std::unique_ptr<PagedContact> paged_;
+  const SplineSdfContact* touched_ = &contact_;  ///< the one that answers
   CorrectionRamp spread_;
   SurfaceState state_;
 };
