@@ -102,9 +102,10 @@ const std::map<std::string, std::string> kPublic = {
 
 // Order of modules in toolkit: each may include itself and earlier ones.
 constexpr std::array kToolkitLine = {
-    "core",        "geometry",   "cloud",       "search",    "surface", "local_delaunay", "render", "points",
-    "deformation", "spline_sdf", "heightfield", "renderers", "control", "trace",          "paths",  "metrics",
-    "laz",         "io",         "prepared",    "pcd",       "voronoi", "dem",            "scene",   "plan",
+    "core",     "geometry", "cloud",       "search",     "surface",     "local_delaunay",
+    "render",   "points",   "deformation", "spline_sdf", "heightfield", "renderers",
+    "control",  "trace",    "paths",       "metrics",    "laz",         "io",
+    "prepared", "pcd",      "voronoi",     "dem",        "scene",       "plan",
 };
 
 // The same for device.
