@@ -101,7 +101,9 @@ Status write_stage(StagedStudy& study, const OutputFolder& folder) {
     const Result<std::string> sample = write_sample(*model.cloud, model.world_from_model, i + 1, folder);
     if (!sample) return sample.error();
     const scene::Provenance& from = stage.scene.provenance[i];
-    document.models.push_back({model.name, from.source, from.content_hash, model.cloud->size(), *sample});
+    // Of a prepared file the cloud is a sample.
+    const std::size_t points = model.prepared != nullptr ? from.file_points : model.cloud->size();
+    document.models.push_back({model.name, from.source, from.content_hash, points, *sample});
   }
   document.truth.reset();
   if (!stage.reference) return Done{};
