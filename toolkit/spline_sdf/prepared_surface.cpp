@@ -22,7 +22,7 @@ constexpr std::size_t kLeastPoints = 2000;
 /// Points of the sample, at most: paths, boxes and a mesh for comparison need no more.
 constexpr std::size_t kSamplePoints = 200'000;
 /// Name of the renderer's levels in messages.
-constexpr const char* kLevels = "`palpate info FILE` lists its surfaces";
+constexpr const char* kSurfaceList = "`palpate info FILE` lists its surfaces";
 
 /// Every `step`-th point along the Morton curve: as even as the points are.
 std::shared_ptr<const cloud::Cloud> thinned(const MortonPoints& points, const cloud::Cloud& cloud,
@@ -46,7 +46,7 @@ Status check_prepared(const ModelInput& input, std::size_t level) {
   if (level >= file.surfaces().size())
     return Error{fmt::format("level {} is not in the prepared file, which has {} surfaces", level,
                              file.surfaces().size()),
-                 kLevels, file.path()};
+                 kSurfaceList, file.path()};
   if (input.surface.per_point != nullptr)
     return Error{"a prepared file has no values by point", "feel the scan itself, or leave them out",
                  file.path()};
