@@ -220,7 +220,8 @@ std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::strin
 
 std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page) {
   static const std::regex kSpan(
-      "`((palpate|build/release/bin/palpate|experiments/reproduce|experiments/benchmarks/real_shapes|tests/run) "
+      "`((palpate|build/release/bin/palpate|experiments/reproduce|experiments/benchmarks/real_shapes|tests/"
+      "run) "
       "[^`]+)`");
   std::vector<ShownCommand> all;
   std::size_t line = 1;

@@ -1,5 +1,5 @@
-// Fuzzes files of prepared surfaces: an Error that names the file, or surfaces of which every look-up ends at a
-// brick that is there. Checksums are not compared here, so that damage gets past them.
+// Fuzzes files of prepared surfaces: an Error that names the file, or surfaces of which every look-up ends at
+// a brick that is there. Checksums are not compared here, so that damage gets past them.
 #include <sys/mman.h>
 #include <unistd.h>
 

@@ -251,8 +251,7 @@ std::uint64_t allocated() {
     const double far = k % 100 == 0 ? 5.0 : 0.1;
     const Vec3f to = points[place] +
                      Vec3(far * random.normal(), far * random.normal(), far * random.normal()).cast<float>();
-    if (partition.move(place, points[place], to) != MoveStatus::kFull)
-      points[place] = to;
+    if (partition.move(place, points[place], to) != MoveStatus::kFull) points[place] = to;
     visit_segment_ranges(partition, widened(to), Vec3(Vec3::Zero()), Vec3::Constant(0.01),
                          [&](IndexRange range) {
                            visited += range.end - range.begin;
