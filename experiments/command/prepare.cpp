@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -34,10 +33,8 @@ struct PrepareArguments {
 
 /// Whether the file is there and was made by this command: then a new one may replace it.
 bool is_prepared(const std::string& path) {
-  std::array<std::byte, 8> first{};
-  const Result<InputFile> file = InputFile::open(path);
-  return file && file->size() >= first.size() && file->read_at(0, first) &&
-         (render::SurfaceFile::begins_as_one(first) || prepared::CellFile::begins_as_one(first));
+  const std::vector<std::byte> first = first_bytes(path);
+  return render::SurfaceFile::begins_as_one(first) || prepared::CellFile::begins_as_one(first);
 }
 
 void declare_prepare(const Declaration& declare, PrepareArguments& a) {

@@ -125,11 +125,6 @@ Table renderers_table(const LiveDocument& document) {
                           {format_count(r.made)},
                           {format_bytes(static_cast<double>(r.bytes))},
                           {format_bytes(static_cast<double>(r.shared_bytes))}});
-    if (r.coarse_frames > 0)
-      table.notes.push_back(
-          fmt::format("{}: {} frames looked for a part of the surface that was not in memory; a coarser one "
-                      "answered {} frames.",
-                      r.label, r.late_frames, r.coarse_frames));
     if (!r.disqualified.empty())
       table.notes.push_back(fmt::format("{} was disqualified: {}.", r.label, r.disqualified));
   }

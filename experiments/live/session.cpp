@@ -15,6 +15,7 @@
 #include "experiments/live/live_tasks.h"
 #include "experiments/live/watch.h"
 #include "experiments/live/window_hooks.h"
+#include "experiments/run/result_warnings.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/render/prepare.h"
 
@@ -446,6 +447,8 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
     const render::FrameCounters counted = felt.mixer->counters_of(static_cast<std::uint8_t>(i));
     document.renderers[i].late_frames = counted.late_frames;
     document.renderers[i].coarse_frames = counted.coarse_frames;
+    for (const std::string& doubt : doubts_about_tiles(counted))
+      document.warnings.push_back(document.renderers[i].label + ": " + doubt);
   }
   if (notes) notes->tell(document);
   if (recorded) end_recording(arguments.record, *felt.recording.recorder(), document);

@@ -107,6 +107,23 @@ Status check_surfaces(const scene::LoadedScene& scene) {
   return Done{};
 }
 
+std::vector<std::string> doubts_about_tiles(const render::FrameCounters& counted) {
+  std::vector<std::string> doubts;
+  if (counted.damaged_tiles > 0)
+    doubts.push_back(
+        fmt::format("{} tile{} of the prepared file {} damaged, the first number {}: felt as absent. Prepare "
+                    "the scan again.",
+                    counted.damaged_tiles, counted.damaged_tiles == 1 ? "" : "s",
+                    counted.damaged_tiles == 1 ? "is" : "are", counted.damaged_tile));
+  if (counted.coarse_frames > 0)
+    doubts.push_back(
+        fmt::format("{} frames looked for a part of the prepared surface that was not in memory; a coarser "
+                    "one answered {} frames. "
+                    "Give more by resident_mb.",
+                    counted.late_frames, counted.coarse_frames));
+  return doubts;
+}
+
 std::vector<std::string> doubts_about_models(const scene::LoadedScene& scene) {
   std::vector<std::string> doubts;
   const std::vector<render::ModelInput>& models = scene.input.models;

@@ -15,6 +15,9 @@ namespace palpate::experiments {
 /// An Error for a model whose points are no surface.
 [[nodiscard]] Status check_surfaces(const scene::LoadedScene& scene);
 
+/// Of a prepared file: tiles that are damaged, and frames that the finest surface did not answer.
+[[nodiscard]] std::vector<std::string> doubts_about_tiles(const render::FrameCounters& counted);
+
 /// Models far apart, or of sizes that no scene has.
 [[nodiscard]] std::vector<std::string> doubts_about_models(const scene::LoadedScene& scene);
 

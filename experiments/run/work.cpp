@@ -19,6 +19,7 @@
 #include <palpate/write_mesh.h>
 #include "baselines/renderers/mesh_source.h"
 #include "experiments/run/child.h"
+#include "experiments/run/result_warnings.h"
 #include "experiments/run/stage.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/deformation/deformer.h"
@@ -246,6 +247,7 @@ Status Work::replay(Run& run) {
                   "Nothing is felt under the surface after a border or a hole until the HIP has been above "
                   "again: it came there {} time{}.",
                   edges, edges == 1 ? "" : "s"));
+  for (const std::string& doubt : doubts_about_tiles(renderer_->counters())) warn(run, doubt);
   if (!stage_.starts_free && trace.frames.front().contact)
     warn(run,
          "It is in contact at the path's first position already: it feels the surface from so far away, or "

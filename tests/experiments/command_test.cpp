@@ -59,6 +59,7 @@ TEST_F(Command, WhatIsPrintedAsJsonFollowsItsSchema) {
       {"catalogue", {"list", "steps"}},
       {"scans", {"list", "scans"}},
       {"cleaned", {"clean", "sphere:points=500", "--steps", "thin", "--out", in("c.ply")}},
+      {"prepared", {"prepare", "sphere:points=500", "--out", in("c.palsurf")}},
       {"result",
        {"compare", "plane:points=121:extent_mm=10", "--renderers", "cloud", "--path", "tap:frames=100",
         "--out", in("out")}},
@@ -365,6 +366,13 @@ TEST_F(Reading, APreparedFileIsFeltAndTakesTheScansPlace) {
   succeeds("prepare sinusoid:points=2601 --out @/a.palsurf");
   EXPECT_THAT(succeeds("info @/a.palsurf").out, HasAll("prepared from", "level 0", "level 1"));
   succeeds("compare @/a.palsurf --renderers cloud-smooth,cloud --path weave:frames=500 --out @/felt");
+  // A tile that is damaged is felt as absent, and named.
+  std::string bytes = file_text(in("a.palsurf"));
+  for (std::size_t at = 516; at < bytes.size() / 2; at += 4000) bytes[at] = static_cast<char>(bytes[at] ^ 1);
+  write_text(folder_ / "damaged.palsurf", bytes);
+  EXPECT_THAT(
+      succeeds("compare @/damaged.palsurf --renderers cloud-smooth --path weave:frames=500 --out @/hurt").err,
+      HasAll("damaged", "felt as absent"));
   // Made again it replaces what was made before, and nothing else.
   succeeds("prepare sinusoid:points=2601 --out @/a.palsurf");
   write_text(folder_ / "b.palsurf", "mine");
@@ -382,6 +390,7 @@ TEST_F(Reading, APreparedFileIsFeltAndTakesTheScansPlace) {
   refuses("--unit", "prepare @/a.ply --out @/a.palcells");
   EXPECT_THAT(succeeds("prepare @/a.ply --unit cm --out @/a.palcells").out, HasSubstr("3 points in 1 cells"));
   EXPECT_THAT(succeeds("info @/a.palcells").out, HasSubstr("10 x 10 x 0 mm"));
+  expect_valid("prepared", succeeds("prepare @/a.ply --unit cm --json --out @/a.palcells").out);
 }
 
 TEST_F(Reading, CornersFarFromTheOriginAreTold) {

@@ -110,6 +110,13 @@ Status InputFile::read_at(std::uint64_t offset, std::span<std::byte> out) const 
   return Done{};
 }
 
+std::vector<std::byte> first_bytes(const std::string& path) {
+  std::vector<std::byte> first(8);
+  const Result<InputFile> file = InputFile::open(path);
+  if (!file || file->size() < first.size() || !file->read_at(0, first)) first.clear();
+  return first;
+}
+
 Result<std::string> read_file(const std::string& path, std::uint64_t most_bytes) {
   PALPATE_ASSIGN(InputFile file, InputFile::open(path));
   // System files report size 0 and hold more; all that arrives counts.

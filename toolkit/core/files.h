@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <palpate/progress.h>
 #include <palpate/result.h>
@@ -59,6 +60,9 @@ class InputFile {
   Descriptor file_;
   std::uint64_t size_ = 0;
 };
+
+/// A file's first eight bytes, which tell many formats apart; empty where it is shorter or cannot be read.
+[[nodiscard]] std::vector<std::byte> first_bytes(const std::string& path);
 
 /// Reads a small file; more than `most_bytes` is an Error before reading.
 [[nodiscard]] Result<std::string> read_file(const std::string& path, std::uint64_t most_bytes);

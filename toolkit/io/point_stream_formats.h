@@ -11,9 +11,8 @@
 
 namespace palpate::io {
 
-/// LAS, LAZ and COPC. `threads` decode chunks; 0 is all of the machine's.
-[[nodiscard]] Result<std::unique_ptr<PointStream>> open_las_stream(const std::string& path, int threads);
-/// The same from any bytes; `name` is for messages.
+/// LAS, LAZ and COPC from any bytes. `threads` decode chunks; 0 is all of the machine's. `name` is for
+/// messages.
 [[nodiscard]] Result<std::unique_ptr<PointStream>> las_stream(std::unique_ptr<RandomAccess> file,
                                                               const std::string& name, int threads);
 [[nodiscard]] Result<std::unique_ptr<PointStream>> open_e57_stream(const std::string& path);

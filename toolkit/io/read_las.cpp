@@ -149,10 +149,4 @@ Result<std::unique_ptr<PointStream>> las_stream(std::unique_ptr<RandomAccess> fi
   return std::unique_ptr<PointStream>(std::move(stream));
 }
 
-Result<std::unique_ptr<PointStream>> open_las_stream(const std::string& path, int threads) {
-  Result<std::unique_ptr<RandomAccess>> file = open_random_access(path);
-  if (!file) return std::move(file).error().in_file(path);
-  return las_stream(std::move(*file), path, threads);
-}
-
 }  // namespace palpate::io

@@ -105,41 +105,28 @@ class GpsTime11Item final : public PointwiseItem {
   GpsTimeDecoder time_{GpsTimeDecoder::Unchanged::kHasSymbol, 0};
 };
 
-class Colour12Item final : public PointwiseItem {
+/// An item whose decoder gives a value from the last one.
+template <class Decoder, class Value, Value (*kRead)(ByteReader&) noexcept,
+          void (*kWrite)(const Value&, ByteWriter&) noexcept>
+class ValueItem final : public PointwiseItem {
  public:
   void begin(std::span<const std::byte> record) override {
     ByteReader in(record);
-    last_ = read_colour(in);
+    last_ = kRead(in);
   }
   bool next(ArithmeticDecoder& decoder, std::span<std::byte> record) override {
-    last_ = colours_.next(decoder, last_);
+    last_ = decoder_.next(decoder, last_);
     ByteWriter out(record);
-    write_colour(last_, out);
+    kWrite(last_, out);
     return true;
   }
 
  private:
-  ColourDecoder colours_;
-  Colour last_;
+  Decoder decoder_;
+  Value last_;
 };
-
-class Wavepacket13Item final : public PointwiseItem {
- public:
-  void begin(std::span<const std::byte> record) override {
-    ByteReader in(record);
-    last_ = read_wavepacket(in);
-  }
-  bool next(ArithmeticDecoder& decoder, std::span<std::byte> record) override {
-    last_ = packets_.next(decoder, last_);
-    ByteWriter out(record);
-    write_wavepacket(last_, out);
-    return true;
-  }
-
- private:
-  WavepacketDecoder packets_;
-  Wavepacket last_;
-};
+using Colour12Item = ValueItem<ColourDecoder, Colour, read_colour, write_colour>;
+using Wavepacket13Item = ValueItem<WavepacketDecoder, Wavepacket, read_wavepacket, write_wavepacket>;
 
 class BytesItem final : public PointwiseItem {
  public:

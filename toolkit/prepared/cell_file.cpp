@@ -168,7 +168,6 @@ Status CellFile::read_table(std::uint64_t table_offset, std::uint64_t table_hash
   if (hash_of(bytes) != table_hash) return damaged("the table of the prepared cells is damaged");
   ByteReader reader{std::span<const std::byte>(bytes)};
   entries_.resize(static_cast<std::size_t>(info_.cells));
-  std::vector<geometry::Aabb> boxes(entries_.size());
   std::uint64_t offset = kCellHeaderBytes, points = 0, halo = 0;
   for (std::size_t cell = 0; cell < entries_.size(); ++cell) {
     CellEntry& entry = entries_[cell] = read_cell_entry(reader);
@@ -176,11 +175,9 @@ Status CellFile::read_table(std::uint64_t table_offset, std::uint64_t table_hash
     offset += entry.bytes();
     points += entry.points;
     halo += entry.halo;
-    boxes[cell] = box_of(info_.lattice, entry);
   }
   if (offset != table_offset || points != info_.points || halo != info_.halo_points)
     return damaged("the table of the prepared cells does not agree with the header");
-  boxes_ = BoxTree(std::move(boxes));
   return Done{};
 }
 
@@ -208,11 +205,8 @@ double CellFile::bytes_per_point() const noexcept {
   return static_cast<double>(file_.size()) / static_cast<double>(info_.points) - halo_bytes_per_point();
 }
 
-std::vector<std::uint32_t> CellFile::cells_in(const geometry::Aabb& box_mm) const {
-  std::vector<std::uint32_t> cells;
-  boxes_.visit_overlapping(box_mm,
-                           [&](std::size_t cell) { cells.push_back(static_cast<std::uint32_t>(cell)); });
-  return cells;
+geometry::Aabb CellFile::box_mm(std::size_t cell) const noexcept {
+  return box_of(info_.lattice, entries_[cell]);
 }
 
 Status CellFile::read_cell(std::size_t cell, std::vector<std::byte>& scratch, CellPoints& into) const {

@@ -18,7 +18,6 @@
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/files.h"
 #include "toolkit/io/point_stream.h"
-#include "toolkit/prepared/box_tree.h"
 #include "toolkit/prepared/cell_lattice.h"
 
 namespace palpate::prepared {
@@ -93,14 +92,12 @@ class CellFile {
   [[nodiscard]] std::size_t size() const noexcept { return entries_.size(); }
   [[nodiscard]] const CellEntry& entry(std::size_t cell) const noexcept { return entries_[cell]; }
   /// Holds every own point of the cell as it is read.
-  [[nodiscard]] const geometry::Aabb& box_mm(std::size_t cell) const noexcept { return boxes_.box(cell); }
+  [[nodiscard]] geometry::Aabb box_mm(std::size_t cell) const noexcept;
   /// Bytes of the file per point: of its own points and the table, and of the halo.
   [[nodiscard]] double bytes_per_point() const noexcept;
   [[nodiscard]] double halo_bytes_per_point() const noexcept;
   [[nodiscard]] const std::string& path() const noexcept { return file_.path(); }
 
-  /// Cells whose own points may lie in a box, ascending.
-  [[nodiscard]] std::vector<std::uint32_t> cells_in(const geometry::Aabb& box_mm) const;
   /// Reads one cell into `into`, whose memory is used again; `scratch` holds the bytes. A damaged cell is an
   /// Error that names it.
   [[nodiscard]] Status read_cell(std::size_t cell, std::vector<std::byte>& scratch, CellPoints& into) const;
@@ -116,7 +113,6 @@ class CellFile {
   InputFile file_;
   CellFileInfo info_;
   std::vector<CellEntry> entries_;
-  BoxTree boxes_;
 };
 
 /// The own points of all cells, in mm, in Morton order.

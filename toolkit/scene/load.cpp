@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -271,24 +270,16 @@ Status load_cells(const SceneModel& model, double scale, const LoadOptions& opti
   return Done{};
 }
 
-/// Whether a file begins as one that `palpate prepare` makes; false where it cannot be read, which the reader
-/// says.
-template <class Begins>
-bool begins(const std::string& path, Begins&& as) {
-  std::array<std::byte, 8> first{};
-  Result<InputFile> file = InputFile::open(path);
-  return file && file->size() >= first.size() && file->read_at(0, first) && as(first);
-}
-
 Status load_file(const SceneModel& model, double scale, const io::Readers& readers,
                  const LoadOptions& options, Progress& progress, render::ModelInput& input,
                  Provenance& provenance) {
   if (model.cloud.empty())
     return Error{fmt::format("the scan '{}' is not here", model.scan),
                  fmt::format("`palpate fetch {}` brings it", model.scan)};
-  if (begins(model.cloud, render::SurfaceFile::begins_as_one))
+  const std::vector<std::byte> first = first_bytes(model.cloud);
+  if (render::SurfaceFile::begins_as_one(first))
     return load_prepared(model, scale, options, input, provenance);
-  if (begins(model.cloud, prepared::CellFile::begins_as_one))
+  if (prepared::CellFile::begins_as_one(first))
     return load_cells(model, scale, options, progress, input, provenance);
   io::ReadOptions read;
   read.unit = model.unit ? model.unit : options.unit;

@@ -120,7 +120,9 @@ struct BrickGrid {
       return find_in_window(at);
     return find_in_tables(at);
   }
+  /// The same through the window, where the tables have only the bricks above its tiles. In tile_window.cpp.
   [[nodiscard]] BrickRef find_in_window(const Vec3& at) const noexcept;
+  /// The same by the tables alone.
   [[nodiscard]] BrickRef find_in_tables(const Vec3& at) const noexcept {
     BrickRef out;
     for (int l = 0; l < levels; ++l) {

@@ -53,8 +53,8 @@ struct BrickTile {
 
 struct BrickTiles {
   std::vector<BrickTile> tiles;  ///< by first_code()
-  /// Bricks above the tiles, where more than kTileBricks smaller ones replace one: grid tables without
-  /// bricks' contents, and the numbers of their bricks in the grid.
+  /// Bricks above the tiles, where more than kTileBricks smaller ones replace one, and their numbers in the
+  /// grid.
   std::vector<TileKey> above;
   std::vector<std::uint32_t> above_bricks;
 };

@@ -105,6 +105,8 @@ bool PagedContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
     held = &brick;
   }
   surface_->begin_frame(surface_->grid().in_voxels(h_mm), held);
+  counters.damaged_tiles = surface_->window().damaged();
+  counters.damaged_tile = surface_->window().first_damaged();
   corrected_ = false;
   if (!coarse_on_) {
     before_ = fine_;

@@ -30,8 +30,6 @@ constexpr double kChooseAgain = 0.05;
 constexpr std::chrono::seconds kLongestWait{5};
 /// Radius to begin with, in the edges of the largest bricks.
 constexpr double kFirstRadius = 8.0;
-/// Group 0 of the arena is the root of every damaged tile: empty.
-constexpr std::uint32_t kEmptyRoot = 0;
 /// Memory for groups over what the file's mean tile needs: parts of a surface differ.
 constexpr double kSpareGroups = 1.25;
 /// A tile that a frame looked for is worth any other that is not.
@@ -77,7 +75,8 @@ PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t 
   held_of_.assign(stored().keys.size(), 0);
   for (std::size_t b = grid_.bricks.size(); b-- > above;)
     free_bricks_.push_back(static_cast<std::uint32_t>(b));
-  for (std::size_t g = groups; g-- > kEmptyRoot + 1;) free_groups_.push_back(static_cast<std::uint32_t>(g));
+  for (std::size_t g = groups; g-- > TileNews::kDamaged + 1;)
+    free_groups_.push_back(static_cast<std::uint32_t>(g));
   radius_ = kFirstRadius * grid_.cube_edge();
   const std::span<TileNode> nodes = window_.nodes();
   locked_ = ::mlock(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick)) == 0 &&
@@ -98,10 +97,9 @@ std::size_t PagedSurface::bytes() const noexcept {
 
 // --- the frame's side
 
-bool PagedSurface::begin_frame(const Vec3& hip, const HeldBrick* held) noexcept {
-  const bool came = window_.take_news(grid_, held != nullptr ? &held->place : nullptr);
+void PagedSurface::begin_frame(const Vec3& hip, const HeldBrick* held) noexcept {
+  window_.take_news(grid_, held != nullptr ? &held->place : nullptr);
   window_.publish_aim(hip, held != nullptr ? held->god_object : hip);
-  return came;
 }
 
 bool PagedSurface::wait_for_missed(const Vec3& hip, const HeldBrick* held) noexcept {
@@ -117,27 +115,6 @@ bool PagedSurface::wait_for_missed(const Vec3& hip, const HeldBrick* held) noexc
     if (std::chrono::steady_clock::now() > until) return false;
     std::this_thread::sleep_for(kPause / 4);
   }
-}
-
-void PagedSurface::wait_around(const Vec3& hip) noexcept {
-  const auto until = std::chrono::steady_clock::now() + kLongestWait;
-  settled_.store(false);
-  for (int seen = 0; seen < 2 && std::chrono::steady_clock::now() < until;) {
-    begin_frame(hip, nullptr);
-    std::this_thread::sleep_for(kPause);
-    // Settled twice: the first time may be from before the aim arrived.
-    if (settled_.exchange(false)) ++seen;
-  }
-  for (int i = 0; i < static_cast<int>(TileWindow::kRing); ++i) begin_frame(hip, nullptr);
-}
-
-LoaderCounts PagedSurface::counts() const noexcept {
-  return {loaded_.load(), forgotten_.load(), damaged_.load(), bytes_read_.load()};
-}
-
-std::string PagedSurface::damage() const {
-  const std::lock_guard lock(damage_mutex_);
-  return damage_;
 }
 
 // --- the loader's side
@@ -168,7 +145,6 @@ bool PagedSurface::poll() {
     }
     ++wanted_at_;
   }
-  if (wanted_at_ == wanted_.size()) settled_.store(true);
   return loads > 0;
 }
 
@@ -199,8 +175,6 @@ void PagedSurface::release(std::uint32_t tile) {
   state_[tile] = State::kAbsent;
   // What left may be wanted again.
   wanted_at_ = 0;
-  settled_.store(false);
-  forgotten_.fetch_add(1, std::memory_order_relaxed);
 }
 
 double PagedSurface::distance_to(TileKey node) const noexcept {
@@ -293,42 +267,35 @@ bool PagedSurface::make_room(const TileSize& size, double distance) {
 }
 
 bool PagedSurface::load(std::uint32_t tile, double distance) {
-  const StoredSurface::Place& place = stored().places[tile];
-  if (window_.news.full() || !make_room(place.size, distance)) return false;
+  const TileSize& size = stored().places[tile].size;
+  if (window_.news.full() || !make_room(size, distance)) return false;
   Held held;
   held.tile = tile;
-  std::uint32_t root = kEmptyRoot;
-  if (const Status got = read(tile)) {
-    held.groups.assign(free_groups_.end() - place.size.groups, free_groups_.end());
-    held.bricks.assign(free_bricks_.end() - place.size.bricks, free_bricks_.end());
+  std::uint32_t root = TileNews::kDamaged;
+  if (read(tile)) {
+    held.groups.assign(free_groups_.end() - size.groups, free_groups_.end());
+    held.bricks.assign(free_bricks_.end() - size.bricks, free_bricks_.end());
     free_groups_.resize(free_groups_.size() - held.groups.size());
     free_bricks_.resize(free_bricks_.size() - held.bricks.size());
     unpack_tile(
         image_, window_.nodes(), grid_.bricks, [&](std::uint32_t group) { return held.groups[group]; },
         [&](std::uint32_t brick) { return held.bricks[brick]; });
     root = held.groups.front();
-  } else {
-    damaged_.fetch_add(1, std::memory_order_relaxed);
-    const std::lock_guard lock(damage_mutex_);
-    if (damage_.empty()) damage_ = got.error().message();
   }
   static_cast<void>(window_.news.push({tile, root}));  // it is not full
   state_[tile] = State::kHere;
   held_of_[tile] = static_cast<std::uint32_t>(held_.size());
   held_.push_back(std::move(held));
-  loaded_.fetch_add(1, std::memory_order_relaxed);
   return true;
 }
 
-/// Reads a tile's image. Memory that cannot be had is damage too: the thread goes on.
-Status PagedSurface::read(std::uint32_t tile) {
-  bytes_read_.fetch_add(stored().places[tile].bytes, std::memory_order_relaxed);
+/// Reads a tile's image; false where it is damaged. Memory that cannot be had is damage too: the thread goes
+/// on.
+bool PagedSurface::read(std::uint32_t tile) {
   try {
-    PALPATE_TRY(file_->read_tile(surface_, tile, image_));
-    return Done{};
-  } catch (const std::exception& failed) {
-    return Error{fmt::format("tile {} could not be read: {}", tile, failed.what()), "free memory",
-                 file_->path()};
+    return file_->read_tile(surface_, tile, image_).ok();
+  } catch (const std::exception&) {
+    return false;
   }
 }
 

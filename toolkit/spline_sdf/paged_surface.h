@@ -2,12 +2,9 @@
 // HIP's motion into memory that was allocated before; frames never wait, but for replays that ask for it.
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <mutex>
-#include <string>
 #include <thread>
 #include <vector>
 
@@ -23,11 +20,6 @@ inline constexpr std::size_t kLeastResidentBytes = std::size_t{16} << 20;
 struct HeldBrick {
   Vec3 god_object = Vec3::Zero();  ///< voxels
   BrickGrid::BrickRef place;
-};
-
-/// Counters of the loader, for reports. Each is read without order among them.
-struct LoaderCounts {
-  std::uint64_t loaded = 0, forgotten = 0, damaged = 0, bytes_read = 0;
 };
 
 /// Frame calls from one thread. The grid has the window in it; it looks up like one that is whole in memory.
@@ -50,22 +42,16 @@ class PagedSurface {
   [[nodiscard]] bool locked() const noexcept { return locked_; }
 
   /// Before a frame: takes news and tells the loader where the hand is, voxels. `held`: null when free.
-  /// True if a tile came. Bounded, wait-free.
-  bool begin_frame(const Vec3& hip, const HeldBrick* held) noexcept;
+  /// Bounded, wait-free.
+  void begin_frame(const Vec3& hip, const HeldBrick* held) noexcept;
   /// Whether a look-up since the last call missed a tile of the file.
   [[nodiscard]] bool take_missed() noexcept { return window_.take_missed(); }
   [[nodiscard]] bool covers(const Vec3& at, double reach) const noexcept {
     return window_.covers(grid_, at, reach);
   }
-  [[nodiscard]] std::size_t resident() const noexcept { return window_.resident(); }
+  [[nodiscard]] const TileWindow& window() const noexcept { return window_; }
   /// For replays: waits until the tiles that were missed are here, or damaged. False after kLongestWait.
   bool wait_for_missed(const Vec3& hip, const HeldBrick* held) noexcept;
-  /// Waits until all around a place is here that the window can hold, or kLongestWait is over. For starts.
-  void wait_around(const Vec3& hip) noexcept;
-
-  [[nodiscard]] LoaderCounts counts() const noexcept;
-  /// The first damage that was met, or empty.
-  [[nodiscard]] std::string damage() const;
 
  private:
   PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, std::size_t bricks,
@@ -78,7 +64,7 @@ class PagedSurface {
   [[nodiscard]] double distance_to(TileKey node) const noexcept;
   /// False if there is no room yet. `distance`: of the tile from the hand.
   bool load(std::uint32_t tile, double distance);
-  Status read(std::uint32_t tile);
+  bool read(std::uint32_t tile);
   /// Asks tiles farther away than `distance` to leave where memory is short. True if there is room now.
   bool make_room(const TileSize& size, double distance);
   void release(std::uint32_t tile);
@@ -112,10 +98,6 @@ class PagedSurface {
   std::size_t leaving_ = 0, wanted_at_ = 0;
   std::vector<std::byte> image_;
 
-  std::atomic<std::uint64_t> loaded_{0}, forgotten_{0}, damaged_{0}, bytes_read_{0};
-  std::atomic<bool> settled_{false};  ///< all that is wanted is here
-  mutable std::mutex damage_mutex_;
-  std::string damage_;
   std::jthread loader_;  ///< last: it uses all above
 };
 

@@ -18,9 +18,10 @@ namespace {
 
 constexpr std::array<char, 8> kMagic{'P', 'A', 'L', 'P', 'S', 'U', 'R', 'F'};
 constexpr std::uint32_t kVersion = 1;
-constexpr std::size_t kFileHeadBytes = 16;  // magic, version, a spare number
-constexpr std::size_t kFileEndBytes = 32;   // the index's offset, bytes and checksum; the magic
-constexpr std::size_t kTileRowBytes = 40;   // code, depth, a spare number, offset, checksum, bytes, bricks
+constexpr std::size_t kFileHeadBytes = 16;   // magic, version, a spare number
+constexpr std::size_t kFileEndBytes = 32;    // the index's offset, bytes and checksum; the magic
+constexpr std::size_t kTileRowBytes = 40;    // code, depth, a spare number, offset, checksum, bytes, bricks
+constexpr std::size_t kGeometryBytes = 200;  // of a surface, with room for more numbers
 constexpr std::size_t kPartBytes = 24;
 constexpr const char* kPrepareAgain = "prepare the scan again: palpate prepare SCAN --out FILE";
 
@@ -59,7 +60,7 @@ class Index {
 
 void put_geometry(const SplineSdf& surface, double rms_mm, Index& index) {
   const BrickGrid& grid = surface.grid;
-  index.put(200, [&](ByteWriter& to) {
+  index.put(kGeometryBytes, [&](ByteWriter& to) {
     to.vec(grid.low_mm);
     to.vec(grid.box_mm.low_mm);
     to.vec(grid.box_mm.high_mm);
@@ -74,7 +75,7 @@ void put_geometry(const SplineSdf& surface, double rms_mm, Index& index) {
     to.u64(surface.cubes);
     to.u64(surface.patches);
     to.u64(surface.isolated_points);
-    while (to.size() < 200) to.u64(0);
+    while (to.size() < kGeometryBytes) to.u64(0);
   });
 }
 
@@ -96,7 +97,7 @@ bool get_geometry(ByteReader& from, StoredSurface& out) {
   surface.cubes = from.u64();
   surface.patches = static_cast<std::size_t>(from.u64());
   surface.isolated_points = static_cast<std::size_t>(from.u64());
-  static_cast<void>(from.raw(200 - (from.at() - start)));
+  static_cast<void>(from.raw(kGeometryBytes - (from.at() - start)));
   grid.per_voxel = 1.0 / grid.voxel_mm;
   if (grid.coarser < 0 || grid.coarser > BrickGrid::kMaxCoarser || grid.levels < 1 ||
       grid.levels > grid.coarser + BrickGrid::kFineLevels)
@@ -167,17 +168,23 @@ bool get_pieces(ByteReader& from, BrickGrid& grid) {
   return from.good();
 }
 
-/// Adds bricks at their keys to a grid without any: its levels' tables. `bricks[i]` stands at `keys[i]`; keys
-/// of a level ascend.
-void build_tables(std::span<const TileKey> keys, std::span<const std::uint32_t> bricks,
-                  std::span<const bool> refined, BrickGrid& grid) {
+/// A brick's number at its place.
+struct NumberedBrick {
+  TileKey key;
+  std::uint32_t brick = 0;
+  bool refined = false;  ///< smaller ones replace it
+};
+
+/// Makes the levels' tables of a grid. Those of a level stand by code.
+void build_tables(std::span<const NumberedBrick> bricks, BrickGrid& grid) {
   for (int l = 0; l < grid.levels; ++l) {
     std::vector<std::uint64_t> codes;
     BrickGrid::Level& level = grid.level[static_cast<std::size_t>(l)];
-    for (std::size_t i = 0; i < keys.size(); ++i) {
-      if (keys[i].depth != depth_of_level(grid, l)) continue;
-      codes.push_back(keys[i].code);
-      level.brick.push_back(bricks[i] | (refined[i] ? BrickGrid::kRefined : 0u));
+    level = {};
+    for (const NumberedBrick& one : bricks) {
+      if (one.key.depth != depth_of_level(grid, l)) continue;
+      codes.push_back(one.key.code);
+      level.brick.push_back(one.brick | (one.refined ? BrickGrid::kRefined : 0u));
     }
     level.table.build(codes);
   }
@@ -277,42 +284,32 @@ bool get_surface(ByteReader& from, std::uint64_t& tiles_at, std::uint64_t tiles_
   }
   const std::uint32_t above = from.u32();
   if (from.left() / (12 + kStoredBrickBytes) < above) return false;
-  std::vector<TileKey> keys(above);
-  std::vector<std::uint32_t> numbers(above);
-  const auto refined = std::make_unique<bool[]>(above);
+  std::vector<NumberedBrick> bricks(above);
   grid.bricks.resize(above);
+  std::map<int, std::uint64_t> next_of;  // by depth: codes ascend, as the tables want them
   for (std::uint32_t i = 0; i < above; ++i) {
-    keys[i] = {from.u64(), from.i32()};
-    if (keys[i].depth < depth_of_level(grid, 0) || keys[i].depth > search::kMortonBits) return false;
+    const TileKey key{from.u64(), from.i32()};
+    std::uint64_t& least = next_of[key.depth];
+    if (key.depth < depth_of_level(grid, 0) || key.depth > search::kMortonBits || key.code < least)
+      return false;
+    least = key.code + 1;
     read_stored_brick(from.raw(kStoredBrickBytes), grid.bricks[i]);
     if (grid.bricks[i].piece > grid.closed_components.size()) return false;
-    numbers[i] = i;
-    refined[i] = true;
+    bricks[i] = {key, i, true};
   }
-  // Within a level keys must ascend, as their tables want it.
-  std::map<int, std::uint64_t> last;
-  for (const TileKey& key : keys) {
-    const auto [at, first] = last.try_emplace(key.depth, key.code);
-    if (!first && key.code <= at->second) return false;
-    at->second = key.code;
-  }
-  build_tables(keys, numbers, {refined.get(), above}, grid);
+  build_tables(bricks, grid);
   return from.good();
 }
 
 /// A tile's bricks with their keys, by walking its nodes.
-void collect_keys(std::span<const TileNode> nodes, std::size_t at, TileKey key, std::vector<TileKey>& keys,
-                  std::vector<std::uint32_t>& bricks, std::vector<std::uint8_t>& refined) {
+void collect_bricks(std::span<const TileNode> nodes, std::size_t at, TileKey key,
+                    std::vector<NumberedBrick>& into) {
   const TileNode& node = nodes[at];
-  if (node.brick != BrickGrid::kNone) {
-    keys.push_back(key);
-    bricks.push_back(node.brick);
-    refined.push_back(node.children != 0 ? 1 : 0);
-  }
+  if (node.brick != BrickGrid::kNone) into.push_back({key, node.brick, node.children != 0});
   if (node.children == 0) return;
   for (std::uint64_t k = 0; k < kGroupNodes; ++k)
-    collect_keys(nodes, std::size_t{node.children} * kGroupNodes + k, {key.code << 3 | k, key.depth + 1},
-                 keys, bricks, refined);
+    collect_bricks(nodes, std::size_t{node.children} * kGroupNodes + k, {key.code << 3 | k, key.depth + 1},
+                   into);
 }
 
 }  // namespace
@@ -431,17 +428,13 @@ Result<std::shared_ptr<const SplineSdf>> SurfaceFile::load(std::size_t surface) 
   const StoredSurface& of = surfaces_[surface];
   auto out = std::make_shared<SplineSdf>(of.surface);
   BrickGrid& grid = out->grid;
-  std::vector<TileKey> keys;
-  std::vector<std::uint32_t> numbers;
-  std::vector<std::uint8_t> refined;
+  std::vector<NumberedBrick> bricks;
   for (int l = 0; l < grid.levels; ++l) {
     const BrickGrid::Level& level = of.surface.grid.level[static_cast<std::size_t>(l)];
     const std::vector<std::uint64_t> codes = level.table.codes(level.brick.size());
-    for (std::size_t cell = 0; cell < codes.size(); ++cell) {
-      keys.push_back({codes[cell], depth_of_level(grid, l)});
-      numbers.push_back(level.brick[cell] & ~BrickGrid::kRefined);
-      refined.push_back(1);
-    }
+    for (std::size_t cell = 0; cell < codes.size(); ++cell)
+      bricks.push_back(
+          {{codes[cell], depth_of_level(grid, l)}, level.brick[cell] & ~BrickGrid::kRefined, true});
   }
   std::vector<std::byte> image;
   std::vector<TileNode> nodes;
@@ -453,23 +446,12 @@ Result<std::shared_ptr<const SplineSdf>> SurfaceFile::load(std::size_t surface) 
     unpack_tile(
         image, nodes, grid.bricks, [](std::uint32_t group) { return group; },
         [first](std::uint32_t brick) { return first + brick; });
-    collect_keys(nodes, 0, of.keys[tile], keys, numbers, refined);
+    collect_bricks(nodes, 0, of.keys[tile], bricks);
   }
-  std::vector<std::size_t> order(keys.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return std::pair(keys[a].depth, keys[a].code) < std::pair(keys[b].depth, keys[b].code);
+  std::sort(bricks.begin(), bricks.end(), [](const NumberedBrick& a, const NumberedBrick& b) {
+    return std::pair(a.key.depth, a.key.code) < std::pair(b.key.depth, b.key.code);
   });
-  std::vector<TileKey> sorted_keys;
-  std::vector<std::uint32_t> sorted_numbers;
-  const auto sorted_refined = std::make_unique<bool[]>(order.size());
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    sorted_keys.push_back(keys[order[i]]);
-    sorted_numbers.push_back(numbers[order[i]]);
-    sorted_refined[i] = refined[order[i]] != 0;
-  }
-  for (BrickGrid::Level& level : grid.level) level = {};
-  build_tables(sorted_keys, sorted_numbers, {sorted_refined.get(), order.size()}, grid);
+  build_tables(bricks, grid);
   return std::shared_ptr<const SplineSdf>(std::move(out));
 }
 

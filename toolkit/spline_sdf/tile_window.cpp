@@ -137,12 +137,11 @@ void TileWindow::note_missing(std::uint32_t tile) const noexcept {
     next_.missing[static_cast<std::size_t>(next_.missing_count++)] = tile;
 }
 
-bool TileWindow::take_news(const BrickGrid& grid, const BrickGrid::BrickRef* held) noexcept {
-  bool came = false;
+void TileWindow::take_news(const BrickGrid& grid, const BrickGrid::BrickRef* held) noexcept {
   TileNews one;
   for (int i = 0; i < kNewsPerFrame && news.pop(one); ++i) {
     if (one.root != TileNews::kForget) {
-      came = true;
+      if (one.root == TileNews::kDamaged && damaged_++ == 0) first_damaged_ = one.tile;
       // No place left is answered as forgotten: the loader takes the tile's memory back.
       if (!insert(one.tile, one.root))
         static_cast<void>(forgotten.push({one.tile, TileForgotten::Why::kRefused}));
@@ -155,7 +154,6 @@ bool TileWindow::take_news(const BrickGrid& grid, const BrickGrid::BrickRef* hel
     static_cast<void>(
         forgotten.push({one.tile, kept ? TileForgotten::Why::kKept : TileForgotten::Why::kGone}));
   }
-  return came;
 }
 
 void TileWindow::publish_aim(const Vec3& hip, const Vec3& god_object) noexcept {

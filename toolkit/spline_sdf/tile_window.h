@@ -36,8 +36,10 @@ struct LoaderAim {
 /// What the loader tells a frame: a tile is at this group now, or shall be forgotten.
 struct TileNews {
   std::uint32_t tile = 0;
-  std::uint32_t root = 0;  ///< its group in the arena; kForget: forget it
+  std::uint32_t root = 0;  ///< its group in the arena
   static constexpr std::uint32_t kForget = 0xffffffffu;
+  /// Group 0 of the arena: empty, the root of every damaged tile.
+  static constexpr std::uint32_t kDamaged = 0;
 };
 /// The frame's answer to kForget, and to a tile that it has no slot for.
 struct TileForgotten {
@@ -60,9 +62,9 @@ class TileWindow {
   [[nodiscard]] BrickGrid::BrickRef find(const BrickGrid& grid, const Vec3& at,
                                          BrickGrid::BrickRef above) const noexcept;
 
-  /// Takes news, at most kNewsPerFrame. True if a tile came. `held`: the brick of the god object, or null;
+  /// Takes news, at most kNewsPerFrame. `held`: the brick of the god object, or null;
   /// its tile stays.
-  bool take_news(const BrickGrid& grid, const BrickGrid::BrickRef* held) noexcept;
+  void take_news(const BrickGrid& grid, const BrickGrid::BrickRef* held) noexcept;
   /// Tells the loader where the hand is, and what was missed since the last call.
   void publish_aim(const Vec3& hip, const Vec3& god_object) noexcept;
   /// Whether find() missed a tile since the last call.
@@ -75,6 +77,9 @@ class TileWindow {
   /// exist. Asks for those that are not here.
   [[nodiscard]] bool covers(const BrickGrid& grid, const Vec3& at, double reach) const noexcept;
   [[nodiscard]] std::size_t resident() const noexcept { return resident_; }
+  /// Damaged tiles that came, and the first of them.
+  [[nodiscard]] std::uint64_t damaged() const noexcept { return damaged_; }
+  [[nodiscard]] std::uint32_t first_damaged() const noexcept { return first_damaged_; }
   /// The tiles that find() missed since the last publish_aim().
   [[nodiscard]] std::span<const std::uint32_t> missing() const noexcept {
     return std::span(next_.missing).first(static_cast<std::size_t>(next_.missing_count));
@@ -124,6 +129,8 @@ class TileWindow {
   std::size_t mask_ = 0;
   int shift_ = 0;
   std::size_t resident_ = 0, most_ = 0;
+  std::uint64_t damaged_ = 0;
+  std::uint32_t first_damaged_ = kNoTile;
   // The tile found last, in which most look-ups end.
   mutable std::uint64_t last_first_ = 1, last_past_ = 0;
   mutable std::uint32_t last_tile_ = kNoTile, last_root_ = 0;

@@ -153,6 +153,42 @@ TEST(ResultJson, WhatIsNotMeasuredIsNull) {
   EXPECT_EQ(j["renderers"][1]["reason"], "no mesh");
 }
 
+TEST(ResultJson, HasTheKeysOtherToolsRelyOn) {
+  const Json j = Json::parse(to_json(full_document()));
+  for (const char* key :
+       {"schema", "commit", "build", "machine", "scene", "path", "started_utc", "renderers"}) {
+    EXPECT_TRUE(j.contains(key)) << key;
+  }
+  const std::pair<const char*, const char*> parts[] = {
+      {"", "name options label status threads frame_paced trace_hash"},
+      {"/model", "points resolution_mm"},
+      {"/prepare", "total_ms"},
+      {"/prepare/phases/0", "name ms"},
+      {"/memory", "bytes bytes_per_point"},
+      {"/frame",
+       "frames contact_frames min_us mean_us p50_us p99_us p999_us max_us deadline_misses_1khz "
+       "clock_overhead_ns bound_hits"},
+      {"/frame_all", "mean_us"},
+      {"/accuracy",
+       "reference force_rms_n force_rms_percent force_max_n within_7_percent direction_p99_deg "
+       "excess_jump_max_n excess_jumps missed_contact_frames false_contact_frames longest_stick_frames "
+       "pop_throughs god_object_rms_mm god_object_max_mm onset_error_mm release_error_mm"},
+      {"/energy", "generated_percent"}};
+  for (const auto& [part, keys] : parts) {
+    std::istringstream all(keys);
+    for (std::string key; all >> key;)
+      EXPECT_TRUE(j["renderers"][0].contains(Json::json_pointer(part + ("/" + key)))) << part << " " << key;
+  }
+  EXPECT_DOUBLE_EQ(j["renderers"][0]["memory"]["bytes_per_point"].get<double>(), 48.0);
+  EXPECT_TRUE(j["renderers"][0]["accuracy"]["force_rms_percent"].is_null());
+  for (const char* key : {"model", "prepare", "memory", "frame", "frame_all", "frame_paced", "accuracy",
+                          "energy", "trace_hash"}) {
+    EXPECT_TRUE(j["renderers"][1][key].is_null()) << key;
+  }
+  EXPECT_EQ(j["renderers"][1]["status"], "failed");
+  EXPECT_EQ(j["renderers"][1]["reason"], "no mesh");
+}
+
 TEST(ResultJson, ThereAndBackIsTheSameText) {
   const std::string text = to_json(full_document());
   const auto back = test::value_of(parse_result(text));

@@ -142,28 +142,6 @@ TEST_F(CellFiles, ImpossibleNumbersWithRightHashesAreRefused) {
   }
 }
 
-TEST_F(CellFiles, CellsOfABoxAreFound) {
-  const Sheet sheet = Sheet::make(120, 0.3, {5.0, 6.0, 7.0}, 12);
-  PrepareCellsOptions options;
-  options.quantum_mm = 2e-4;
-  (void)prepare(sheet.points, options);
-  const CellFile file = open();
-  ASSERT_GT(file.size(), 64u) << "three levels of the tree";
-  Random random(13);
-  std::size_t found = 0;
-  for (int i = 0; i < 200; ++i) {
-    const Vec3 at = sheet.points[random.below(sheet.points.size())];
-    const geometry::Aabb box = geometry::Aabb{at, at}.grown(random.uniform(0.0, 4.0));
-    std::vector<std::uint32_t> expected;
-    for (std::uint32_t cell = 0; cell < file.size(); ++cell)
-      if (file.box_mm(cell).overlaps(box)) expected.push_back(cell);
-    EXPECT_EQ(file.cells_in(box), expected);
-    found += expected.size();
-  }
-  EXPECT_GT(found, 200u);
-  EXPECT_TRUE(file.cells_in({Vec3::Constant(1e6), Vec3::Constant(2e6)}).empty());
-}
-
 TEST_F(CellFiles, StreamGivesAllOwnPointsInPiecesOfAnySize) {
   const Sheet sheet = Sheet::make(90, 0.3, {5.0, 6.0, 7.0}, 14);
   (void)prepare(sheet.points, {});

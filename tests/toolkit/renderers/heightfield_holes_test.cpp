@@ -283,6 +283,42 @@ TEST(HeightFieldSurface, SlipHasTheDynamicCoefficientStickDoesNotDrift) {
   }
 }
 
+TEST(HeightFieldSurface, DeformationSoftensAndItsBorderMakesNoEnergy) {
+  SceneInput scene = tilted(0.0);
+  auto properties = std::make_shared<surface::PointProperties>();
+  for (std::size_t i = 0; i < kSide * kSide; ++i)
+    properties->deformation.push_back(i % kSide < kSide / 2 ? 0.5f : 0.0f);
+  scene.models[0].surface.per_point = properties;
+  const auto renderer = stepped_field(scene);
+  const auto force_at = [&](double x) {
+    renderer->restart({x, 5.0, 1.0});
+    (void)renderer->step({x, 5.0, 1.0}, 1e-3);
+    return renderer->step({x, 5.0, -1.0}, 1e-3).force_n;
+  };
+  EXPECT_NEAR(force_at(1.0).z(), 0.5 * kStiffness, 1e-6);
+  EXPECT_NEAR(force_at(9.9).z(), kStiffness, 1e-6);
+  // To and fro over the border at one depth, and round by another: the work of a closed way is none.
+  Vec3 at(1.0, 5.0, -0.5);
+  renderer->restart({1.0, 5.0, 1.0});
+  (void)renderer->step({1.0, 5.0, 1.0}, 1e-3);
+  Vec3 force = renderer->step(at, 1e-3).force_n;
+  double work = 0.0, most = 0.0;
+  for (const Vec3& to :
+       {Vec3(9.0, 5.0, -0.5), Vec3(9.0, 5.0, -1.5), Vec3(1.0, 5.0, -1.5), Vec3(1.0, 5.0, -0.5)}) {
+    constexpr int kSteps = 4000;
+    const Vec3 step = (to - at) / kSteps;
+    for (int i = 0; i < kSteps; ++i) {
+      at += step;
+      const Vec3 next = renderer->step(at, 1e-3).force_n;
+      work += 0.5 * (force + next).dot(step);
+      force = next;
+      most = std::max(most, std::abs(work));
+    }
+  }
+  EXPECT_GT(most, 0.1);
+  EXPECT_NEAR(work, 0.0, 0.01 * most);
+}
+
 TEST(HeightFieldSurface, ALiteralGodObjectIsRolledBack) {
   SceneInput scene = tilted(0.0);
   scene.models[0].surface.friction = {1.0, 1.0};

@@ -110,6 +110,8 @@ struct FrameCounters {
   std::uint64_t missed_cells = 0;   ///< literal forms only: crossed cells that the printed sampling skips
   std::uint64_t late_frames = 0;    ///< prepared files: frames that looked for a tile that was not in memory
   std::uint64_t coarse_frames = 0;  ///< prepared files: frames that a coarser surface answered
+  std::uint64_t damaged_tiles = 0;  ///< prepared files: damaged tiles that were met, felt as absent
+  std::uint64_t damaged_tile = 0;   ///< the first of them
 };
 
 struct Description {
