@@ -54,6 +54,8 @@ void sort_runs(std::vector<CodedPoint>& points, int shift, int threads) {
 
 /// Fewer points say little of their distance; the node says more, as its parent has too many for a cell.
 constexpr std::uint32_t kFewPoints = 64;
+/// A step of stored coordinates, in spacings of the cell: lost in what the points say of the surface anyway.
+constexpr double kQuantumSpacings = 0.1;
 /// A node's edge in spacings if a surface filled it: the root of kMostCellPoints.
 constexpr double kSpacingsPerEdge = 64.0;
 
@@ -135,7 +137,9 @@ class Cutter {
       low[axis] -= std::min(low[axis], grow);
       high[axis] += grow;
     }
-    return std::ldexp(rules_->lattice.unit_mm(), quantum_shift(low, high)) <= rules_->quantum_mm;
+    const double quantum_mm = std::ldexp(rules_->lattice.unit_mm(), quantum_shift(low, high));
+    const double spacing = spacing_mm(cell, rules_->lattice);
+    return quantum_mm <= rules_->quantum_mm && (quantum_mm <= kQuantumSpacings * spacing || spacing == 0.0);
   }
 
   std::span<const PackedPoint> sorted_;

@@ -16,6 +16,8 @@ namespace palpate::prepared {
 inline constexpr std::uint64_t kMostChunkPoints = 5'000'000;
 /// Four neighbours deep: a plane or a quadric fitted at a cell's border sees what it sees inside.
 inline constexpr double kHaloSpacings = 4.0;
+/// Steps have no other bound than the spacing.
+inline constexpr double kAnyQuantumMm = 1e12;
 inline constexpr std::uint64_t kPrepareMemoryBytes = std::uint64_t{1} << 31;
 
 struct PrepareCellsOptions {
@@ -23,7 +25,9 @@ struct PrepareCellsOptions {
   std::uint64_t memory_bytes = kPrepareMemoryBytes;
   int threads = 0;             ///< 0: all
   std::string scratch_folder;  ///< empty: beside the file
-  double quantum_mm = 1.0;     ///< of stored coordinates, at most; cells whose extent is large are divided
+  /// Step of stored coordinates, at most; never above a tenth of a cell's spacing. Cells that are too large
+  /// for it are divided.
+  double quantum_mm = kAnyQuantumMm;
   double halo_spacings = kHaloSpacings;
   /// The file behind the stream. If it is given, a run that was stopped is gone on with, as long as the file
   /// has the same size and time and the options are the same.
