@@ -64,6 +64,7 @@ const std::map<std::string, std::string> kPublic = {
     {"palpate/cloud.h", "toolkit/cloud"},
     {"palpate/control.h", "toolkit/control"},
     {"palpate/decision.h", "toolkit/render"},
+    {"palpate/depth_stream.h", "toolkit/render"},
     {"palpate/geometry.h", "toolkit/geometry"},
     {"palpate/generate.h", "toolkit/cloud"},
     {"palpate/triple_buffer.h", "toolkit/core"},
@@ -102,10 +103,11 @@ const std::map<std::string, std::string> kPublic = {
 
 // Order of modules in toolkit: each may include itself and earlier ones.
 constexpr std::array kToolkitLine = {
-    "core",     "geometry", "cloud",       "search",     "surface",     "local_delaunay",
-    "render",   "points",   "deformation", "spline_sdf", "heightfield", "renderers",
-    "control",  "trace",    "paths",       "metrics",    "laz",         "io",
-    "prepared", "pcd",      "voronoi",     "dem",        "scene",       "plan",
+    "core",      "geometry", "cloud",       "search",     "surface",     "local_delaunay",
+    "render",    "points",   "deformation", "spline_sdf", "heightfield", "depth_surface",
+    "renderers", "control",  "trace",       "paths",      "metrics",     "laz",
+    "io",        "prepared", "pcd",         "voronoi",    "dem",         "stream",
+    "scene",     "plan",
 };
 
 // The same for device.

@@ -17,6 +17,7 @@
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
 #include <palpate/decision.h>
+#include <palpate/depth_stream.h>
 #include <palpate/geometry.h>
 #include <palpate/motion.h>
 #include <palpate/options.h>
@@ -42,6 +43,8 @@ struct ModelInput {
   std::shared_ptr<MovingModel> motion;                          ///< later poses, or null: at rest
   surface::Surface surface;
   std::shared_ptr<MoveQueue> moves;  ///< moves points from outside, or null
+  /// Camera of a stream that replaces the points, or null. The cloud holds the points of its first frame.
+  std::shared_ptr<const stream::DepthCamera> camera{};
 };
 
 /// What prepare() takes.
@@ -105,13 +108,15 @@ struct FrameCounters {
   std::uint64_t local_minima = 0;  ///< stuck greedy walks that a wider search corrected
   std::uint64_t box_tests = 0;     ///< segment-AABB tests
   std::uint64_t cells_visited = 0;
-  std::uint64_t sphere_only = 0;    ///< boxes hit by the swept sphere and not by the segment
-  std::uint64_t edges = 0;          ///< height fields: entries from below through a border or a hole
-  std::uint64_t missed_cells = 0;   ///< literal forms only: crossed cells that the printed sampling skips
-  std::uint64_t late_frames = 0;    ///< prepared files: frames that looked for a tile that was not in memory
-  std::uint64_t coarse_frames = 0;  ///< prepared files: frames that a coarser surface answered
-  std::uint64_t damaged_tiles = 0;  ///< prepared files: damaged tiles that were met, felt as absent
-  std::uint64_t damaged_tile = 0;   ///< the first of them
+  std::uint64_t sphere_only = 0;     ///< boxes hit by the swept sphere and not by the segment
+  std::uint64_t edges = 0;           ///< height fields: entries from below through a border or a hole
+  std::uint64_t missed_cells = 0;    ///< literal forms only: crossed cells that the printed sampling skips
+  std::uint64_t late_frames = 0;     ///< prepared files: frames that looked for a tile that was not in memory
+  std::uint64_t coarse_frames = 0;   ///< prepared files: frames that a coarser surface answered
+  std::uint64_t damaged_tiles = 0;   ///< prepared files: damaged tiles that were met, felt as absent
+  std::uint64_t damaged_tile = 0;    ///< the first of them
+  std::uint64_t swaps = 0;           ///< streams: new surfaces that frames took
+  std::uint64_t stalled_frames = 0;  ///< streams: frames after the camera fell silent, on its last surface
 };
 
 struct Description {
@@ -153,6 +158,10 @@ class HapticRenderer {
   /// locks and logs nothing; the work is within describe().work_bound. A non-finite HIP gives zero force and
   /// kNonFinite.
   [[nodiscard]] virtual Frame step(const Vec3& hip_mm, double t_s) noexcept = 0;
+
+  /// Who takes depth images that arrive while the surface is felt, or null: the renderer knows no streams.
+  /// Valid after prepare() and as long as the renderer.
+  [[nodiscard]] virtual stream::DepthReceiver* depth_receiver() noexcept { return nullptr; }
 
   [[nodiscard]] virtual FrameCounters counters() const noexcept = 0;
   [[nodiscard]] virtual Description describe() const = 0;
