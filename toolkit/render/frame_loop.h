@@ -65,6 +65,7 @@ namespace palpate::render {
 ///                           push into this one; the force begins `skin_mm` inside
 ///   void before_frame(counters), bool after_frame(contact, dt_s)   the shape changes; false when it left
 ///                           box_mm(). bool moves_by_itself(): it may leave the box at any time
+///   stream::DepthReceiver* depth_receiver()   takes the depth images of its camera; null without one
 template <class Model>
 concept LocalModel = requires(Model& model, const Vec3& h, const SurfaceContact& contact) {
   typename Model::Memory;
@@ -131,6 +132,14 @@ class FrameLoop {
   [[nodiscard]] FrameCounters& counters() noexcept { return counters_; }
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] NearModels& near() noexcept { return near_; }
+
+  /// Of the first model with a camera: a scene has one.
+  [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept {
+    if constexpr (requires(Model & model) { model.depth_receiver(); })
+      for (const auto& model : models_)
+        if (stream::DepthReceiver* const receiver = model->depth_receiver()) return receiver;
+    return nullptr;
+  }
 
   void restart(const Vec3& hip_mm, double t_s) noexcept {
     counters_ = {};
