@@ -64,6 +64,7 @@ constexpr auto kStatistics = [](auto&& v, auto& s) { visit_statistics(v, s); };
 constexpr auto kPaced = [](auto&& v, auto& s) { visit_paced(v, s); };
 constexpr auto kAccuracy = [](auto&& v, auto& s) { visit_accuracy(v, s); };
 constexpr auto kEnergy = [](auto&& v, auto& s) { visit_energy(v, s); };
+constexpr auto kStream = [](auto&& v, auto& s) { visit_stream(v, s); };
 constexpr auto kTruth = [](auto&& v, auto& s) { visit_truth(v, s); };
 constexpr auto kScoring = [](auto&& v, auto& s) { visit_scoring(v, s); };
 constexpr auto kTiming = [](auto&& v, auto& s) { visit_timing(v, s); };
@@ -129,6 +130,7 @@ Json renderer_of(const RendererResult& r) {
   }
   j["accuracy"] = object_or_null(r.accuracy, kAccuracy);
   j["energy"] = object_or_null(r.energy, kEnergy);
+  j["stream"] = object_or_null(r.stream, kStream);
   j["trace_hash"] = text_or_null(r.trace_hash);
   j["files"] = {{"trace", text_or_null(r.trace_file)}, {"scores", text_or_null(r.scores_file)}};
   return j;
@@ -402,6 +404,7 @@ void read_renderer(const Reader& in, RendererResult& r) {
   }
   in.part("accuracy", r.accuracy, kAccuracy);
   in.part("energy", r.energy, kEnergy);
+  if (in.from.contains("stream")) in.part("stream", r.stream, kStream);
 }
 
 void write_head(const DocumentHead& head, Json& j) {
