@@ -47,6 +47,13 @@ void declare_path(const Declaration& declare, std::string& path, const std::stri
       "a file or a generator such as weave:frames=20000, of `palpate list paths` (default: " + usual + ")");
 }
 
+void declare_scene_or_stream(const Declaration& declare, RunArguments& run) {
+  declare.text("SCENE", run.scene, kSceneHelp);
+  declare.text("--stream", run.stream,
+               "depth images in the place of a scene: a folder, a recorded session, openni, or sim:wall, "
+               "sim:moving-wall and others");
+}
+
 void declare_reference(const Declaration& declare, std::string& reference) {
   declare.rare().text("--reference", reference,
                       "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or "

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "device/record/recording.h"
+#include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_codec.h"
 #include "toolkit/stream/depth_source.h"
 
@@ -16,7 +17,8 @@ namespace {
 
 /// Images in front of the first one that can be used: as many as a camera loses when it starts.
 constexpr int kMostUnusable = 100;
-constexpr std::string_view kSimulatedStream = "sim:";
+/// Messages in one run: beyond, something else is wrong.
+constexpr std::size_t kMostUnreadable = 1000;
 
 class RecordedStream final : public stream::DepthSource {
  public:
@@ -53,10 +55,9 @@ class RecordedStream final : public stream::DepthSource {
   std::vector<std::byte> bytes_;
 };
 
-bool usable(const stream::DepthFrame& frame, const stream::DepthCamera& camera) {
-  return frame.depth_mm.size() == camera.pixels() &&
-         std::any_of(frame.depth_mm.begin(), frame.depth_mm.end(),
-                     [](float z) { return std::isfinite(z) && z > 0.0f; });
+bool is_usable(const stream::DepthFrame& frame, const stream::DepthCamera& camera) {
+  return render::FrameGate(camera.pixels()).judge(frame) == stream::FrameFate::kTaken &&
+         std::any_of(frame.depth_mm.begin(), frame.depth_mm.end(), render::is_measured);
 }
 
 Result<std::unique_ptr<stream::DepthSource>> open_source(const std::string& name,
@@ -79,8 +80,8 @@ Result<OpenStream> open_stream(const std::string& name, const io::Readers& reade
   OpenStream open;
   open.name = name;
   PALPATE_ASSIGN(open.source, open_source(name, readers));
-  if (name.starts_with(kSimulatedStream)) {
-    PALPATE_ASSIGN(stream::StockScene known, stream::stock_scene(name.substr(kSimulatedStream.size())));
+  if (name.starts_with(stream::kSimulatedPrefix)) {
+    PALPATE_ASSIGN(stream::StockScene known, stream::stock_scene(name));
     open.known = std::move(known);
   }
   for (int i = 0; i < kMostUnusable; ++i) {
@@ -90,7 +91,7 @@ Result<OpenStream> open_stream(const std::string& name, const io::Readers& reade
       continue;
     }
     if (!*more) break;
-    if (!usable(open.first, open.source->camera())) continue;
+    if (!is_usable(open.first, open.source->camera())) continue;
     if (!open.known && !device::is_recording(name)) open.begun_s = open.first.captured_s;
     open.shift(open.first);
     return open;
@@ -101,15 +102,12 @@ Result<OpenStream> open_stream(const std::string& name, const io::Readers& reade
 }
 
 Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame, const stream::DepthCamera& camera) {
+  const render::PixelRays rays(camera);
   std::vector<Vec3> points;
   points.reserve(frame.depth_mm.size());
-  const auto width = static_cast<std::size_t>(camera.width);
-  for (std::size_t i = 0; i < frame.depth_mm.size(); ++i) {
-    const auto z = static_cast<double>(frame.depth_mm[i]);
-    if (!std::isfinite(z) || !(z > 0.0)) continue;
-    points.emplace_back((static_cast<double>(i % width) - camera.cx_px) / camera.fx_px * z,
-                        (static_cast<double>(i / width) - camera.cy_px) / camera.fy_px * z, z);
-  }
+  for (std::size_t i = 0; i < frame.depth_mm.size(); ++i)
+    if (render::is_measured(frame.depth_mm[i]))
+      points.push_back(static_cast<double>(frame.depth_mm[i]) * rays.ray(i));
   return cloud::build_cloud(points, cloud::NonFinite::kDrop);
 }
 
@@ -125,6 +123,7 @@ Result<StreamFrames> load_frames(OpenStream& open, double until_s, Progress& pro
   for (;;) {
     const Result<bool> more = open.source->next(frame);
     if (!more) {
+      if (all.unreadable.size() == kMostUnreadable) return more.error();
       all.unreadable.push_back(more.error().message());
       continue;
     }
@@ -132,10 +131,12 @@ Result<StreamFrames> load_frames(OpenStream& open, double until_s, Progress& pro
     open.shift(frame);
     if (frame.arrived_s > until_s) return all;
     if ((all.frames.size() + 1) * frame_bytes > kMostStreamBytes)
-      return Error{fmt::format("its images up to {:.3g} s take more than {} bytes", until_s, kMostStreamBytes),
-                   "give a shorter path", open.name};
+      return Error{
+          fmt::format("its images up to {:.3g} s take more than {} bytes", until_s, kMostStreamBytes),
+          "give a shorter path", open.name};
     all.frames.push_back(frame);
-    progress.report("reading the stream", until_s > 0.0 ? std::clamp(frame.arrived_s / until_s, 0.0, 1.0) : -1.0);
+    progress.report("reading the stream",
+                    until_s > 0.0 ? std::clamp(frame.arrived_s / until_s, 0.0, 1.0) : -1.0);
     if (progress.cancelled()) return Error{"stopped by the user"};
   }
 }

@@ -12,7 +12,7 @@
 #include <palpate/read_model.h>
 #include <palpate/result.h>
 #include "experiments/streams/stream_feed.h"
-#include "toolkit/stream/simulated_scene.h"
+#include "toolkit/stream/stock_scene.h"
 
 namespace palpate::experiments {
 
@@ -33,8 +33,8 @@ struct OpenStream {
   }
 };
 
-/// "room/", "session.palrec", "sim:wall", "openni". `readers`, which read organised point clouds, must outlive
-/// it. Errors: there is no such stream, or no image in it.
+/// "room/", "session.palrec", "sim:wall", "openni". `readers`, which read organised point clouds, must
+/// outlive it. Errors: there is no such stream, or no image in it.
 [[nodiscard]] Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers);
 
 /// Images of a recorded session in order, by their session's time. Errors: the file's; it holds none.

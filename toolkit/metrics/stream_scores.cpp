@@ -45,9 +45,9 @@ StreamScores score_stream(const trace::ProbePath& path, const trace::ForceTrace&
       light.push_back((path.t_s[i] - one.captured_s) * kStreamMsPerS);
     }
     if (i == 0 || !trace.frames[i].contact || !trace.frames[i - 1].contact) continue;
-    const double excess_n = std::max(
-        0.0, (trace.frames[i].force_n - trace.frames[i - 1].force_n).norm() -
-                 stiffness_n_per_mm * (path.hip_mm[i] - path.hip_mm[i - 1]).norm());
+    const double excess_n =
+        std::max(0.0, (trace.frames[i].force_n - trace.frames[i - 1].force_n).norm() -
+                          stiffness_n_per_mm * (path.hip_mm[i] - path.hip_mm[i - 1]).norm());
     raise(scores.rate_max_n_per_ms, excess_n / ((path.t_s[i] - path.t_s[i - 1]) * kStreamMsPerS));
     if (!swapped) continue;
     ++scores.swaps_in_contact;
