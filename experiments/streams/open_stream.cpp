@@ -19,6 +19,7 @@ namespace {
 constexpr int kMostUnusable = 100;
 /// Messages in one run: beyond, something else is wrong.
 constexpr std::size_t kMostUnreadable = 1000;
+constexpr std::string_view kOpenNiName = "openni";
 
 class RecordedStream final : public stream::DepthSource {
  public:
@@ -79,6 +80,7 @@ Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::str
 Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers) {
   OpenStream open;
   open.name = name;
+  open.is_camera = name.starts_with(kOpenNiName);
   PALPATE_ASSIGN(open.source, open_source(name, readers));
   if (name.starts_with(stream::kSimulatedPrefix)) {
     PALPATE_ASSIGN(stream::StockScene known, stream::stock_scene(name));

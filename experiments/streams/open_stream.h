@@ -23,6 +23,7 @@ struct OpenStream {
   /// Subtracted from the source's times: 0 where they belong to something else (the ticks of a recorded
   /// session, the motions of a simulated scene), else the first image's light.
   double begun_s = 0.0;
+  bool is_camera = false;  ///< next() waits for an image
   std::optional<stream::StockScene> known;  ///< what a simulated camera sees
   std::vector<std::string> unreadable;      ///< messages of the images before
 
