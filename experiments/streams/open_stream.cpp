@@ -19,7 +19,6 @@ namespace {
 constexpr int kMostUnusable = 100;
 /// Messages in one run: beyond, something else is wrong.
 constexpr std::size_t kMostUnreadable = 1000;
-constexpr std::string_view kOpenNiName = "openni";
 
 class RecordedStream final : public stream::DepthSource {
  public:

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include <palpate/cloud.h>
 #include <palpate/depth_stream.h>
@@ -23,7 +24,7 @@ struct OpenStream {
   /// Subtracted from the source's times: 0 where they belong to something else (the ticks of a recorded
   /// session, the motions of a simulated scene), else the first image's light.
   double begun_s = 0.0;
-  bool is_camera = false;  ///< next() waits for an image
+  bool is_camera = false;                   ///< next() waits for an image
   std::optional<stream::StockScene> known;  ///< what a simulated camera sees
   std::vector<std::string> unreadable;      ///< messages of the images before
 
@@ -44,6 +45,9 @@ struct OpenStream {
 /// The measured pixels as points, camera frame. An Error where there are none.
 [[nodiscard]] Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame,
                                             const stream::DepthCamera& camera);
+
+/// How the names of real cameras begin.
+inline constexpr std::string_view kOpenNiName = "openni";
 
 /// Memory of a run's images: 90 s of 640 x 480 at 30 Hz, half of a small machine's.
 inline constexpr std::uint64_t kMostStreamBytes = std::uint64_t{7} << 29;

@@ -26,16 +26,14 @@ bool is_stream_name(const std::string& name) {
          name.starts_with(kOpenNiName);
 }
 
-Result<StreamFacts> facts_of_stream(const std::string& name, const io::Readers& readers,
-                                    Progress& progress) {
+Result<StreamFacts> facts_of_stream(const std::string& name, const io::Readers& readers, Progress& progress) {
   PALPATE_ASSIGN(const OpenStream open, open_stream(name, readers));
   StreamFacts facts;
   facts.source = name;
   facts.about = open.source->describe();
   facts.camera = open.source->camera();
   PALPATE_TRY(open.source->restart());
-  PALPATE_ASSIGN(facts.statistics,
-                 stream::measure_stream(*open.source, stream::kStatisticsFrames, progress));
+  PALPATE_ASSIGN(facts.statistics, stream::measure_stream(*open.source, stream::kStatisticsFrames, progress));
   return facts;
 }
 
@@ -53,21 +51,23 @@ std::string to_text(const StreamFacts& facts) {
   row("focal length", fmt::format("{:.5g} x {:.5g} px, middle {:.5g}, {:.5g}{}", c.fx_px, c.fy_px, c.cx_px,
                                   c.cy_px, c.distortion == decltype(c.distortion){} ? "" : "; distorted"));
   row("rate", fmt::format("{:.4g} Hz; {:.3g} ms of jitter", s.rate_hz, s.rate_jitter_s * kFactsMsPerS));
-  row("light to arrival",
-      fmt::format("{:.3g} ms; {:.3g} ms of jitter", s.latency_s * kFactsMsPerS, s.latency_jitter_s * kFactsMsPerS));
+  row("light to arrival", fmt::format("{:.3g} ms; {:.3g} ms of jitter", s.latency_s * kFactsMsPerS,
+                                      s.latency_jitter_s * kFactsMsPerS));
   row("holes", fmt::format("{:.3g} %, at most {:.3g} % of an image", s.holes * kFactsPercent,
                            s.most_holes * kFactsPercent));
   row("depths", fmt::format("{:.4g} to {:.4g} mm", s.nearest_mm, s.farthest_mm));
   row("noise", fmt::format("{:.3g} mm + {:.3g} mm at 1 m, by the square of the depth{}", s.noise_mm,
                            s.noise_per_mm * kFactsMsPerS * kFactsMsPerS,
                            s.moves ? "; the camera moves, so that it is of space alone" : ""));
-  text += fmt::format("  {:>10} {:>14} {:>12} {:>12}\n", "depth, mm", "over time, mm", "space, mm", "samples");
+  text +=
+      fmt::format("  {:>10} {:>14} {:>12} {:>12}\n", "depth, mm", "over time, mm", "space, mm", "samples");
   for (const stream::NoiseAtDepth& one : s.noise)
     text += fmt::format("  {:>10.4g} {:>14} {:>12} {:>12}\n", one.depth_mm, noise_text(one.temporal_mm),
                         noise_text(one.spatial_mm), one.samples);
-  for (const auto& [count, what] :
-       {std::pair{s.lost, "missing by their numbers"}, {s.out_of_order, "not later than the one before"},
-        {s.other_size, "of another size"}, {s.unreadable, "that cannot be read"}})
+  for (const auto& [count, what] : {std::pair{s.lost, "missing by their numbers"},
+                                    {s.out_of_order, "not later than the one before"},
+                                    {s.other_size, "of another size"},
+                                    {s.unreadable, "that cannot be read"}})
     if (count > 0) text += fmt::format("  warning: {} images {}\n", count, what);
   return text;
 }
