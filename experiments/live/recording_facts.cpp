@@ -157,10 +157,18 @@ Result<RecordingFacts> facts_of_recording(const std::string& file, bool skip_dam
   return facts;
 }
 
+namespace {
+
+std::uint32_t version_of(const RecordingFacts& facts) {
+  return facts.end.depth_images > 0 ? device::kRecordingVersionWithDepth : device::kRecordingVersion;
+}
+
+}  // namespace
+
 std::string facts_json(const RecordingFacts& facts) {
   const device::RecordingHeader& header = facts.header;
   FactsJson json = {{"recording", facts.file},
-                    {"format", fmt::format("palrec {}", device::kRecordingVersion)},
+                    {"format", fmt::format("palrec {}", version_of(facts))},
                     {"bytes", facts.bytes},
                     {"program", header.program},
                     {"machine", header.machine},
@@ -201,9 +209,7 @@ std::string facts_text(const RecordingFacts& facts) {
     text += fmt::format("  {:<18} {}\n", key, value);
   };
   row("format",
-      fmt::format("palrec {}, {}",
-                  facts.end.depth_images > 0 ? device::kRecordingVersionWithDepth : device::kRecordingVersion,
-                  format_bytes(static_cast<double>(facts.bytes))));
+      fmt::format("palrec {}, {}", version_of(facts), format_bytes(static_cast<double>(facts.bytes))));
   row("recorded", fmt::format("{}, by {}", line_of_text(header.started_utc), line_of_text(header.program)));
   row("machine", line_of_text(header.machine));
   row("scene",
