@@ -8,6 +8,7 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
+#include "experiments/window/splat_points.h"
 #include "toolkit/core/statistics.h"
 
 namespace palpate::experiments {
@@ -52,6 +53,25 @@ Status LiveStream::record(device::Recorder& recorder) {
   codec_ = std::make_unique<stream::DepthCodec>(camera);
   recorder_ = &recorder;
   return Done{};
+}
+
+std::shared_ptr<TripleBuffer<ShownImage>> LiveStream::shown() {
+  rays_.emplace(open_.source->camera());
+  shown_pixels_ = even_order(open_.source->camera().pixels());
+  shown_ = std::make_shared<TripleBuffer<ShownImage>>();
+  return shown_;
+}
+
+void LiveStream::show() {
+  ShownImage& image = shown_->back();
+  image.places.clear();
+  image.world_from_camera = frame_.world_from_camera;
+  for (const std::uint32_t pixel : shown_pixels_) {
+    if (!render::is_measured(frame_.depth_mm[pixel])) continue;
+    const Vec3f place = frame_.depth_mm[pixel] * rays_->ray(pixel).cast<float>();
+    image.places.insert(image.places.end(), place.data(), place.data() + place.size());
+  }
+  shown_->publish();
 }
 
 void LiveStream::begin() {
@@ -144,7 +164,7 @@ void LiveStream::give() {
     window_ms_.push_back(report.window_ms);
     whole_ms_.push_back(report.whole_ms);
     light_ms_.push_back((begun_s - frame_.captured_s) * kStreamMsPerS + report.window_ms);
-    if (shown_) shown_(frame_);
+    if (shown_) show();
   }
   given_s_.store(begun_s, std::memory_order_relaxed);
   if (recorder_ == nullptr) return;

@@ -4,7 +4,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,6 +16,8 @@
 #include "device/live/mixer.h"
 #include "device/record/recorder.h"
 #include "experiments/streams/open_stream.h"
+#include "experiments/window/link.h"
+#include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_codec.h"
 
 namespace palpate::experiments {
@@ -38,9 +39,6 @@ struct LiveStreamFacts {
 /// Without an image for so many periods a camera counts as silent.
 inline constexpr double kSilentPeriods = 3.0;
 
-/// Called with every frame that was given, by the stream's thread.
-using FrameShown = std::function<void(const stream::DepthFrame& frame)>;
-
 class LiveStream final : public device::TickObserver {
  public:
   /// `receivers`: by lane. Real time: begin() starts a thread. On a virtual clock work() gives between two
@@ -53,7 +51,8 @@ class LiveStream final : public device::TickObserver {
 
   /// Records camera and frames. Before the session runs.
   [[nodiscard]] Status record(device::Recorder& recorder);
-  void shown_by(FrameShown shown) { shown_ = std::move(shown); }
+  /// The images for a window. Before the session runs.
+  [[nodiscard]] std::shared_ptr<TripleBuffer<ShownImage>> shown();
   void begin();
   /// No receiver is called after it returns.
   void end();
@@ -74,6 +73,7 @@ class LiveStream final : public device::TickObserver {
   void pump(double until_s);
   [[nodiscard]] bool read_next();
   void give();
+  void show();
   [[nodiscard]] double now_s() const;
 
   OpenStream& open_;
@@ -92,7 +92,9 @@ class LiveStream final : public device::TickObserver {
   stream::DepthFrame frame_;
   device::Recorder* recorder_ = nullptr;
   std::unique_ptr<stream::DepthCodec> codec_;
-  FrameShown shown_;
+  std::shared_ptr<TripleBuffer<ShownImage>> shown_;
+  std::optional<render::PixelRays> rays_;    // of what is shown
+  std::vector<std::uint32_t> shown_pixels_;  // in the order in which they are shown
   LiveStreamFacts facts_;
   std::vector<double> window_ms_, whole_ms_, light_ms_;
   // Used by the worker.

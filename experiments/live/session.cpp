@@ -456,8 +456,10 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   tasks.asked_by(streamed ? nullptr : arguments.link, plan.settings);
   std::optional<CoarseNotes> notes;
   if (stand_in) replace_coarse(plan, workshop, *stand_in, notes, tasks, document);
+  ShownSession shown = shown_session(plan, device, seat, led.by_mouse, stand_in);
+  if (streamed && arguments.link != nullptr) shown.images = streamed->shown();
   const WindowHooks window(arguments, session, *felt.mixer, device, workshop.stage.scene.input,
-                           shown_session(plan, device, seat, led.by_mouse, stand_in));
+                           std::move(shown));
   if (streamed) {
     tasks.beside([&] {
       if (std::string news = streamed->work(); !news.empty()) session.say(std::move(news));
