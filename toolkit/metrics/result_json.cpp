@@ -287,7 +287,8 @@ void read_prepare(const Reader& in, RendererResult& r) {
 constexpr std::array kRoles = {render::Role::kOurs, render::Role::kLiteral, render::Role::kRival,
                                render::Role::kReference, render::Role::kOracle};
 constexpr std::array kGeometries = {render::Geometry::kPoints, render::Geometry::kMesh,
-                                    render::Geometry::kHeights, render::Geometry::kFormula};
+                                    render::Geometry::kHeights, render::Geometry::kFormula,
+                                    render::Geometry::kImages};
 
 /// The value of this name, or nothing.
 template <class Enum, std::size_t n>
