@@ -22,7 +22,7 @@ constexpr double kStreamFramesPerS = 1e3;
 constexpr double kStreamStepS = 1e-3;
 constexpr const char* kFeltOfStream = "depth-image";
 
-/// One model: the first image's points, in the camera's frame.
+/// One model: the first image's points.
 Result<scene::LoadedScene> scene_of(const OpenStream& open, const surface::Surface& surface) {
   Result<cloud::Cloud> cloud = cloud_of(open.first, open.source->camera());
   if (!cloud) return std::move(cloud).error().in_file(open.name);
@@ -31,7 +31,6 @@ Result<scene::LoadedScene> scene_of(const OpenStream& open, const surface::Surfa
   model.name = open.name;
   model.cloud = std::make_shared<const cloud::Cloud>(*std::move(cloud));
   model.camera = std::make_shared<const stream::DepthCamera>(open.source->camera());
-  model.world_from_model = open.first.world_from_camera;
   model.surface = surface;
   scene::Provenance from;
   from.source = open.source->describe();

@@ -108,7 +108,7 @@ Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame, const stream::Dep
   points.reserve(frame.depth_mm.size());
   for (std::size_t i = 0; i < frame.depth_mm.size(); ++i)
     if (render::is_measured(frame.depth_mm[i]))
-      points.push_back(static_cast<double>(frame.depth_mm[i]) * rays.ray(i));
+      points.push_back(frame.world_from_camera * (static_cast<double>(frame.depth_mm[i]) * rays.ray(i)));
   return cloud::build_cloud(points, cloud::NonFinite::kDrop);
 }
 

@@ -42,7 +42,7 @@ struct OpenStream {
 /// Images of a recorded session in order, by their session's time. Errors: the file's; it holds none.
 [[nodiscard]] Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::string& file);
 
-/// The measured pixels as points, camera frame. An Error where there are none.
+/// The measured pixels as points, world frame. An Error where there are none.
 [[nodiscard]] Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame,
                                             const stream::DepthCamera& camera);
 
