@@ -237,7 +237,9 @@ void print_catalogue(std::span<const CatalogueEntry> entries, bool json) {
       if (!text->empty()) fmt::print("  {}: {}\n", about, *text);
     if (!entry.role.empty())
       fmt::print("  role: {}, works on {}{}; supports: {}\n", entry.role, entry.works_on,
-                 entry.works_on == "formula" ? " (generated models only)" : "",
+                 entry.works_on == "formula"  ? " (generated models only)"
+                 : entry.works_on == "images" ? " (streams only)"
+                                              : "",
                  entry.supports.empty() ? "no surface property"
                                         : fmt::format("{}", fmt::join(entry.supports, ", ")));
     for (const OptionSpec& spec : entry.options) {

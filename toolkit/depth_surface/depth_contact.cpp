@@ -59,10 +59,11 @@ void DepthContact::swap(const DepthSheets& sheets, FrameStatus& status, FrameCou
   const double fastest = kFastestMmPerS * period_s_ * images;
   const Vec3 q = sheets.to_camera(last_);
   if (state_ != State::kFree) {
-    const Vec3 plane = god_;
-    if (state_ == State::kLeaving) god_ = last_ + pull_;
+    const Vec3 plane = god_, before = last_ + pull_ - carried_;
+    god_ = before;
     if (descend(sheets, q, fastest, status, counters) != Descent::kNone) {
       state_ = State::kHeld;
+      carry(god_ - before, 0.0, 0.0);
       return;
     }
     god_ = plane;
