@@ -41,6 +41,7 @@ class DepthCodec {
 
   std::size_t width_;
   std::size_t most_depths_;
+  std::vector<std::uint32_t> codes_;
   std::vector<std::uint8_t> planes_;
   std::vector<std::byte> packed_;
   std::unique_ptr<Packer> packer_;

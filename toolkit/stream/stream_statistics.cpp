@@ -22,6 +22,8 @@ constexpr std::size_t kPlaneHalf = 2, kPlaneSide = 2 * kPlaneHalf + 1, kPlanePix
 /// The largest fifth is left out: edges, curvature and what moves. The rest of a normal distribution has
 /// 0.6616 of its deviation: 1 - 2 q f(q) / p with p = 0.8, q = 1.2816, f(q) = 0.1755, and the root.
 constexpr double kTrimmedShare = 0.8, kTrimmedDeviation = 0.6616;
+/// Differences in time so many times those in space are motion: of the scene, or of a camera without poses.
+constexpr double kMotionTimes = 3.0;
 /// A source that gives only errors, such as a camera without its cable, is given up.
 constexpr std::uint64_t kMaxErrorsInRow = 100;
 
@@ -45,6 +47,7 @@ struct Moments {
 };
 
 struct NoiseBin {
+  Moments depth;
   std::vector<float> temporal, spatial;  ///< sizes of differences, mm
 };
 
@@ -95,13 +98,13 @@ class StreamMeter {
     out_.latency_s = latency_.mean();
     out_.latency_jitter_s = latency_.deviation();
     out_.holes = holes_.mean();
-    for (auto& [bin, sizes] : bins_) {
+    for (auto& [number, sizes] : bins_) {
       NoiseAtDepth row;
-      constexpr double kMiddle = 0.5;
-      row.depth_mm = std::exp2((bin + kMiddle) / kBinsPerDoubling);
+      row.depth_mm = sizes.depth.mean();
       row.samples = std::max(sizes.temporal.size(), sizes.spatial.size());
       row.temporal_mm = trimmed_deviation(std::move(sizes.temporal));
       row.spatial_mm = trimmed_deviation(std::move(sizes.spatial));
+      if (row.temporal_mm > kMotionTimes * row.spatial_mm) row.temporal_mm = 0.0;
       if (row.temporal_mm > 0.0 || row.spatial_mm > 0.0) out_.noise.push_back(row);
     }
     fit();
@@ -133,6 +136,7 @@ class StreamMeter {
         if (!is_depth(z)) continue;
         NoiseBin& bin =
             bins_[static_cast<int>(std::floor(kBinsPerDoubling * std::log2(static_cast<double>(z))))];
+        bin.depth.add(static_cast<double>(z));
         if (still && is_depth(before_->depth_mm[i]))
           bin.temporal.push_back(std::abs(z - before_->depth_mm[i]) / std::sqrt(2.0f));
         if (const std::optional<double> off_mm = off_plane(frame, i))
@@ -156,11 +160,10 @@ class StreamMeter {
 
   /// Least squares of a + b z^2 with a and b not below 0, each row by its samples.
   void fit() {
-    const bool temporal =
-        std::ranges::any_of(out_.noise, [](const auto& row) { return row.temporal_mm > 0.0; });
     double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0;
     for (const NoiseAtDepth& row : out_.noise) {
-      const double value = temporal ? row.temporal_mm : row.spatial_mm, at = row.depth_mm * row.depth_mm;
+      const double value = row.temporal_mm > 0.0 ? row.temporal_mm : row.spatial_mm,
+                   at = row.depth_mm * row.depth_mm;
       if (!(value > 0.0)) continue;
       const double weight = static_cast<double>(row.samples);
       n += weight;

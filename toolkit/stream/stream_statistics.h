@@ -12,8 +12,8 @@ namespace palpate::stream {
 
 /// Standard deviations of depths around one depth, in mm; 0: too few were seen.
 struct NoiseAtDepth {
-  double depth_mm = 0.0;     ///< middle of the bin
-  double temporal_mm = 0.0;  ///< from frame to frame, while the camera stood still
+  double depth_mm = 0.0;     ///< mean of the bin
+  double temporal_mm = 0.0;  ///< from frame to frame, where nothing moved
   double spatial_mm = 0.0;   ///< off the plane through the 5 x 5 pixels around
   std::uint64_t samples = 0;
 };
