@@ -44,6 +44,7 @@ StreamScores score_stream(const trace::ProbePath& path, const trace::ForceTrace&
       whole.push_back(one.report.whole_ms);
       light.push_back((path.t_s[i] - one.captured_s) * kStreamMsPerS);
     }
+    if (swapped && scores.swaps_s.size() < kMostSwapTimes) scores.swaps_s.push_back(path.t_s[i]);
     if (i == 0 || !trace.frames[i].contact || !trace.frames[i - 1].contact) continue;
     const double excess_n =
         std::max(0.0, (trace.frames[i].force_n - trace.frames[i - 1].force_n).norm() -

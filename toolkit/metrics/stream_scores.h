@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include <palpate/depth_stream.h>
 #include <palpate/trace.h>
@@ -17,6 +18,9 @@ struct StreamDelivery {
   double due_s = 0.0;  ///< from here on ticks feel it
   stream::ReceiveReport report;
 };
+
+/// Half a minute at 30 Hz.
+inline constexpr std::size_t kMostSwapTimes = 1000;
 
 /// Empty where nothing was taken, or no contact lasted over a swap.
 struct StreamScores {
@@ -32,6 +36,7 @@ struct StreamScores {
   /// Excess of the force's change over stiffness times the HIP's way: in the tick of a swap, and per
   /// millisecond in every tick of contact.
   std::optional<double> swap_step_max_n, swap_step_p99_n, rate_max_n_per_ms;
+  std::vector<double> swaps_s{};  ///< ticks of the first kMostSwapTimes new surfaces, for pictures
 };
 
 /// `deliveries` rise in time; those due after the path are left out. The caller adds what only it knows:
