@@ -50,8 +50,7 @@ void declare_path(const Declaration& declare, std::string& path, const std::stri
 void declare_scene_or_stream(const Declaration& declare, RunArguments& run) {
   declare.text("SCENE", run.scene, kSceneHelp);
   declare.text("--stream", run.stream,
-               "depth images in the place of a scene: a folder, a recorded session, openni, or sim:wall, "
-               "sim:moving-wall and others");
+               "depth images instead: a folder, a recorded session, sim:wall, openni");
 }
 
 void declare_reference(const Declaration& declare, std::string& reference) {

@@ -122,7 +122,8 @@ Subcommand compare_subcommand() {
        "palpate compare scan.toml --renderers cloud:refine=1 --path probe.csv --out out/probe --paced 5000",
        "palpate compare scan.ply --unit m --friction 0.7,0.5 --path "
        "recorded.txt:t=0:x=1:y=2:z=3:mm_per_unit=1000 --out out/recorded",
-       "palpate compare --stream sim:wall --renderers depth-image,stream-proxy --out out/stream",
+       "palpate compare --stream sim:moving-wall:width=160:height=120 --renderers depth-image,stream-proxy "
+       "--path press-and-slide:frames=2000 --out out/stream",
        "palpate compare sinusoid:points=101761 --renderers cloud --path weave:frames=20000 --out out/before",
        "palpate compare sinusoid:points=101761 --renderers cloud --path weave:frames=20000 --out out/now "
        "--against out/before"},

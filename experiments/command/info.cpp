@@ -290,13 +290,13 @@ Result<int> run_info(const InfoArguments& arguments, Context& context) {
 }  // namespace
 
 Subcommand info_subcommand() {
-  return subcommand(
-      "info",
-      "what a model holds: points, box, resolution, density, spacing, defects; a recording: "
-      "length, renderers, device, faults; a stream of depth images: rate, holes, noise",
-      {"palpate info scan.ply --unit m", "palpate info session.palrec", "palpate info sim:table",
-       "palpate info stanford-bunny", "palpate info sinusoid:points=1002001 --json"},
-      declare_info, run_info);
+  return subcommand("info",
+                    "what a model holds: points, box, resolution, density, spacing, defects; a recording: "
+                    "length, renderers, device, faults; a stream of depth images: rate, holes, noise",
+                    {"palpate info scan.ply --unit m", "palpate info session.palrec",
+                     "palpate info sim:table:width=160:height=120", "palpate info stanford-bunny",
+                     "palpate info sinusoid:points=1002001 --json"},
+                    declare_info, run_info);
 }
 
 }  // namespace palpate::experiments

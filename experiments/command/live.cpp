@@ -15,7 +15,7 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
   RunArguments& run = a.run;
   declare_scene_or_stream(declare, run);
   declare_renderers(declare, run.renderers,
-                    "the scene's or the plan's, cloud, and a mesh, of a stream depth-image; at most 7, the "
+                    "the scene's or the plan's, cloud, and a mesh; at most 7, the "
                     "first is felt first");
   declare_device(declare, a.device);
   declare.text(
