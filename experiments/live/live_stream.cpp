@@ -85,7 +85,7 @@ void LiveStream::end() {
 
 void LiveStream::took(const device::Tick& tick) noexcept {
   const device::MixedFrame& mixed = mixer_.last();
-  Hand hand;
+  StreamedHand hand;
   hand.hip_mm = tick.hip_mm;
   if (mixed.felt < mixed.tracked.size()) hand.lane = mixed.tracked[mixed.felt].lane;
   hand_.publish(hand);
@@ -148,7 +148,7 @@ bool LiveStream::read_next() {
 /// The felt renderer first.
 void LiveStream::give() {
   hand_.acquire();
-  const Hand hand = hand_.front();
+  const StreamedHand hand = hand_.front();
   const double begun_s = accelerated_ ? frame_.arrived_s : now_s();
   const auto give_to = [&](std::size_t lane) { return receivers_[lane]->receive(frame_, hand.hip_mm); };
   const std::size_t felt = std::min(hand.lane, receivers_.size() - 1);

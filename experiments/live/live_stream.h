@@ -39,6 +39,12 @@ struct LiveStreamFacts {
 /// Without an image for so many periods a camera counts as silent.
 inline constexpr double kSilentPeriods = 3.0;
 
+/// Where the hand is, for the window of an image that is made touchable first.
+struct StreamedHand {
+  Vec3 hip_mm = Vec3::Zero();
+  std::size_t lane = 0;  ///< of the felt renderer
+};
+
 class LiveStream final : public device::TickObserver {
  public:
   /// `receivers`: by lane. Real time: begin() starts a thread. On a virtual clock work() gives between two
@@ -65,10 +71,6 @@ class LiveStream final : public device::TickObserver {
   [[nodiscard]] LiveStreamFacts facts() const;
 
  private:
-  struct Hand {
-    Vec3 hip_mm = Vec3::Zero();
-    std::size_t lane = 0;
-  };
   void run();
   void pump(double until_s);
   [[nodiscard]] bool read_next();
@@ -81,7 +83,7 @@ class LiveStream final : public device::TickObserver {
   const device::Mixer& mixer_;
   bool accelerated_;
   double period_s_;
-  TripleBuffer<Hand> hand_;
+  TripleBuffer<StreamedHand> hand_;
   std::atomic<std::int64_t> tick_ns_{0};  // of the machine's clock, at the newest tick
   std::atomic<double> tick_s_{0.0};
   std::atomic<bool> begun_{false}, ending_{false}, ended_{false};
