@@ -266,6 +266,7 @@ TEST(StreamScores, AStepAtASwapIsWhatTheHandDidNotMake) {
   EXPECT_EQ(scores.taken, 2u);
   EXPECT_EQ(scores.repeated, 1u);
   EXPECT_EQ(scores.swaps_in_contact, 2u);
+  EXPECT_EQ(scores.releases, 0u);
   EXPECT_NEAR(*scores.swap_step_max_n, 0.2, 1e-12);
   EXPECT_NEAR(*scores.rate_max_n_per_ms, 0.2, 1e-9);
   EXPECT_NEAR(*scores.light_to_tick_p99_ms, 5.0, 1e-9);
