@@ -160,20 +160,5 @@ TEST(DepthImage, AStepIsNoWall) {
   EXPECT_LT(felt.worst_error_n, 1e-2);
 }
 
-TEST(DepthImage, Times) {
-  SimulatedCamera camera;
-  camera.make_noisy();
-  StreamRig rig(camera, level);
-  const Vec3 hip(0.0, 0.0, 10.0);
-  rig.prepare(hip);
-  for (int k = 0; k < 24; ++k) {
-    if (k >= 16) rig.camera().pose.translation_mm.x() += 1.0;
-    for (int tick = 0; tick < 33; ++tick) (void)rig.renderer().step(hip, rig.time_s());
-    const auto r = rig.receive_next(hip);
-    std::printf("%.2f/%.2f ", r.window_ms, r.whole_ms);
-  }
-  std::printf("ms window/whole\n");
-}
-
 }  // namespace
 }  // namespace palpate::render
