@@ -162,9 +162,10 @@ class StreamProxy : public RivalModel {
   [[nodiscard]] std::string work_bound() const {
     return fmt::format(
         "at most {} steps over at most {} points at hand, found in {} each time the proxy is half {} r1 "
-        "further; flights of at most {} pieces of {:.0f} cells",
+        "further; flights of at most {} pieces of {:.0f} cells{}",
         walk_steps_, kMaxNear, local_ ? "the cells within the largest r3" : "at most 64 cells",
-        local_ ? "the smallest" : "an", kMaxPieces, kPieceCells);
+        local_ ? "the smallest" : "an", kMaxPieces, kPieceCells,
+        images_ != nullptr ? ", three more with a new image" : "");
   }
 
   [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept { return images_.get(); }
