@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include <device/live/hand_controls.h>
 #include <palpate/replay.h>
 #include <palpate/result.h>
+#include "device/live/hand_controls.h"
 
 namespace palpate::experiments {
 namespace {
