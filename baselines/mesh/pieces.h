@@ -49,6 +49,8 @@ struct PieceOrientation {
   std::vector<Piece> each;
   bool any_closed = false;
 
+  /// Of a mesh known to be open, with facets that agree.
+  [[nodiscard]] static PieceOrientation open_sheet() { return {{1, {}, {}}, {Piece{}}, false}; }
   /// O(facets), parallel, independent of the number of threads.
   [[nodiscard]] static PieceOrientation of(const SurfaceMesh& mesh, int threads);
   [[nodiscard]] std::size_t bytes() const noexcept {

@@ -143,11 +143,15 @@ Result<SurfaceMesh> SurfaceMesh::build(const geometry::TriangleMesh& mesh, int t
     return failure("the mesh has no triangle with three different corners", "use a mesh with faces");
   geometry::Aabb numbers = result.box_;  // as large as coordinates; about its own centre the box itself
   if (frame == MeshFrame::kWorld) numbers.add(Vec3::Zero());
-  result.rounding_mm_ = gamma(kOperations) * numbers.extent_mm().norm();
+  result.rounding_mm_ = rounding_of(numbers);
   result.connect(threads);
   result.count_flat(threads);
   result.find_largest_fan();
   return result;
+}
+
+double SurfaceMesh::rounding_of(const geometry::Aabb& numbers) noexcept {
+  return gamma(kOperations) * numbers.extent_mm().norm();
 }
 
 std::vector<std::uint32_t> SurfaceMesh::weld(const std::vector<Vec3>& given, const geometry::Aabb& used,

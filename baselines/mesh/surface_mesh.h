@@ -35,6 +35,15 @@ struct SurfaceMeshCounts {
   std::size_t largest_fan = 0;    ///< facets around one vertex
 };
 
+/// Points row by row, relative to the mesh's origin, and where they form a sheet.
+struct RasterSheet {
+  std::size_t columns = 0;
+  std::vector<Vec3> at_mm;
+  std::vector<std::uint8_t> measured;  ///< 1: there is a point; all parallel
+  /// 1: the point, the next in its row and the two below them lie on one sheet. 0 in the last row and column.
+  std::vector<std::uint8_t> square;
+};
+
 /// Numbering of vertices and facets.
 enum class MeshOrder : std::uint8_t {
   kGiven,
@@ -55,6 +64,9 @@ class SurfaceMesh {
   [[nodiscard]] static Result<SurfaceMesh> build(const geometry::TriangleMesh& mesh, int threads,
                                                  MeshOrder order = MeshOrder::kGiven,
                                                  MeshFrame frame = MeshFrame::kLocal);
+  /// Two facets for each square, in raster order, with side 0 towards a camera whose rows run down.
+  /// O(points), one thread. A sheet without squares gives a mesh without facets.
+  [[nodiscard]] static SurfaceMesh of_raster(const RasterSheet& sheet, const Vec3& origin_mm);
   /// The mesh as walked, in the model frame: welded and renumbered, coordinates within one rounding. O(n).
   [[nodiscard]] geometry::TriangleMesh as_mesh() const;
 
@@ -106,6 +118,10 @@ class SurfaceMesh {
   }
 
  private:
+  /// Facets around a point of a raster: two for each of its squares but the upper left and the lower right.
+  static constexpr std::size_t kRasterFan = 6;
+  /// Of numbers as large as this box.
+  [[nodiscard]] static double rounding_of(const geometry::Aabb& numbers) noexcept;
   /// Facet numbers are below 2^29, so 2 * facet + side is below this.
   static constexpr std::uint32_t kRadialBase = 0x40000000u;
 

@@ -36,6 +36,10 @@ class NearPoints {
         scale_at_hand_(scale.empty() ? 0 : kMaxNear) {}
 
   void forget() noexcept { fetched_ = false; }
+  void use(const PointsIn<Grid>& points) noexcept {
+    points_ = &points;
+    fetched_ = false;
+  }
   /// Makes all() hold at least every point within reach of any place within a stride of `at`; no work within
   /// a stride of the last fetch. False for more than kMaxNear.
   bool fetch(const Vec3& at) noexcept {

@@ -65,7 +65,8 @@ struct RivalText {
 ///   Status decide(const RivalInput&, ModelDecisions&);  sets the model's numbers and says them; builds
 ///   nothing Status prepare(const RivalInput&);  builds what the numbers say std::string work_bound() const;
 ///   of a frame with this model void release_contact(const Vec3&) noexcept;  where a replay needs more, void
-///   restart(const Vec3&) noexcept RivalAnswer update(const Vec3&, FrameCounters&) noexcept.
+///   restart(const Vec3&) noexcept; of streams stream::DepthReceiver* depth_receiver() noexcept; RivalAnswer
+///   update(const Vec3&, FrameCounters&) noexcept.
 /// As a local model of the frame loop: friction and texture as on every other renderer where it has a god
 /// object, which is then held jointly with other models'.
 template <class Model>

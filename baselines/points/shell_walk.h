@@ -72,6 +72,11 @@ class ShellWalk {
   }
   /// The points have moved.
   void forget() noexcept { near_.forget(); }
+  /// Goes on among other points, without scales; the proxy stays where it is.
+  void use(const PointsIn<Grid>& points) noexcept {
+    points_ = &points;
+    near_.use(points);
+  }
 
   /// Steps until the proxy is free at the HIP or rests on the points. False at a bound.
   bool walk(const Vec3& h, render::FrameCounters& counters) noexcept;

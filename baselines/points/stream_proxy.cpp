@@ -12,6 +12,7 @@
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
+#include "baselines/renderers/depth_rebuild.h"
 #include "toolkit/render/prepare.h"
 #include "toolkit/search/dynamic_grid.h"
 
@@ -70,7 +71,7 @@ class StreamProxy : public RivalModel {
       report_spacing(spacing, out);
     } else {
       gaps_ = measured_gaps(*input.cloud, context, report, &out);
-      local_ = has_local_radii(options, gaps_, input.moves != nullptr, out);
+      local_ = has_local_radii(options, gaps_, input.moves != nullptr || input.camera != nullptr, out);
       range_ = spacing_range(gaps_, kUsualRatio);
       spacing = local_ ? gaps_.spacing_mm : gaps_.closing_mm();
     }
@@ -96,8 +97,12 @@ class StreamProxy : public RivalModel {
     out.decisions.push_back(said_offset(felt_offset_));
     report_grid(*input.cloud, spacing, shells_.r3, out);
     // The grid follows points that move. Their places are kept only if some do.
+    if (input.camera != nullptr && local_)
+      return failure("stream-proxy has one radius where images replace the points", "leave out radii=local");
     out.decisions.push_back(
-        input.moves != nullptr
+        input.camera != nullptr
+            ? render::Decision{"points that move", "replaced", "a grid is made of every image", true}
+        : input.moves != nullptr
             ? render::Decision{"points that move", "followed", "the scene moves them", true}
             : render::Decision{"points that move", "none", "the scene moves none"});
     out.bytes += static_cast<std::uint64_t>(kFollowBytes * static_cast<double>(out.points)) +
@@ -128,7 +133,7 @@ class StreamProxy : public RivalModel {
     // Points that are moved from outside all stay. Only the least of local radii may have too many points
     // within reach; the others grow with the gaps.
     const double reach_mm = walk_->reach_mm(scales_.least);
-    if (input.moves == nullptr &&
+    if (input.moves == nullptr && input.camera == nullptr &&
         may_be_too_many(points_.grid.statistics().max_points, points_.cell_mm(), reach_mm)) {
       const Thinned thin = thinned_to_reach(input.cloud, scales_.least * shells_.r1, reach_mm, report);
       if (thin.cell_mm > 0.0) PALPATE_TRY(build(*thin.cloud));
@@ -140,6 +145,10 @@ class StreamProxy : public RivalModel {
       const auto order = points_.grid.order();
       for (std::uint32_t i = 0; i < order.size(); ++i) place_of_[order[i]] = i;
     }
+    if (input.camera != nullptr)
+      images_ = std::make_unique<DepthRebuild<Points>>(
+          input, input.cloud->origin_mm,
+          [cell_mm = shells_.r3](const DepthPatch& patch) { return points_of(patch, cell_mm); });
     points_.grid.drop_order();
     report.bytes += points_.bytes() + walk_->bytes() + scales_.by_place.capacity() * sizeof(float) +
                     place_of_.capacity() * sizeof(std::uint32_t);
@@ -158,7 +167,10 @@ class StreamProxy : public RivalModel {
         local_ ? "the smallest" : "an", kMaxPieces, kPieceCells);
   }
 
+  [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept { return images_.get(); }
+
   void restart(const Vec3& h) noexcept {
+    (void)take_image();
     if (moved_) {
       // Every point returns to where it was prepared, in O(n).
       for (std::uint32_t i = 0; i < place_of_.size(); ++i) {
@@ -178,6 +190,7 @@ class StreamProxy : public RivalModel {
     state.release();
   }
   [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept {
+    if (take_image()) ++counters.swaps;
     take_moves();
     const bool finished = walk_->walk(h, counters);
     return walk_->answer(h, finished, felt_offset_);
@@ -185,6 +198,37 @@ class StreamProxy : public RivalModel {
 
  private:
   using Grid = search::DynamicGrid;
+  using Points = PointsIn<Grid>;
+  /// The measured pixels of a patch in a grid; empty where there are none. One thread, beside the servo's.
+  static std::shared_ptr<Points> points_of(const DepthPatch& patch, double cell_mm) {
+    cloud::Cloud cloud;
+    const std::size_t most =
+        static_cast<std::size_t>(patch.window.columns()) * static_cast<std::size_t>(patch.window.rows());
+    for (auto* axis : {&cloud.x_mm, &cloud.y_mm, &cloud.z_mm}) axis->reserve(most);
+    for (int row = patch.window.first_row; row < patch.window.last_row; ++row)
+      for (int column = patch.window.first_column; column < patch.window.last_column; ++column) {
+        const std::size_t pixel = patch.rays.index(column, row);
+        const double depth_mm = patch.depth_mm(pixel);
+        if (!(depth_mm > 0.0)) continue;
+        const Vec3f at = patch.at(pixel, depth_mm).cast<float>();
+        cloud.x_mm.push_back(at.x());
+        cloud.y_mm.push_back(at.y());
+        cloud.z_mm.push_back(at.z());
+      }
+    search::PartitionOptions grid;
+    grid.cell_mm = cell_mm;
+    auto made = std::make_shared<Points>(build_points_in<Grid>(cloud, grid, 1));
+    made->grid.drop_order();
+    return made;
+  }
+  /// Takes the newest image's points; true if there are new ones. The proxy goes on among them from where it
+  /// is, as among points that moved.
+  bool take_image() noexcept {
+    if (images_ == nullptr || !images_->take()) return false;
+    const Points* const newest = images_->newest();
+    walk_->use(newest != nullptr ? *newest : points_);
+    return true;
+  }
   /// Takes the batch of points that moved since the last frame.
   void take_moves() noexcept {
     if (moves_ == nullptr) return;
@@ -218,6 +262,7 @@ class StreamProxy : public RivalModel {
   std::shared_ptr<const cloud::Cloud> original_;
   std::vector<std::uint32_t> place_of_;
   bool moved_ = false;
+  std::unique_ptr<DepthRebuild<Points>> images_;  ///< of streams
 };
 
 }  // namespace

@@ -138,7 +138,7 @@ SegmentIndex::SegmentIndex(SegmentIndex&&) noexcept = default;
 SegmentIndex& SegmentIndex::operator=(SegmentIndex&&) noexcept = default;
 SegmentIndex::~SegmentIndex() = default;
 
-Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads) {
+Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads, TreeQuality quality) {
   auto state = std::make_unique<State>();
   state->mesh = &mesh;
   const std::string config = threads > 0 ? fmt::format("threads={}", threads) : std::string();
@@ -163,8 +163,12 @@ Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads) {
 
   RTCGeometry geometry = rtcNewGeometry(state->device, RTC_GEOMETRY_TYPE_TRIANGLE);
   state->share(geometry, threads);
+  const RTCBuildQuality embree_quality =
+      quality == TreeQuality::kFast ? RTC_BUILD_QUALITY_LOW : RTC_BUILD_QUALITY_MEDIUM;
+  rtcSetGeometryBuildQuality(geometry, embree_quality);
   rtcCommitGeometry(geometry);
   state->scene = rtcNewScene(state->device);
+  rtcSetSceneBuildQuality(state->scene, embree_quality);
   rtcSetSceneFlags(state->scene, static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST |
                                                             RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
   rtcAttachGeometryByID(state->scene, geometry, 0);

@@ -39,11 +39,20 @@ struct NearFacet {
   std::uint32_t facet = kNoFacet;
 };
 
+/// How much work goes into the tree of a mesh.
+enum class TreeQuality : std::uint8_t {
+  kBest,  ///< for a mesh that stays: by surface area
+  kFast,  ///< for a mesh that is replaced soon: along a Morton curve, built 5 times as fast, queries 1.3 as
+          ///< long
+};
+
 /// An Embree scene over the mesh, which must outlive it and not move. Queries are thread-safe and do not
 /// allocate. Points in mm relative to the mesh's origin. O(log facets).
 class SegmentIndex {
  public:
-  [[nodiscard]] static Result<SegmentIndex> build(const SurfaceMesh& mesh, int threads);
+  /// `mesh` has a facet.
+  [[nodiscard]] static Result<SegmentIndex> build(const SurfaceMesh& mesh, int threads,
+                                                  TreeQuality quality = TreeQuality::kBest);
   SegmentIndex(SegmentIndex&&) noexcept;
   SegmentIndex& operator=(SegmentIndex&&) noexcept;
   ~SegmentIndex();

@@ -10,6 +10,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
+#include "baselines/failure.h"
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/option_specs.h"
@@ -63,6 +64,20 @@ Decision crossing_decision(const MeshDecision& d, const MeshProbeKind& kind) {
           kind.crossings ? "Zilles and Salisbury look for none" : "a sphere rides over folds and gaps"};
 }
 
+/// What nobody can do anew for every image.
+Status check_stream(const render::ModelInput& input, const MeshDecision& d) {
+  const auto refuse = [&](std::string what, std::string remedy) {
+    return failure(fmt::format("model '{}' is a stream: {}", input.name, what), std::move(remedy));
+  };
+  if (!d.point) return refuse("no sphere follows its meshes", "take mesh-godobject, or radius=0 for a point");
+  if (d.repairs || d.smoothing > 0 || d.keeps < 1.0 || d.crossings || d.checks)
+    return refuse("its meshes are felt as they are",
+                  "leave out repair, smooth, decimate, crossings and check");
+  if (input.surface.per_point != nullptr)
+    return refuse("its points have no properties of their own", "leave out regions and columns");
+  return Done{};
+}
+
 }  // namespace
 
 Result<MeshDecision> decide_body(const render::ModelInput& input, const Options& options,
@@ -80,6 +95,7 @@ Result<MeshDecision> decide_body(const render::ModelInput& input, const Options&
   decided.checks = options.flag("check");
   decided.crossings = kind.crossings && options.flag("crossings");
   decided.surface = std::move(surface);
+  if (input.camera != nullptr) PALPATE_TRY(check_stream(input, decided));
   return decided;
 }
 
@@ -106,8 +122,9 @@ render::ModelDecisions explanation(const render::ModelInput& input, const MeshDe
   out.decisions.push_back(decision.normals
                               ? Decision{"shading", "interpolated vertex normals", "as given", true}
                               : Decision{"shading", "none", "a facet's own plane"});
+  const bool own_vertices = !decision.source.made && input.camera == nullptr;
   render::describe_surface(input, decision.surface, kMeshFeatures,
-                           decision.source.made ? out.points : input.original_mesh->vertices_mm.size(), out);
+                           own_vertices ? input.original_mesh->vertices_mm.size() : out.points, out);
   if (input.motion != nullptr)
     out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
   return out;
@@ -286,6 +303,12 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
                                                const Options& options, const render::PrepareContext& context,
                                                render::PrepareReport& report) {
   auto body = std::make_unique<MeshBody>();
+  if (input.camera != nullptr) {  // the first image brings the mesh
+    const Vec3 origin_mm = decided.frame == MeshFrame::kWorld ? Vec3(Vec3::Zero()) : input.cloud->origin_mm;
+    body->pose = render::ModelPose(input, origin_mm);
+    PALPATE_ASSIGN(body->surface, render::build_uniform_surface_field(input.surface, report));
+    return body;
+  }
   PALPATE_ASSIGN(body->geometry, render::get_or_build<MeshGeometry>(
                                      context, report, [&] { return key_of(input, decided, options); },
                                      [&](render::PrepareReport& to) {

@@ -65,7 +65,8 @@ struct MeshGeometry {
 
 /// One model held by one renderer.
 struct MeshBody {
-  std::shared_ptr<const MeshGeometry> geometry;
+  std::shared_ptr<const MeshGeometry>
+      geometry;  ///< null: there is nothing to feel, as before a stream's image
   render::ModelPose pose;
   render::SurfaceField surface;  ///< per vertex
 

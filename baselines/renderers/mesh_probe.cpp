@@ -44,6 +44,24 @@ void MeshProbe::start_from(const Vec3& hip) noexcept {
   anchor_ = hip;
 }
 
+void MeshProbe::continue_from(const MeshProbe& before, const Vec3& camera_mm, double reach_mm) noexcept {
+  anchor_ = before.anchor_;
+  if (before.attached_) {
+    const Vec3& held = before.at_.point;
+    anchor_ = held;
+    const std::uint32_t facet = index_->nearest(held, reach_mm);
+    if (facet == kNoFacet) return;
+    const bool same = mesh_->normal(half_facet(facet, 0)).dot(before.mesh_->normal(before.at_.half)) >= 0.0;
+    attach_at(half_facet(facet, same ? 0u : 1u), held, held);
+    return;
+  }
+  const Vec3 away = camera_mm - anchor_;
+  const double distance = away.norm();
+  if (!(distance > 0.0)) return;
+  const Vec3 start = anchor_ + away * (std::min(reach_mm, distance) / distance);
+  if (index_->first_hit(start, anchor_) && !before.index_->first_hit(start, anchor_)) anchor_ = start;
+}
+
 bool MeshProbe::update(const Vec3& hip) noexcept {
   bound_hit_ = false;
   for (int flight = 0; flight < kMaxFlights; ++flight) {

@@ -36,8 +36,8 @@ std::unique_ptr<render::HapticRenderer> make_point_on_mesh(std::string name, std
   return std::make_unique<MeshScene<MeshProbe>>(
       render::Description{std::move(name), std::move(summary), std::move(source), std::move(bound), options},
       MeshProbeKind{true, {"probe", "point", "the HIP has no size"}, kFrameUs, kMsPerMillionFacets}, nullptr,
-      [](const MeshBody& body) {
-        return MeshProbe(body.mesh(), *body.geometry->index, body.geometry->crossings, body.geometry->sides);
+      [](const MeshGeometry& geometry) {
+        return MeshProbe(geometry.mesh, *geometry.index, geometry.crossings, geometry.sides);
       });
 }
 
@@ -122,9 +122,8 @@ std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
       [options, size](const MeshScene<SphereProbe>::Bodies& bodies, render::PrepareReport& report) {
         return choose_radius(options, bodies, *size, report);
       },
-      [tip, size](const MeshBody& body) {
-        return SphereProbe(body.mesh(), *body.geometry->index, size->radius_mm, body.geometry->median_edge_mm,
-                           tip);
+      [tip, size](const MeshGeometry& geometry) {
+        return SphereProbe(geometry.mesh, *geometry.index, size->radius_mm, geometry.median_edge_mm, tip);
       });
 }
 

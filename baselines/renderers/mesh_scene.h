@@ -6,11 +6,14 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include <palpate/result.h>
 #include "baselines/mesh/surface_mesh.h"
+#include "baselines/renderers/depth_mesh.h"
+#include "baselines/renderers/depth_rebuild.h"
 #include "baselines/renderers/mesh_body.h"
 #include "baselines/renderers/mesh_source.h"
 #include "toolkit/render/frame_loop_renderer.h"
@@ -19,32 +22,55 @@
 
 namespace palpate::baselines {
 
+/// Reach of a contact that is carried over to the next image, in pixels of its depth: 2 m/s at 1 m from a
+/// usual camera, 30 images a second.
+inline constexpr double kMatchPixels = 35.0;
+
+/// The mesh of an image and the probe on it; without a probe there is nothing to feel.
+template <class Probe>
+struct ImageMesh {
+  std::shared_ptr<const MeshGeometry> geometry;
+  std::optional<Probe> probe;
+  Vec3 camera_mm = Vec3::Zero();  ///< local
+  double match_per_depth = 0.0;   ///< reach of a match over the distance from the camera
+};
+
 /// For one thread. Probe: MeshProbe or SphereProbe; it needs the functions that these share.
 template <class Probe>
 struct MeshSlot {
+  using Images = DepthRebuild<ImageMesh<Probe>>;
   std::unique_ptr<MeshBody> body;
-  Probe probe;
+  std::optional<Probe> probe;
   render::SurfaceState state;
+  std::unique_ptr<Images> images;  ///< of a stream, or null
+  bool there = true;               ///< false: nothing to feel
 
   MeshSlot(std::unique_ptr<MeshBody> held, Probe&& made) : body(std::move(held)), probe(std::move(made)) {}
+  MeshSlot(std::unique_ptr<MeshBody> held, std::unique_ptr<Images> stream)
+      : body(std::move(held)), images(std::move(stream)), there(false) {}
 
   struct Memory {};
   [[nodiscard]] render::ModelPose& pose() noexcept { return body->pose; }
   [[nodiscard]] const render::ModelPose& pose() const noexcept { return body->pose; }
   [[nodiscard]] geometry::Aabb box_mm() const noexcept {
-    return body->mesh().local_box_mm().grown(probe.reach_mm());
+    return images != nullptr ? geometry::Aabb{Vec3::Zero(), Vec3::Zero()}
+                             : body->mesh().local_box_mm().grown(probe->reach_mm());
   }
-  [[nodiscard]] bool touching() const noexcept { return probe.contact(); }
-  [[nodiscard]] bool felt(const Vec3& h) const noexcept { return probe.felt(h); }
-  [[nodiscard]] Vec3 body_mm() const noexcept { return probe.body_mm(); }
-  [[nodiscard]] double skin_mm() const noexcept { return probe.skin_mm(); }
+  /// A stream may bring a surface anywhere.
+  [[nodiscard]] bool moves_by_itself() const noexcept { return images != nullptr; }
+  [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept { return images.get(); }
+  [[nodiscard]] bool touching() const noexcept { return there && probe->contact(); }
+  [[nodiscard]] bool felt(const Vec3& h) const noexcept { return probe->felt(h); }
+  [[nodiscard]] Vec3 body_mm() const noexcept { return probe->body_mm(); }
+  [[nodiscard]] double skin_mm() const noexcept { return probe->skin_mm(); }
   void restart(const Vec3& h) noexcept {
-    probe.reset(h);
+    (void)take_image(h);
+    if (there) probe->reset(h);
     state.release();
   }
   /// Clear of the HIP up to h; the side stays.
   void release_contact(const Vec3& h) noexcept {
-    probe.start_from(h);
+    if (there) probe->start_from(h);
     state.release();
   }
   void release() noexcept { state.release(); }
@@ -52,30 +78,54 @@ struct MeshSlot {
   [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& /*memory*/,
                            render::SurfaceContact& contact, render::FrameStatus& status,
                            render::FrameCounters& counters) noexcept {
-    const std::uint64_t moves = probe.moves();
-    const bool held = probe.update(goal);
-    counters.walk_steps += probe.moves() - moves;
-    if (probe.bound_hit()) status = render::FrameStatus::kBoundHit;
+    if (images != nullptr) {
+      if (take_image(h)) ++counters.swaps;
+      if (!there) return false;
+    }
+    const std::uint64_t moves = probe->moves();
+    const bool held = probe->update(goal);
+    counters.walk_steps += probe->moves() - moves;
+    if (probe->bound_hit()) status = render::FrameStatus::kBoundHit;
     if (held) contact = contact_at(h);
     return held;
   }
   /// Response of the surface, the stage shared with the point renderers.
   [[nodiscard]] render::SurfaceResponse respond(const render::SurfaceContact& contact) noexcept {
-    return render::respond_for_features(state, body->surface, contact, body->mesh().origin_mm());
+    return render::respond_for_features(state, body->surface, contact, body->pose.origin_mm);
   }
   void planes_near(const Memory& /*memory*/, const Vec3& at_world, render::JointPlanes& planes,
                    render::FrameCounters& /*counters*/) noexcept {
-    probe.planes_near(body->pose.to_local(at_world), body->pose, planes);
+    probe->planes_near(body->pose.to_local(at_world), body->pose, planes);
   }
 
  private:
+  /// Takes the newest image's mesh, with which the probe goes on; true if there was one. What is exchanged is
+  /// freed by the receiving thread.
+  bool take_image([[maybe_unused]] const Vec3& h) noexcept {
+    if (images == nullptr || !images->take()) return false;
+    const bool was_there = there;
+    ImageMesh<Probe>* const newest = images->newest();
+    there = newest != nullptr && newest->probe.has_value();
+    if (!there) return true;
+    if constexpr (requires(Probe & p) { p.continue_from(p, h, 0.0); }) {
+      const double reach_mm = newest->match_per_depth * (h - newest->camera_mm).norm();
+      if (was_there)
+        newest->probe->continue_from(*probe, newest->camera_mm, reach_mm);
+      else
+        newest->probe->start_from(h);
+    }
+    std::swap(body->geometry, newest->geometry);
+    std::swap(probe, newest->probe);
+    return true;
+  }
+
   /// Held: the frictionless contact with the surface's properties.
   [[nodiscard]] render::SurfaceContact contact_at(const Vec3& h) noexcept {
     render::SurfaceContact contact;
     contact.hip = h;
     contact.pull =
-        (body->geometry->vertex_normals.empty() ? probe.target(h)
-                                                : probe.shaded_target(h, body->geometry->vertex_normals)) -
+        (body->geometry->vertex_normals.empty() ? probe->target(h)
+                                                : probe->shaded_target(h, body->geometry->vertex_normals)) -
         h;
     const render::SurfaceField& surface = body->surface;
     if ((surface.features & render::kVaried) != 0) {
@@ -90,7 +140,7 @@ struct MeshSlot {
 
   /// Interpolates over the facets that hold the probe, by their shares.
   void read_properties(render::SurfaceContact& contact) const noexcept {
-    probe.places([&](std::uint32_t facet, const Vec3& point, double share) {
+    probe->places([&](std::uint32_t facet, const Vec3& point, double share) {
       const Facet& f = body->mesh().facet(facet);
       std::array<render::PointSurface, 3> corner;
       for (std::size_t i = 0; i < 3; ++i) corner[i] = body->surface.by_point[f.vertex[i]];
@@ -120,7 +170,7 @@ class MeshScene final : public render::FrameLoopRenderer<MeshSlot<Probe>>, publi
   using Bodies = std::vector<std::unique_ptr<MeshBody>>;
   /// Runs after all bodies are built: collects what the probes need, or an Error.
   using Survey = std::function<Status(const Bodies&, render::PrepareReport&)>;
-  using MakeProbe = std::function<Probe(const MeshBody&)>;
+  using MakeProbe = std::function<Probe(const MeshGeometry&)>;
 
   MeshScene(render::Description described, MeshProbeKind kind, Survey survey, MakeProbe make_probe)
       : Shell(described.options),
@@ -132,6 +182,7 @@ class MeshScene final : public render::FrameLoopRenderer<MeshSlot<Probe>>, publi
   render::Description describe() const override { return described_; }
   const geometry::TriangleMesh* mesh(std::size_t model) const override {
     if (model >= models_.size()) return nullptr;
+    if (models_[model].images != nullptr) return nullptr;  // it has another one for each image
     const MeshGeometry& geometry = *models_[model].body->geometry;
     if (geometry.given != nullptr) return geometry.given.get();
     handed_out_.resize(models_.size());
@@ -160,13 +211,33 @@ class MeshScene final : public render::FrameLoopRenderer<MeshSlot<Probe>>, publi
       bodies.push_back(std::move(body));
     }
     if (survey_) PALPATE_TRY(survey_(bodies, report));
-    for (auto& body : bodies) {
-      Probe probe = make_probe_(*body);
+    for (std::size_t i = 0; i < bodies.size(); ++i) {
+      std::unique_ptr<MeshBody>& body = bodies[i];
+      if (scene.models[i].camera != nullptr) {
+        auto images = images_of(scene.models[i], body->pose.origin_mm, shaded);
+        models_.add(std::make_unique<Slot>(std::move(body), std::move(images)));
+        continue;
+      }
+      Probe probe = make_probe_(*body->geometry);
       models_.add(std::make_unique<Slot>(std::move(body), std::move(probe)));
     }
     report.notes.push_back(shaded ? "shading by interpolated vertex normals (two passes, Ruspini 1997)"
                                   : "shading off");
     return Done{};
+  }
+  [[nodiscard]] std::unique_ptr<typename Slot::Images> images_of(const render::ModelInput& input,
+                                                                 const Vec3& origin_mm, bool shaded) const {
+    const double match_per_depth = kMatchPixels / input.camera->fx_px;
+    return std::make_unique<typename Slot::Images>(
+        input, origin_mm,
+        [make_probe = make_probe_, origin_mm, shaded, match_per_depth](const DepthPatch& patch) {
+          auto made = std::make_shared<ImageMesh<Probe>>();
+          made->geometry = mesh_of_image(patch, origin_mm, shaded);
+          if (made->geometry != nullptr) made->probe.emplace(make_probe(*made->geometry));
+          made->camera_mm = patch.camera_mm;
+          made->match_per_depth = match_per_depth;
+          return made;
+        });
   }
   [[nodiscard]] render::ContactCombination combine() const override {
     return described_.options.text("combine") == "sum" ? render::ContactCombination::kSum

@@ -21,6 +21,8 @@ std::atomic<std::uint64_t> recorded_meshes{0};
 constexpr double kBytesPerGb = 1e9;
 constexpr const char* kAuto = "auto";
 constexpr const char* kOriginal = "original";
+/// Of streams.
+constexpr const char* kImage = "depth image";
 /// Used by `auto` if the model has no faces: the fastest method that goes through every point.
 constexpr const char* kMadeByDefault = "advancing-front";
 
@@ -59,6 +61,16 @@ std::vector<OptionSpec> mesh_source_specs(const std::string& usual) {
 Result<MeshSource> decide_mesh(const render::ModelInput& input, const Options& options) {
   const std::string& asked = options.text("mesh");
   MeshSource source;
+  if (input.camera != nullptr) {
+    if (asked != kAuto)
+      return failure(fmt::format("the mesh of a stream is made of its images, not by {}", asked),
+                     "leave out the option mesh");
+    source.name = kImage;
+    source.facets = kFacetsPerPoint * static_cast<double>(input.camera->pixels());
+    source.explanation = {"mesh", kImage, "two facets for each square of four pixels, made of every image",
+                          true};
+    return source;
+  }
   source.name = asked != kAuto ? asked : has_faces(input) ? kOriginal : kMadeByDefault;
   source.made = source.name != kOriginal;
   if (!source.made && !has_faces(input))

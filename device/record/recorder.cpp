@@ -183,7 +183,7 @@ Status Recorder::State::append(ChunkKind kind, std::uint32_t tick_count, std::in
     whole.resize(kFileHeadBytes);
     ByteWriter out(whole);
     out.raw(std::as_bytes(std::span(kFileMark)));
-    out.u32(kRecordingVersion);
+    out.u32(options.depth ? kRecordingVersionWithDepth : kRecordingVersion);
     out.u32(0);
   }
   whole.insert(whole.end(), front.begin(), front.end());
@@ -322,6 +322,27 @@ Status Recorder::note(const std::string& text) {
   State& s = *state_;
   const std::lock_guard lock(s.file_mutex);
   return s.append(ChunkKind::kNote, 0, 0, encode_note(text.substr(0, kFullPayloadBytes)), s.options.flush);
+}
+
+Status Recorder::add_depth(std::span<const std::byte> bytes) {
+  State& s = *state_;
+  const std::lock_guard lock(s.file_mutex);
+  const std::size_t parts = (bytes.size() + kDepthPartBytes - 1) / kDepthPartBytes;
+  if (parts == 0 || parts > kMostDepthParts)
+    return Error{fmt::format("a depth image of {} bytes does not fit a recording", bytes.size()),
+                 "record smaller images", s.file->path()};
+  std::vector<std::byte> payload;
+  for (std::size_t part = 0; part < parts; ++part) {
+    const auto piece = bytes.subspan(part * kDepthPartBytes);
+    payload.resize(kDepthPartHeadBytes);
+    ByteWriter head(payload);
+    head.u16(static_cast<std::uint16_t>(part));
+    head.u16(static_cast<std::uint16_t>(parts));
+    const auto taken = piece.first(std::min(piece.size(), kDepthPartBytes));
+    payload.insert(payload.end(), taken.begin(), taken.end());
+    PALPATE_TRY(s.append(ChunkKind::kDepth, 0, 0, payload, Flush::kSystem));
+  }
+  return Done{};
 }
 
 void Recorder::took(const Tick& tick) noexcept {

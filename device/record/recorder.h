@@ -57,6 +57,7 @@ struct RecorderOptions {
   double chunk_s = 0.25;  ///< servo time per chunk, and the longest that a tick waits for it
   Flush flush = Flush::kData;
   bool replace = false;  ///< overwrite an existing file
+  bool depth = false;    ///< add_depth() will be called
 };
 
 /// Counts of the whole recording. After finish(), ticks = written + lost.
@@ -88,6 +89,10 @@ class Recorder final : public TickObserver {
   [[nodiscard]] Result<std::uint16_t> add_renderer(const RecordedRenderer& renderer);
   /// Adds a remark with the time, such as a change of the mapping. Conditions as for add_renderer().
   [[nodiscard]] Status note(const std::string& text);
+
+  /// Adds a depth image or its camera, as encoded by stream::depth_codec. Needs RecorderOptions::depth. Any
+  /// thread but the servo's; waits for the system, not for the disk.
+  [[nodiscard]] Status add_depth(std::span<const std::byte> bytes);
 
   /// Servo thread.
   void took(const Tick& tick) noexcept override;

@@ -58,7 +58,7 @@ std::optional<ChunkHead> decode_head(std::span<const std::byte> bytes) noexcept 
   head.payload_hash = from.u64();
   if (from.u64() != hash_of(bytes.first(kHashedBytes))) return std::nullopt;
   if (kind < static_cast<std::uint32_t>(ChunkKind::kHeader) ||
-      kind > static_cast<std::uint32_t>(ChunkKind::kEnd) || head.payload_bytes > kMaxPayloadBytes)
+      kind > static_cast<std::uint32_t>(ChunkKind::kDepth) || head.payload_bytes > kMaxPayloadBytes)
     return std::nullopt;
   return head;
 }
@@ -93,12 +93,12 @@ Status ChunkReader::read_head() {
     return Error{"ends within its first 16 bytes: nothing was recorded", "record again", name_};
   ByteReader from(head.subspan(mark.size()));
   const std::uint32_t version = from.u32();
-  if (version != kRecordingVersion)
-    return Error{
-        fmt::format("is of version {} of the format, and this program reads version {}", version,
-                    kRecordingVersion),
-        version > kRecordingVersion ? "read it with a newer Palpate" : "read it with an older Palpate",
-        name_};
+  if (version < kRecordingVersion || version > kRecordingVersionWithDepth)
+    return Error{fmt::format("is of version {} of the format, and this program reads versions {} to {}",
+                             version, kRecordingVersion, kRecordingVersionWithDepth),
+                 version > kRecordingVersionWithDepth ? "read it with a newer Palpate"
+                                                      : "read it with an older Palpate",
+                 name_};
   if (from.u32() != 0)
     return Error{"byte 12: four zeros belong here", "copy the file again, as binary", name_};
   at_ += kFileHeadBytes;
@@ -176,12 +176,18 @@ struct Recording::State {
   std::uint32_t ticks_left = 0;
   CallStorage calls{};
 
+  // The depth image whose parts are read; its bytes only where they are asked for.
+  std::vector<std::byte>* depth = nullptr;
+  std::size_t depth_parts = 0;  ///< read of it
+  bool depth_whole = false;     ///< the last chunk completed one
+
   [[nodiscard]] Error damaged(std::uint64_t at, const std::string& what) const {
     return {fmt::format("byte {}: {}", at, what), "copy the file again from where it was recorded", name, 0};
   }
   [[nodiscard]] Result<bool> next_chunk();
   [[nodiscard]] Status open_chunk();
   [[nodiscard]] Status check_order();
+  [[nodiscard]] bool take_depth(std::span<const std::byte> payload);
 };
 
 /// A jump in chunk numbers means a missing chunk.
@@ -203,7 +209,26 @@ Status Recording::State::check_order() {
   return Done{};
 }
 
+/// A part whose predecessor is missing (damage that was skipped) is dropped with its image.
+bool Recording::State::take_depth(std::span<const std::byte> payload) {
+  ByteReader from(payload);
+  const std::size_t part = from.u16(), parts = from.u16();
+  if (!from.good() || part >= parts || parts > kMostDepthParts) return false;
+  if (part == 0) {
+    depth_parts = 0;
+    if (depth != nullptr) depth->clear();
+  }
+  if (part != depth_parts) return true;
+  ++depth_parts;
+  const std::span<const std::byte> bytes = from.raw(from.left());
+  if (depth != nullptr) depth->insert(depth->end(), bytes.begin(), bytes.end());
+  depth_whole = depth_parts == parts;
+  end.depth_images += depth_whole ? 1u : 0u;
+  return true;
+}
+
 Status Recording::State::open_chunk() {
+  depth_whole = false;
   const ChunkReader::Chunk& c = *chunk;
   bool sound = false;
   switch (c.head.kind) {
@@ -231,6 +256,9 @@ Status Recording::State::open_chunk() {
       if (sound) notes.push_back(std::move(text));
       break;
     }
+    case ChunkKind::kDepth:
+      sound = take_depth(c.payload);
+      break;
     case ChunkKind::kEnd: {
       RecordingClose close;
       sound = decode(c.payload, close);
@@ -312,6 +340,22 @@ Result<bool> Recording::next(RecordedTick& tick) {
   ++s.end.ticks;
   s.end.lost += tick.lost_before;
   return true;
+}
+
+Result<bool> Recording::next_depth(std::vector<std::byte>& encoded) {
+  State& s = *state_;
+  s.ticks.reset();
+  s.ticks_left = 0;
+  s.depth = &encoded;
+  for (;;) {
+    Result<bool> more = s.next_chunk();
+    if (!more || !*more || s.depth_whole) {
+      s.depth = nullptr;
+      return more;
+    }
+    s.ticks.reset();
+    s.ticks_left = 0;
+  }
 }
 
 std::vector<std::string> RecordingEnd::warnings() const {

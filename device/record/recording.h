@@ -40,6 +40,7 @@ struct RecordingEnd {
   std::uint64_t torn_at = 0, torn_bytes = 0;  ///< dropped tail; 0: none
   std::vector<DamagedBytes> damaged;          ///< skipped
   std::int64_t first_ns = 0, last_ns = 0;     ///< first and last tick
+  std::uint64_t depth_images = 0;             ///< whole ones, their cameras included
 
   /// Warnings for the user in whole sentences; empty if nothing is missing.
   [[nodiscard]] std::vector<std::string> warnings() const;
@@ -65,7 +66,9 @@ class Recording {
   /// Reads the next tick; false at the end. The tick's calls stay valid until the next call. Times never go
   /// back. Errors name the byte.
   [[nodiscard]] Result<bool> next(RecordedTick& tick);
-  /// After next() returned false.
+  /// Reads on to the next depth image or camera, past any ticks; false at the end.
+  [[nodiscard]] Result<bool> next_depth(std::vector<std::byte>& encoded);
+  /// After next() or next_depth() returned false.
   [[nodiscard]] const RecordingEnd& end() const noexcept;
 
  private:
@@ -84,7 +87,7 @@ class Recording {
 inline constexpr std::string_view kFileMark = "PALREC\r\n";
 inline constexpr std::size_t kFileHeadBytes = 16;  ///< mark, version, four zeros
 
-enum class ChunkKind : std::uint32_t { kHeader = 1, kRenderer, kTicks, kNote, kEnd };
+enum class ChunkKind : std::uint32_t { kHeader = 1, kRenderer, kTicks, kNote, kEnd, kDepth };
 
 struct ChunkHead {
   static constexpr std::uint32_t kMark = 0x4B4E4843;  // "CHNK"
@@ -101,6 +104,12 @@ struct ChunkHead {
 /// Longer than any chunk written: a chunk of ticks is closed at half of it.
 inline constexpr std::size_t kMaxPayloadBytes = std::size_t{2} << 20;
 inline constexpr std::size_t kFullPayloadBytes = kMaxPayloadBytes / 2;
+
+// A depth image is cut into parts, a chunk each: their number from 0, how many there are, and the bytes.
+inline constexpr std::size_t kDepthPartHeadBytes = 2 * sizeof(std::uint16_t);
+inline constexpr std::size_t kDepthPartBytes = kFullPayloadBytes;
+/// 256 MB: 8192 x 8192 depths of four bytes.
+inline constexpr std::size_t kMostDepthParts = 256;
 
 /// FNV-1a. Detects every change within one byte, since each step is one-to-one.
 [[nodiscard]] std::uint64_t hash_of(std::span<const std::byte> bytes) noexcept;

@@ -17,8 +17,10 @@
 
 namespace palpate::device {
 
-/// Increases when the layout changes.
+/// Increases when the layout changes. Without depth images a file has the first version, which earlier
+/// programs read.
 inline constexpr std::uint32_t kRecordingVersion = 1;
+inline constexpr std::uint32_t kRecordingVersionWithDepth = 2;
 inline constexpr const char* kRecordingEnding = "palrec";
 
 struct RecordedRenderer {

@@ -93,7 +93,9 @@ std::vector<Headline> headlines_of(const BehaviourMatrix& matrix) {
 std::vector<RendererRequest> methods_of(const render::Registry& registry) {
   std::vector<RendererRequest> requests;
   for (const render::RendererInfo& info : registry.all()) {
-    if (info.geometry == render::Geometry::kFormula || info.role == render::Role::kOracle) continue;
+    if (info.geometry == render::Geometry::kFormula || info.geometry == render::Geometry::kImages ||
+        info.role == render::Role::kOracle)
+      continue;
     RendererRequest request{info.name, info.name, {}, {}};
     // The mesh is reconstructed from the points, not the generator's own.
     for (const OptionSpec& spec : info.options)

@@ -363,7 +363,9 @@ int show(const Stand& stand, const std::string& self, const std::string& rendere
 std::vector<std::string> our_renderers(const render::Registry& registry) {
   std::vector<std::string> names = {"cloud:refine=1"};
   for (const render::RendererInfo& info : registry.all())
-    if (info.role == render::Role::kOurs || info.role == render::Role::kLiteral) names.push_back(info.name);
+    if ((info.role == render::Role::kOurs && info.geometry != render::Geometry::kImages) ||
+        info.role == render::Role::kLiteral)
+      names.push_back(info.name);
   return names;
 }
 

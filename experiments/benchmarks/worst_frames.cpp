@@ -368,7 +368,8 @@ Result<Wanted> wanted_of(const std::vector<std::string>& words, const render::Re
   if (wanted.sizes.empty()) wanted.sizes = {10'000, 300'000};
   if (wanted.renderers.empty())
     for (const render::RendererInfo& info : registry.all())
-      if (info.role == render::Role::kOurs) wanted.renderers.push_back(info.name);
+      if (info.role == render::Role::kOurs && info.geometry != render::Geometry::kImages)
+        wanted.renderers.push_back(info.name);
   return wanted;
 }
 

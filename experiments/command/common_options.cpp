@@ -47,6 +47,12 @@ void declare_path(const Declaration& declare, std::string& path, const std::stri
       "a file or a generator such as weave:frames=20000, of `palpate list paths` (default: " + usual + ")");
 }
 
+void declare_scene_or_stream(const Declaration& declare, RunArguments& run) {
+  declare.text("SCENE", run.scene, kSceneHelp);
+  declare.text("--stream", run.stream,
+               "depth images instead: a folder, a recorded session, sim:wall, openni");
+}
+
 void declare_reference(const Declaration& declare, std::string& reference) {
   declare.rare().text("--reference", reference,
                       "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or "
@@ -230,7 +236,9 @@ void print_catalogue(std::span<const CatalogueEntry> entries, bool json) {
       if (!text->empty()) fmt::print("  {}: {}\n", about, *text);
     if (!entry.role.empty())
       fmt::print("  role: {}, works on {}{}; supports: {}\n", entry.role, entry.works_on,
-                 entry.works_on == "formula" ? " (generated models only)" : "",
+                 entry.works_on == "formula"  ? " (generated models only)"
+                 : entry.works_on == "images" ? " (streams only)"
+                                              : "",
                  entry.supports.empty() ? "no surface property"
                                         : fmt::format("{}", fmt::join(entry.supports, ", ")));
     for (const OptionSpec& spec : entry.options) {

@@ -38,6 +38,8 @@ void declare_renderers(const Declaration& declare, std::string& renderers, const
 void declare_renderer(const Declaration& declare, std::string& renderer);
 /// How models are read.
 void declare_model(const Declaration& declare, ModelArguments& load);
+/// SCENE, which --stream may replace, and --stream.
+void declare_scene_or_stream(const Declaration& declare, RunArguments& run);
 /// --path; `usual`: what is taken where none is given.
 void declare_path(const Declaration& declare, std::string& path, const std::string& usual);
 void declare_reference(const Declaration& declare, std::string& reference);

@@ -28,7 +28,11 @@ void declare_compare(const Declaration& declare, CompareArguments& a) {
   constexpr NumberRange kSeconds{0, 86'400};
   RunArguments& run = a.run;
   const Declaration rare = declare.rare();
-  declare.required("SCENE", run.scene, kSceneHelp);
+  declare_scene_or_stream(declare, run);
+  rare.text(
+      "--stream-delay", run.stream_delay,
+      "ms from an image's arrival until it is felt, the same for every renderer; or measured: what each "
+      "needs (default: 5)");
   declare_renderers(
       declare, run.renderers,
       "the scene's or the plan's, cloud, and a mesh; auto: the recording's, the scene's or the plan's one");
@@ -99,7 +103,8 @@ Result<int> run_compare(const CompareArguments& arguments, Context& context) {
   PALPATE_ASSIGN(const int status, run_study(run, context, finish));
   if (status != kExitOk) return status;
   // What one renderer answers now, beside what it answered when it was recorded.
-  if (recorded && !run.renderers.empty() && run.renderers.find(',') == std::string::npos)
+  if (recorded && run.stream.empty() && !run.renderers.empty() &&
+      run.renderers.find(',') == std::string::npos)
     against = std::max(against, check_recording(run, path, context));
   return against;
 }
@@ -117,6 +122,8 @@ Subcommand compare_subcommand() {
        "palpate compare scan.toml --renderers cloud:refine=1 --path probe.csv --out out/probe --paced 5000",
        "palpate compare scan.ply --unit m --friction 0.7,0.5 --path "
        "recorded.txt:t=0:x=1:y=2:z=3:mm_per_unit=1000 --out out/recorded",
+       "palpate compare --stream sim:moving-wall:width=160:height=120 --renderers depth-image,stream-proxy "
+       "--path press-and-slide:frames=2000 --out out/stream",
        "palpate compare sinusoid:points=101761 --renderers cloud --path weave:frames=20000 --out out/before",
        "palpate compare sinusoid:points=101761 --renderers cloud --path weave:frames=20000 --out out/now "
        "--against out/before"},

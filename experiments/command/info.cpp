@@ -11,6 +11,7 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/result_warnings.h"
 #include "experiments/session/session.h"
+#include "experiments/streams/stream_facts.h"
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/messages.h"
@@ -217,7 +218,8 @@ struct InfoArguments {
 };
 
 void declare_info(const Declaration& declare, InfoArguments& a) {
-  declare.required("MODEL", a.model, std::string(kSceneHelp) + "; or a recording (.palrec)");
+  declare.required("MODEL", a.model,
+                   std::string(kSceneHelp) + "; a recording (.palrec); or a stream of depth images");
   declare_json(declare, a.json);
   declare.flag("--skip-damaged", a.skip_damaged, "of a recording: leave out what is damaged in the middle");
   declare_model(declare, a.load);
@@ -248,7 +250,20 @@ Result<int> run_info_recording(const InfoArguments& arguments, Context& context)
   return kExitOk;
 }
 
+Result<int> run_info_stream(const InfoArguments& arguments, Context& context) {
+  if (const std::string given = given_for_models(arguments.load); !given.empty() || arguments.skip_damaged)
+    return Error{fmt::format("{} does nothing: this is a stream, and no model",
+                             given.empty() ? "--skip-damaged" : given),
+                 "leave it out", arguments.model};
+  const io::Readers readers = all_readers();
+  PALPATE_ASSIGN(const StreamFacts facts, facts_of_stream(arguments.model, readers, context.progress));
+  context.progress.clear();
+  fmt::print("{}", arguments.json ? to_json(facts) + "\n" : to_text(facts));
+  return kExitOk;
+}
+
 Result<int> run_info(const InfoArguments& arguments, Context& context) {
+  if (is_stream_name(arguments.model)) return run_info_stream(arguments, context);
   if (is_recorded_session(arguments.model)) return run_info_recording(arguments, context);
   if (arguments.skip_damaged)
     return Error{"--skip-damaged does nothing: this is a model, and no recording", "leave it out",
@@ -276,10 +291,11 @@ Result<int> run_info(const InfoArguments& arguments, Context& context) {
 
 Subcommand info_subcommand() {
   return subcommand("info",
-                    "what a model holds: points, box, resolution, density, spacing, defects; or a recording: "
-                    "length, renderers, device, faults",
+                    "what a model holds: points, box, resolution, density, spacing, defects; a recording: "
+                    "length, renderers, device, faults; a stream of depth images: rate, holes, noise",
                     {"palpate info scan.ply --unit m", "palpate info session.palrec",
-                     "palpate info stanford-bunny", "palpate info sinusoid:points=1002001 --json"},
+                     "palpate info sim:table:width=160:height=120", "palpate info stanford-bunny",
+                     "palpate info sinusoid:points=1002001 --json"},
                     declare_info, run_info);
 }
 

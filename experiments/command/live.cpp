@@ -13,9 +13,10 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
   constexpr NumberRange kSeconds{0.1, 86'400.0}, kEvery{0.0, 86'400.0}, kFade{1.0, 1'000.0},
       kStandIn{0.0, 1e7};
   RunArguments& run = a.run;
-  declare.required("SCENE", run.scene, kSceneHelp);
+  declare_scene_or_stream(declare, run);
   declare_renderers(declare, run.renderers,
-                    "the scene's or the plan's, cloud, and a mesh; at most 7, the first is felt first");
+                    "the scene's or the plan's, cloud, and a mesh; at most 7, the "
+                    "first is felt first");
   declare_device(declare, a.device);
   declare.text(
       "--hand", a.hand,

@@ -162,16 +162,49 @@ int report_failures(const StagedStudy& study) {
 
 }  // namespace
 
+namespace {
+
+constexpr const char* kStreamRenderer = "depth-image";
+constexpr const char* kStreamRenderers = "depth-image,stream-proxy";
+
+/// The stream that is named, replayed; a scene beside it, or neither, is an Error.
+Result<StreamRequest> stream_of(const RunArguments& arguments) {
+  if (arguments.stream.empty() && arguments.scene.empty())
+    return Error{"neither a SCENE nor a --stream is given",
+                 "name a model, or a stream such as --stream sim:wall"};
+  if (arguments.stream.empty()) {
+    if (arguments.stream_delay.empty()) return StreamRequest{};
+    return Error{"--stream-delay does nothing without a stream", "add --stream, or leave it out"};
+  }
+  if (!arguments.scene.empty())
+    return Error{"a SCENE and --stream exclude each other", "leave one of them out", arguments.scene};
+  StreamRequest stream;
+  stream.source = arguments.stream;
+  PALPATE_ASSIGN(stream.delay, parse_stream_delay(arguments.stream_delay));
+  return stream;
+}
+
+/// A scene whose one model's surface the command line may set.
+scene::SceneFile scene_of_stream(const std::string& source) {
+  scene::SceneFile scene;
+  scene.path = source;
+  scene.models.emplace_back().name = source;
+  return scene;
+}
+
+}  // namespace
+
 // An argument that is added does not compile here until it is named.
 RunKey key_of(const RunArguments& arguments, const StageRequest& stage) {
-  [[maybe_unused]] const auto& [scene, renderers, one, path, out, load, surface, reference, paced, passes,
-                                budget_s, save_mesh, save_edited, force, allow_missing, json] = arguments;
+  [[maybe_unused]] const auto& [scene, stream, stream_delay, renderers, one, path, out, load, surface,
+                                reference, paced, passes, budget_s, save_mesh, save_edited, force,
+                                allow_missing, json] = arguments;
   const auto& [stiffness, friction, deformation] = surface;
   [[maybe_unused]] const auto& [unit, scale, post_mm, vertical_mm, no_data, non_finite, memory_limit_gb,
                                 threads] = load;
   RunKey key;
-  for (const std::string& text : {scene, path, reference, unit, no_data, non_finite, save_mesh, save_edited,
-                                  stiffness, friction, deformation})
+  for (const std::string& text : {scene, stream, stream_delay, path, reference, unit, no_data, non_finite,
+                                  save_mesh, save_edited, stiffness, friction, deformation})
     key.add(text);
   key.add(scale)
       .add(post_mm)
@@ -181,6 +214,7 @@ RunKey key_of(const RunArguments& arguments, const StageRequest& stage) {
       .add(budget_s)
       .add(static_cast<std::uint64_t>(threads));
   for (const std::string& file : files_read(stage)) key.add_file(file);
+  if (is_recorded_session(stream)) key.add_file(stream);
   return key;
 }
 
@@ -199,7 +233,10 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
   }
   Result<ReferenceChoice> reference = parse_reference(truth);
   if (!reference) return std::move(reference).error();
-  Result<scene::SceneFile> scene = open_scene(arguments.scene, registry, progress);
+  PALPATE_ASSIGN(const StreamRequest stream, stream_of(arguments));
+  Result<scene::SceneFile> scene = stream.source.empty()
+                                       ? open_scene(arguments.scene, registry, progress)
+                                       : Result<scene::SceneFile>(scene_of_stream(stream.source));
   if (!scene) return std::move(scene).error();
   Result<SurfaceReport> surfaces = set_surfaces(arguments.surface, *scene);
   if (!surfaces) return std::move(surfaces).error();
@@ -212,21 +249,31 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
     if (!renderer) return std::move(renderer).error();
     prepared.own = *std::move(renderer);
   }  // else the plan chooses, when the models are known
-  prepared.stage = {arguments.scene,     *std::move(scene),      *load, arguments.path,
-                    *reference,          arguments.load.threads, 0,     truth,
+  prepared.stage = {scene_or_stream(arguments),
+                    *std::move(scene),
+                    *load,
+                    arguments.path,
+                    *reference,
+                    arguments.load.threads,
+                    0,
+                    truth,
                     *std::move(surfaces)};
+  prepared.stage.stream = stream;
   return prepared;
 }
 
 Status open_folder(const RunArguments& arguments, const char* command, const StageRequest& stage,
                    Suite& suite) {
-  return suite.open(arguments.out.empty() ? usual_folder(command, arguments.scene) : arguments.out,
+  return suite.open(arguments.out.empty() ? usual_folder(command, scene_or_stream(arguments)) : arguments.out,
                     files_read(stage));
 }
 
 Status choose_renderers(bool one, const render::Registry& registry, const render::SceneInput& scene,
                         CheckedRun& checked, std::vector<std::string>& notes) {
   if (checked.renderers.empty() && one && checked.own) checked.renderers = {*checked.own};
+  if (checked.renderers.empty() && scene.models.front().camera != nullptr) {
+    PALPATE_ASSIGN(checked.renderers, parse_renderers(one ? kStreamRenderer : kStreamRenderers, registry));
+  }
   if (checked.renderers.empty()) {
     Chosen chosen = usual_renderers(scene, checked.own, registry);
     if (one) chosen.renderers.resize(1);

@@ -14,8 +14,9 @@ namespace palpate::experiments {
 
 struct RunArguments {
   std::string scene;
-  std::string renderers;  ///< separated by commas
-  bool one = false;       ///< where none is named: the scene's or the plan's alone
+  std::string stream, stream_delay;  ///< depth images in the place of a scene; empty: none
+  std::string renderers;             ///< separated by commas
+  bool one = false;                  ///< where none is named: the scene's or the plan's alone
   std::string path;
   std::string out;
   ModelArguments load;
@@ -37,6 +38,10 @@ struct CheckedRun {
   std::vector<RendererRequest> renderers;  ///< that were named
   std::optional<RendererRequest> own;      ///< the scene's, where none was named
 };
+/// The scene, or the stream that stands for it, as the user wrote it.
+[[nodiscard]] inline const std::string& scene_or_stream(const RunArguments& arguments) {
+  return arguments.stream.empty() ? arguments.scene : arguments.stream;
+}
 /// Everything that can be wrong with the arguments is found here, before anything is made or loaded.
 [[nodiscard]] Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
                                            Progress& progress);

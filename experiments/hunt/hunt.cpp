@@ -181,7 +181,8 @@ Result<std::vector<RendererRequest>> requested(const std::string& text, const re
   if (!text.empty()) return parse_renderers(text, registry);
   std::vector<RendererRequest> all;
   for (const render::RendererInfo& info : registry.all())
-    if (info.role == render::Role::kOurs) all.push_back({info.name, info.name, {}, {}});
+    if (info.role == render::Role::kOurs && info.geometry != render::Geometry::kImages)
+      all.push_back({info.name, info.name, {}, {}});
   return all;
 }
 

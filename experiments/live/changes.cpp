@@ -175,7 +175,7 @@ std::optional<StandIn> stand_in_for(const LiveArguments& arguments, const std::v
     return std::nullopt;
   StandIn stand_in;
   for (const render::ModelInput& model : scene.models) {
-    if (model.surface.dent.any() || model.moves) return std::nullopt;
+    if (model.surface.dent.any() || model.moves || model.camera) return std::nullopt;
     stand_in.of_points += model.cloud->size();
   }
   if (stand_in.of_points <= wanted) return std::nullopt;

@@ -54,6 +54,8 @@ DocumentJson renderer_json(const LiveRenderer& r) {
           {"felt_frames", r.felt_frames},
           {"late_frames", r.late_frames},
           {"coarse_frames", r.coarse_frames},
+          {"swaps", r.swaps},
+          {"stalled_frames", r.stalled_frames},
           {"step_us", durations_json(r.step)},
           {"largest_step_n", r.largest_step_n},
           {"felt_steps", steps_json(r.felt_steps)},
@@ -68,6 +70,36 @@ DocumentJson remote_json(const LiveRemote& remote) {
           {"bad", remote.counts.bad},
           {"refused", remote.counts.refused},
           {"commands", remote.counts.commands}};
+}
+
+DocumentJson number_or_null(const std::optional<double>& value) {
+  return value ? DocumentJson(*value) : DocumentJson(nullptr);
+}
+
+DocumentJson stream_json(const LiveStreamFacts& s) {
+  if (s.source.empty()) return nullptr;
+  return {{"source", s.source},
+          {"about", s.about},
+          {"frames", s.frames},
+          {"taken", s.taken},
+          {"repeated", s.repeated},
+          {"late", s.late},
+          {"truncated", s.truncated},
+          {"skipped", s.skipped},
+          {"unreadable", s.unreadable},
+          {"silences", s.silences},
+          {"ended", s.ended},
+          {"window_p50_ms", number_or_null(s.window_p50_ms)},
+          {"window_p99_ms", number_or_null(s.window_p99_ms)},
+          {"whole_p50_ms", number_or_null(s.whole_p50_ms)},
+          {"whole_p99_ms", number_or_null(s.whole_p99_ms)},
+          {"light_to_touch_p50_ms", number_or_null(s.light_to_touch_p50_ms)},
+          {"light_to_touch_p99_ms", number_or_null(s.light_to_touch_p99_ms)}};
+}
+
+/// "3.1, 4.2"; a dash where nothing was taken.
+std::string two_text(const std::optional<double>& p50, const std::optional<double>& p99) {
+  return p50 && p99 ? fmt::format("{}, {}", format_number(*p50), format_number(*p99)) : std::string("-");
 }
 
 std::string us_text(double us) {
@@ -91,6 +123,14 @@ Table session_table(const LiveDocument& document) {
     row("over the network: commands, refused, no command",
         fmt::format("{}, {}, {}", document.remote.counts.commands, document.remote.counts.refused,
                     document.remote.counts.bad));
+  if (const LiveStreamFacts& s = document.stream; !s.source.empty()) {
+    row("depth images taken; skipped, late, repeated, truncated",
+        fmt::format("{}; {}, {}, {}, {}", s.taken, s.skipped, s.late, s.repeated, s.truncated));
+    row("until the window, the whole can be felt, ms: p50, p99",
+        two_text(s.window_p50_ms, s.window_p99_ms) + "; " + two_text(s.whole_p50_ms, s.whole_p99_ms));
+    row("from light to touch, ms: p50, p99", two_text(s.light_to_touch_p50_ms, s.light_to_touch_p99_ms));
+    if (s.silences > 0) row("the camera fell silent", format_count(s.silences));
+  }
   if (!document.recording.file.empty())
     row("recorded: ticks, of them lost", fmt::format("{}, {} ({})", document.recording.ticks,
                                                      document.recording.lost, document.recording.file));
@@ -283,6 +323,7 @@ std::string to_json(const LiveDocument& document) {
   for (const SessionMark& mark : document.marks)
     json["marks"].push_back({{"t_s", mark.t_s}, {"text", mark.text}});
   json["remote"] = remote_json(document.remote);
+  json["stream"] = stream_json(document.stream);
   const LiveRecorded& recording = document.recording;
   json["recording"] = recording.file.empty() ? DocumentJson(nullptr)
                                              : DocumentJson{{"file", recording.file},

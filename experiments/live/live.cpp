@@ -93,8 +93,11 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   PALPATE_TRY(check_live(arguments));
   RunArguments run = arguments.run;
   run.reference = "none";  // no scoring
+  if (!run.stream.empty() && !arguments.changes.empty())
+    return Error{"--changes and --stream exclude each other", "leave one of them out"};
   PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry, context.progress));
   PALPATE_ASSIGN(const DeviceChoice choice, check_early(arguments, checked, registry, drivers));
+  checked.stage.stream.replayed = false;
   checked.stage.usual_frames =
       static_cast<int>(std::lround(std::min(arguments.seconds, kLongestPathS) * kPathHz));
   Suite suite(context);
@@ -108,10 +111,10 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   const Result<Stage> stage = set_up(checked.stage, all_readers(), seen);
   if (!stage) return ended_early(stage.error(), arguments, context);
   show_stage(arguments, *stage);
-  PALPATE_TRY(choose_renderers(false, registry, stage->scene.input, checked, document.notes));
+  PALPATE_TRY(choose_renderers(!run.stream.empty(), registry, stage->scene.input, checked, document.notes));
   PALPATE_ASSIGN(LivePlan plan, plan_live(arguments, checked.renderers, registry, drivers));
   if (!arguments.record.empty())
-    plan.header = recording_header(run.scene, checked.stage.scene, stage->scene, run.surface);
+    plan.header = recording_header(scene_or_stream(run), checked.stage.scene, stage->scene, run.surface);
   PALPATE_TRY(suite.begin(RunKey().add("live")));
   context.working = false;
   begin_live(arguments, plan, *stage, context, document);

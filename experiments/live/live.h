@@ -9,6 +9,7 @@
 #include "device/live/mixer.h"
 #include "experiments/driver/study_run.h"
 #include "experiments/live/assembly.h"
+#include "experiments/live/live_stream.h"
 #include "experiments/live/remote.h"
 #include "experiments/report/page.h"
 #include "toolkit/metrics/force_steps.h"
@@ -59,6 +60,7 @@ struct LiveRenderer {
   std::uint64_t bytes = 0, shared_bytes = 0;
   std::uint64_t frames = 0, contact_frames = 0, felt_frames = 0;
   std::uint64_t late_frames = 0, coarse_frames = 0;  ///< of a prepared file: render::FrameCounters
+  std::uint64_t swaps = 0, stalled_frames = 0;       ///< of a stream: the same
   device::DurationStatistics step;
   double largest_step_n = 0.0;     ///< of its own force between frames, felt or not
   metrics::ForceSteps felt_steps;  ///< of its own force while felt
@@ -107,6 +109,7 @@ struct LiveDocument {
   bool guarded = false;               ///< by a separate process
   std::vector<std::string> unproven;  ///< device properties unproven on hardware
   LiveRemote remote;
+  LiveStreamFacts stream;
   std::vector<SessionMark> marks;
   std::vector<std::string> fault_names;
   std::vector<LiveDecision> decisions;

@@ -61,12 +61,13 @@ Result<std::unique_ptr<render::HapticRenderer>> LiveRecording::tracked(
       std::make_unique<device::RendererTap>(std::move(renderer), clock, index));
 }
 
-Status LiveRecording::open(const std::string& path, bool replace, device::RecordingHeader header,
+Status LiveRecording::open(const std::string& path, bool replace, bool depth, device::RecordingHeader header,
                            const device::Mixer& mixer) {
   mixer_ = &mixer;
   header.decisions = live_decisions();
   device::RecorderOptions options;
   options.replace = replace;
+  options.depth = depth;
   PALPATE_ASSIGN(recorder_, device::Recorder::create(path, header, *this, options));
   for (const device::RecordedRenderer& entry : table_) {
     PALPATE_TRY(recorder_->add_renderer(entry));
@@ -162,6 +163,7 @@ void SwitchTimer::took(const device::Tick& tick) noexcept {
 }
 
 void LiveTasks::work(double now_s) {
+  if (beside_) beside_();
   be_nice();
   now_s_ = now_s;
   while (mixer_.take_retired()) {

@@ -33,7 +33,8 @@ class LiveRecording final : public device::TickSource {
 
   /// Creates the file with the renderers tracked so far. Every renderer of the mixer must come from
   /// tracked().
-  [[nodiscard]] Status open(const std::string& path, bool replace, device::RecordingHeader header,
+  /// `depth`: a stream's images come too.
+  [[nodiscard]] Status open(const std::string& path, bool replace, bool depth, device::RecordingHeader header,
                             const device::Mixer& mixer);
   /// Removes the file of a session without any tick.
   void discard(const std::string& path);
@@ -96,6 +97,8 @@ class LiveTasks final : public SessionTasks {
   /// calls made(lane, renderer, seconds) for each. Call before the session runs.
   using Made = std::function<void(std::size_t lane, const MadeRenderer& made, double at_s)>;
   void replace_stand_ins(int threads, Made made);
+  /// Called first by every work(). Before the session runs.
+  void beside(std::function<void()> also) { beside_ = std::move(also); }
   /// Builds what is due, hands it over and destroys returned renderers.
   void work(double now_s) override;
   void key(char pressed) override;
@@ -130,6 +133,7 @@ class LiveTasks final : public SessionTasks {
   std::atomic<bool> ending_{false};
   std::unique_ptr<render::HapticRenderer> pending_;
   std::uint8_t lane_ = 0;
+  std::function<void()> beside_;
   std::vector<std::string> failures_;
 };
 

@@ -142,6 +142,10 @@ Result<RecordingFacts> facts_of_recording(const std::string& file, bool skip_dam
   }
   counter.finish();
   facts.end = recording.end();
+  constexpr std::uint64_t kCameraAlone = 1;
+  if (facts.end.depth_images > kCameraAlone) {
+    PALPATE_ASSIGN(facts.stream, facts_of_stream(file, {}, no_progress()));
+  }
   facts.length_s = static_cast<double>(facts.end.last_ns - facts.end.first_ns) * kSecondsPerNs;
   facts.renderers.resize(recording.renderers().size());
   for (std::size_t i = 0; i < facts.renderers.size(); ++i)
@@ -153,10 +157,18 @@ Result<RecordingFacts> facts_of_recording(const std::string& file, bool skip_dam
   return facts;
 }
 
+namespace {
+
+std::uint32_t version_of(const RecordingFacts& facts) {
+  return facts.end.depth_images > 0 ? device::kRecordingVersionWithDepth : device::kRecordingVersion;
+}
+
+}  // namespace
+
 std::string facts_json(const RecordingFacts& facts) {
   const device::RecordingHeader& header = facts.header;
   FactsJson json = {{"recording", facts.file},
-                    {"format", fmt::format("palrec {}", device::kRecordingVersion)},
+                    {"format", fmt::format("palrec {}", version_of(facts))},
                     {"bytes", facts.bytes},
                     {"program", header.program},
                     {"machine", header.machine},
@@ -183,6 +195,7 @@ std::string facts_json(const RecordingFacts& facts) {
     json["decisions"].push_back({{"decision", decision}, {"ticks", ticks}});
   json["renderers"] = renderers_json(facts);
   json["notes"] = facts.notes;
+  if (facts.stream) json["stream"] = FactsJson::parse(to_json(*facts.stream));
   json["closed"] = facts.end.closed;
   json["reason"] = facts.end.closed ? FactsJson(facts.end.reason) : FactsJson(nullptr);
   json["warnings"] = facts.end.warnings();
@@ -195,8 +208,8 @@ std::string facts_text(const RecordingFacts& facts) {
   const auto row = [&](const std::string& key, const std::string& value) {
     text += fmt::format("  {:<18} {}\n", key, value);
   };
-  row("format", fmt::format("palrec {}, {}", device::kRecordingVersion,
-                            format_bytes(static_cast<double>(facts.bytes))));
+  row("format",
+      fmt::format("palrec {}, {}", version_of(facts), format_bytes(static_cast<double>(facts.bytes))));
   row("recorded", fmt::format("{}, by {}", line_of_text(header.started_utc), line_of_text(header.program)));
   row("machine", line_of_text(header.machine));
   row("scene",
@@ -226,6 +239,7 @@ std::string facts_text(const RecordingFacts& facts) {
   for (const std::string& note : facts.notes) row("note", line_of_text(note));
   if (facts.end.closed) row("ended", line_of_text(facts.end.reason));
   for (const std::string& warning : facts.end.warnings()) text += fmt::format("  warning: {}\n", warning);
+  if (facts.stream) text += to_text(*facts.stream);
   return text;
 }
 

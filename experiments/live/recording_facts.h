@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <palpate/result.h>
 #include "device/record/recording.h"
+#include "experiments/streams/stream_facts.h"
 
 namespace palpate::experiments {
 
@@ -39,6 +41,7 @@ struct RecordingFacts {
   std::vector<std::pair<std::string, std::uint64_t>> decisions;  ///< the mixer's, with their numbers of ticks
   std::vector<RecordedRendererFacts> renderers;
   std::vector<std::string> notes;
+  std::optional<StreamFacts> stream{};  ///< of its depth images, or none
 };
 
 /// Reads the whole recording: O(bytes), some megabytes of memory. Errors: those of Recording.

@@ -304,6 +304,19 @@ Status mix_all(std::vector<MadeRenderer> made, const LivePlan& plan, const Works
   return Done{};
 }
 
+/// The stage's stream for the renderers on the mixer; null: none. Before they are moved there.
+Result<std::vector<stream::DepthReceiver*>> receivers_of(const std::vector<MadeRenderer>& made,
+                                                         const LivePlan& plan) {
+  std::vector<stream::DepthReceiver*> receivers;
+  for (std::size_t i = 0; i < made.size(); ++i) {
+    receivers.push_back(made[i].renderer->depth_receiver());
+    if (receivers.back() == nullptr)
+      return Error{plan.settings[i].request.label + " takes no depth images",
+                   "choose depth-image, stream-proxy or mesh-godobject"};
+  }
+  return receivers;
+}
+
 SessionSettings settings_of(const LiveArguments& arguments) {
   SessionSettings settings;
   settings.rate_hz = arguments.rate_hz;
@@ -401,6 +414,11 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   PALPATE_ASSIGN(settings.free_mm,
                  place_hand(arguments, workshop.stage, *made.front().renderer, seat.map, device, led));
   const bool recorded = !arguments.record.empty();
+  std::vector<stream::DepthReceiver*> receivers;
+  StagedStream* const staged = workshop.stage.stream.get();
+  if (staged != nullptr) {
+    PALPATE_ASSIGN(receivers, receivers_of(made, plan));
+  }
   Felt felt;
   PALPATE_TRY(mix_all(std::move(made), plan, workshop,
                       switch_options(arguments, plan, seat.limits, seat.map, seat.force_limit_n), clock,
@@ -419,20 +437,40 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
         static_cast<device::TickObserver*>(&switch_button), static_cast<device::TickObserver*>(&clutch)})
     session.observe(*one);
   if (led.exploring) session.observe(*led.exploring);
+  std::optional<LiveStream> streamed;
+  if (staged != nullptr) {
+    streamed.emplace(staged->open, std::move(receivers), *felt.mixer, arguments.accelerated,
+                     1.0 / arguments.rate_hz);
+    session.observe(*streamed);
+  }
   LiveTasks tasks(workshop, plan.changes, labels_of(plan), *felt.mixer, clock.clock(),
                   {settings.free_mm, recorded ? &felt.recording : nullptr});
   if (recorded) {
     PALPATE_TRY(felt.recording.open(
-        arguments.record, arguments.replace,
+        arguments.record, arguments.replace, streamed.has_value(),
         header_of(arguments, plan, seat.limits, seat.map, clock, device.device().name()), *felt.mixer));
     session.record(*felt.recording.recorder());
+    if (streamed) PALPATE_TRY(streamed->record(*felt.recording.recorder()));
   }
-  tasks.asked_by(arguments.link, plan.settings);
+  // A renderer that replaced another would know nothing of the images before.
+  tasks.asked_by(streamed ? nullptr : arguments.link, plan.settings);
   std::optional<CoarseNotes> notes;
   if (stand_in) replace_coarse(plan, workshop, *stand_in, notes, tasks, document);
+  ShownSession shown = shown_session(plan, device, seat, led.by_mouse, stand_in);
+  if (streamed && arguments.link != nullptr) shown.images = streamed->shown();
   const WindowHooks window(arguments, session, *felt.mixer, device, workshop.stage.scene.input,
-                           shown_session(plan, device, seat, led.by_mouse, stand_in));
+                           std::move(shown));
+  if (streamed) {
+    tasks.beside([&] {
+      if (std::string news = streamed->work(); !news.empty()) session.say(std::move(news));
+    });
+    streamed->begin();
+  }
   const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
+  if (streamed) {
+    streamed->end();
+    document.stream = streamed->facts();
+  }
   if (!end) {
     if (recorded) felt.recording.discard(arguments.record);
     return end.error();
@@ -447,6 +485,8 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
     const render::FrameCounters counted = felt.mixer->counters_of(static_cast<std::uint8_t>(i));
     document.renderers[i].late_frames = counted.late_frames;
     document.renderers[i].coarse_frames = counted.coarse_frames;
+    document.renderers[i].swaps = counted.swaps;
+    document.renderers[i].stalled_frames = counted.stalled_frames;
     for (const std::string& doubt : doubts_about_tiles(counted))
       document.warnings.push_back(document.renderers[i].label + ": " + doubt);
   }

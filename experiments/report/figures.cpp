@@ -158,6 +158,15 @@ Chart force_excerpt(const Study& study, const std::string& prefix) {
   const std::size_t end_at = std::min(begin_at + kExcerptFrames, t.size());
   if (begin_at + 1 < end_at)
     chart.extra = fmt::format("set xrange [{:.6g}:{:.6g}]\n", t[begin_at], t[end_at - 1]);
+  const auto streamed = std::find_if(study.document.renderers.begin(), study.document.renderers.end(),
+                                     [](const metrics::RendererResult& r) { return r.stream.has_value(); });
+  if (streamed != study.document.renderers.end()) {
+    chart.caption += " Ticks on the axis: new surfaces from a depth image.";
+    for (const double swap_s : streamed->stream->swaps_s)
+      if (begin_at < end_at && swap_s >= t[begin_at] && swap_s <= t[end_at - 1])
+        chart.extra +=
+            fmt::format("set arrow from first {0:.6g},graph 0 to first {0:.6g},graph 0.03 nohead\n", swap_s);
+  }
   // Of each piece the largest force.
   const bool panels = study.runs.size() > kManyLines && study.reference;
   const std::size_t piece = panels ? kFramesPerPanelPixel : 1;

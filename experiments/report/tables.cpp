@@ -261,6 +261,30 @@ void add_scores(Scores& t) {
       rounding_energy_percent);
 }
 
+void add_stream(Scores& t) {
+  using S = metrics::StreamScores;
+  const auto number = [](std::optional<double> S::*score) {
+    return [score](const Result_& r) { return r.stream ? (*r.stream).*score : std::nullopt; };
+  };
+  const auto count = [](std::uint64_t S::*score) {
+    return [score](const Result_& r) {
+      return r.stream ? Value(static_cast<double>((*r.stream).*score)) : std::nullopt;
+    };
+  };
+  if (!t.any(count(&S::frames))) return;
+  t.heading("Depth images");
+  t.add("taken", count(&S::taken), Better::kNeither, Show::kCounts);
+  t.add("skipped, the receiver being busy", count(&S::skipped), Better::kNeither, Show::kCounts);
+  t.lower("until the window can be felt, 99 %, ms", number(&S::window_p99_ms));
+  t.lower("until the whole image can be felt, 99 %, ms", number(&S::whole_p99_ms));
+  t.lower("from light to the tick that feels it, 99 %, ms", number(&S::light_to_tick_p99_ms));
+  t.add("swaps under contact", count(&S::swaps_in_contact), Better::kNeither, Show::kCounts);
+  t.lower("step of the force at a swap, largest, N", number(&S::swap_step_max_n));
+  t.lower("the same, 99 %, N", number(&S::swap_step_p99_n));
+  t.lower("change of the force that no hand made, N/ms", number(&S::rate_max_n_per_ms));
+  t.add("frames without a new image", count(&S::stalled_frames), Better::kNeither, Show::kCounts);
+}
+
 /// "0: no more than rounding, up to 1.5×10⁻⁶ N here".
 std::string zero_note(const metrics::ResultDocument& document) {
   double n = 0.0, mm = 0.0;
@@ -400,6 +424,7 @@ Table comparison_table(const metrics::ResultDocument& document) {
   Scores scores(table, document);
   add_costs(scores, document);
   add_scores(scores);
+  add_stream(scores);
   // Headings with nothing below them say nothing.
   for (std::size_t i = table.rows.size(); i-- > 0;)
     if (table.rows[i].size() == 1 && (i + 1 == table.rows.size() || table.rows[i + 1].size() == 1))

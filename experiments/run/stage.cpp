@@ -248,6 +248,7 @@ std::vector<std::string> files_read(const StageRequest& request) {
 }
 
 Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Progress& progress) {
+  if (!request.stream.source.empty()) return set_up_stream(request, readers, progress);
   Stage stage;
   stage.scene_name = request.scene_name;
   Result<scene::LoadedScene> loaded = scene::load(request.scene, readers, request.load, progress);

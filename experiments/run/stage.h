@@ -17,6 +17,7 @@
 #include <palpate/trace.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
+#include "experiments/streams/open_stream.h"
 #include "toolkit/search/neighbour_table.h"
 
 namespace palpate::experiments {
@@ -27,6 +28,13 @@ enum class ReferenceChoice { kAuto, kAnalytic, kOriginalMesh, kClosest, kMeshFil
 
 /// Why this scene has no ground truth, whatever is named as one; empty for one model at rest.
 [[nodiscard]] std::optional<Error> why_no_truth(const render::SceneInput& scene);
+
+/// A stream of depth images that stands for the scene.
+struct StreamRequest {
+  std::string source;  ///< empty: none
+  StreamDelay delay{};
+  bool replayed = true;  ///< its images are kept for passes; false: they come while a session runs
+};
 
 struct StageRequest {
   std::string scene_name;  ///< as the user wrote it
@@ -39,12 +47,19 @@ struct StageRequest {
   std::string reference_file{};      ///< of kMeshFile: in the model's frame, its unit and scale
   SurfaceReport surfaces{};          ///< what set_surfaces() said of the scene
   int usual_frames = kUsualFrames;   ///< of usual_path(), where no path is named
+  StreamRequest stream{};
 };
 
 /// Every file that is read for it: the scene, its models, views and images.
 [[nodiscard]] std::vector<std::string> files_read(const scene::SceneFile& scene);
 /// The same, and the path and the truth.
 [[nodiscard]] std::vector<std::string> files_read(const StageRequest& request);
+
+struct StagedStream {
+  OpenStream open;
+  StreamFrames images;  ///< empty where it is not replayed
+  StreamDelay delay;
+};
 
 struct Stage {
   std::string scene_name;
@@ -55,6 +70,7 @@ struct Stage {
   bool starts_free = false;                      ///< the path: by the truth, or by the generator that made it
   bool forces_comparable = true;                 ///< the reference knows all that the scene asks of a surface
   search::Spacing spacing;                       ///< of the first model
+  std::shared_ptr<StagedStream> stream{};        ///< replaces the first model's points, or null
   std::vector<std::string> warnings;             ///< what makes the results doubtful, whole sentences
   std::vector<std::string> notes;                ///< what a reader should know, whole sentences
 };
@@ -62,6 +78,10 @@ struct Stage {
 /// Loads, makes the path, computes the reference (slow, never timed). Every Error is bad input.
 [[nodiscard]] Result<Stage> set_up(const StageRequest& request, const io::Readers& readers,
                                    Progress& progress);
+/// The same for a stream, called by set_up(): one model of the first image's points. Without a path a hand
+/// presses and slides on what the truth says, or else on what `depth-image` makes of the stream.
+[[nodiscard]] Result<Stage> set_up_stream(const StageRequest& request, const io::Readers& readers,
+                                          Progress& progress);
 
 // The cleaning steps of this program, and what they do to a scene for one renderer.
 

@@ -98,6 +98,16 @@ bool feels_own_faces(const render::PrepareReport& report) {
   return as_it_is;
 }
 
+metrics::StreamScores stream_scores(const Stage& stage, const StreamFeed& feed,
+                                    const trace::ForceTrace& trace, const render::FrameCounters& counted) {
+  metrics::StreamScores scores = metrics::score_stream(
+      stage.path, trace, feed.deliveries(), stage.scene.input.models.front().surface.stiffness_n_per_mm);
+  scores.skipped = feed.skipped();
+  scores.swaps = counted.swaps;
+  scores.stalled_frames = counted.stalled_frames;
+  return scores;
+}
+
 void warn(Run& run, const std::string& text) {
   run.result.prepare->warnings.push_back(text);
 }
@@ -231,6 +241,13 @@ Result<std::string> Work::prepare(Progress& progress) {
     warn(run, text);
   run.own_faces = feels_own_faces(*run.result.prepare);
   if (!options_.save_mesh.empty()) PALPATE_TRY(save_mesh(*inner_, options_.save_mesh, run.saved_mesh));
+  if (stage_.stream) {
+    stream::DepthReceiver* const receiver = renderer_->depth_receiver();
+    if (receiver == nullptr)
+      return give_up(metrics::RunStatus::kFailed,
+                     "it takes no depth images: choose depth-image, stream-proxy or mesh-godobject");
+    feed_ = std::make_unique<StreamFeed>(stage_.stream->images, *receiver, stage_.path, stage_.stream->delay);
+  }
   progress.report("replaying " + request_.label, -1.0);
   PALPATE_TRY(replay(run));
   if (!options_.save_edited.empty()) PALPATE_TRY(save_edited(*inner_, options_.save_edited));
@@ -238,9 +255,10 @@ Result<std::string> Work::prepare(Progress& progress) {
 }
 
 Status Work::replay(Run& run) {
-  render::Simulation* simulation = stage_.scene.input.simulation.get();
+  render::Simulation* simulation = feed_ ? feed_.get() : stage_.scene.input.simulation.get();
   PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(*renderer_, stage_.path, simulation));
   std::copy(trace.frames.begin(), trace.frames.end(), answers_.frames.begin());
+  if (feed_) run.result.stream = stream_scores(stage_, *feed_, trace, renderer_->counters());
   const std::uint64_t edges = renderer_->counters().edges;
   if (edges > 0)
     warn(run, fmt::format(

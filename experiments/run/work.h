@@ -52,6 +52,7 @@ class Work {
   const RunOptions& options_;
   Answers answers_;
   std::unique_ptr<render::HapticRenderer> renderer_;
+  std::unique_ptr<StreamFeed> feed_;               ///< of a stage's stream
   const render::HapticRenderer* inner_ = nullptr;  ///< whose mesh is saved; control has none
   std::optional<trace::TimedPasses> passes_;
 };

@@ -49,6 +49,7 @@ Result<std::vector<RendererRequest>> chosen_renderers(const std::string& text,
   if (!text.empty()) return parse_renderers(text, registry);
   std::vector<RendererRequest> requests;
   for (const render::RendererInfo& info : registry.all()) {
+    if (info.geometry == render::Geometry::kImages) continue;  // no case has a camera
     requests.push_back({info.name, info.name, {}, {}});
     // Adds the world frame, where single precision holds the file's coordinates.
     if (info.name != kShownInBothFrames) continue;

@@ -32,6 +32,12 @@ struct ShownScene {
   std::string up{};  ///< as for up_named(); empty: not stated
 };
 
+/// The points of a stream's newest image.
+struct ShownImage {
+  std::vector<float> places;  ///< three a point, camera frame, in an order whose beginnings are even samples
+  geometry::RigidTransform world_from_camera;
+};
+
 /// A running session's facts for the window.
 struct ShownSession {
   std::string device;
@@ -44,7 +50,8 @@ struct ShownSession {
   /// Renderer in a lane, of the first generation, until its requested one is prepared; empty: none.
   std::string stand_in;
   std::shared_ptr<WindowFeed> feed;
-  std::shared_ptr<device::HandGuide> hand;  ///< null: the mouse is not the hand
+  std::shared_ptr<TripleBuffer<ShownImage>> images{};  ///< replace the first model's points; null: no stream
+  std::shared_ptr<device::HandGuide> hand;             ///< null: the mouse is not the hand
 };
 
 /// Actions the window may request from its own thread while the session runs. Empty functions: not available.

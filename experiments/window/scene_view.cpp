@@ -69,6 +69,7 @@ void SceneView::show(std::shared_ptr<const ShownScene> scene) {
   grid_ = {};
   models_.clear();
   splats_->clear();
+  streamed_ = false;
   scene_ = std::move(scene);
   if (!scene_) return;
   box_mm_ = render::box_of(scene_->models);
@@ -120,8 +121,19 @@ const char* SceneView::awaited() const noexcept {
   return stars_.valid() ? "facets are being found" : "";
 }
 
+void SceneView::show_image(const ShownImage& image) {
+  if (models_.empty()) return;
+  constexpr std::size_t kAPlace = 3;
+  streamed_ = true;
+  image_colour_.resize(image.places.size() / kAPlace, kPlainColour);
+  splats_->replace(0, image.places, image_colour_, Vec3::Zero());
+  splats_->place(0, image.world_from_camera);
+  models_.front().world_from_model = image.world_from_camera;
+}
+
 void SceneView::take_surroundings() {
   const std::vector<std::shared_ptr<const Surroundings>> found = surroundings_.get();
+  if (streamed_) return;
   for (std::size_t i = 0; i < models_.size(); ++i) {
     models_[i].known = found[i];
     std::vector<PackedNormal> normals;
@@ -135,7 +147,8 @@ void SceneView::update(const WatchedTick* now) {
   if (ready(colours_)) {
     const Coloured coloured = colours_.get();
     scale_ = coloured.scale;
-    for (std::size_t i = 0; i < models_.size(); ++i) splats_->recolour(i, coloured.of[i]);
+    for (std::size_t i = streamed_ ? models_.size() : 0; i < models_.size(); ++i)
+      splats_->recolour(i, coloured.of[i]);
   }
   if (ready(surroundings_)) take_surroundings();
   if (ready(stars_)) {

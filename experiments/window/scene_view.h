@@ -108,6 +108,8 @@ class SceneView {
   void update(const WatchedTick* now);
   /// Moves points by the feed's answer and asks again. Does nothing for rigid models.
   void follow_dents(WindowFeed& feed, const WatchedTick& now);
+  /// Puts a stream's image in the place of the first model's points; what is known of these is forgotten.
+  void show_image(const ShownImage& image);
   /// Number of points away from their read position.
   [[nodiscard]] std::size_t shifted() const noexcept;
   void draw_near(const Overlay& overlay, const WatchedTick& now, const NearChoice& choice);
@@ -146,6 +148,8 @@ class SceneView {
   void draw_facets(const Overlay& overlay, const Model& model, std::uint32_t point) const;
 
   std::unique_ptr<SplatDrawer> splats_;
+  bool streamed_ = false;           // images have replaced the points
+  std::vector<Rgba> image_colour_;  // one for each point of an image
   std::shared_ptr<const ShownScene> scene_;
   geometry::Aabb box_mm_;
   std::vector<Model> models_;

@@ -15,8 +15,6 @@ namespace palpate::experiments {
 namespace {
 
 constexpr std::uint64_t kEvenOrderSeed = 20'090'414;
-/// Ivory: light enough to show shading.
-constexpr Rgba kPlainColour = {226, 216, 196, 255};
 constexpr Rgba kUnknownColour = {150, 150, 150, 255};
 constexpr double kLargestNormal = 127.0, kLargestByte = 255.0;
 /// Percentile of errors with the full colour: one outlier must not hide the rest.

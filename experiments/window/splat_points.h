@@ -19,6 +19,8 @@ inline constexpr std::array kColours = {ColourBy::kPlain,     ColourBy::kHeight,
 [[nodiscard]] const char* colour_name(ColourBy by) noexcept;
 
 using Rgba = std::array<std::uint8_t, 4>;
+/// Of points without another colour. Ivory: light enough to show shading.
+inline constexpr Rgba kPlainColour = {226, 216, 196, 255};
 /// Components -127 to 127; 0: unknown.
 using PackedNormal = std::array<std::int8_t, 4>;
 

@@ -255,6 +255,17 @@ std::size_t SplatDrawer::add(std::span<const float> places, std::span<const Rgba
   return models_.size() - 1;
 }
 
+void SplatDrawer::replace(std::size_t model, std::span<const float> places, std::span<const Rgba> colours,
+                          const Vec3& origin_mm) {
+  Model& one = models_[model];
+  points_ = points_ - one.count + colours.size();
+  one.count = colours.size();
+  one.origin_mm = origin_mm;
+  fill(one.places, places);
+  fill(one.colours, colours);
+  set_normals(model, {});
+}
+
 void SplatDrawer::recolour(std::size_t model, std::span<const Rgba> colours) {
   fill(models_[model].colours, colours);
   stale_ = true;

@@ -39,6 +39,9 @@ class SplatDrawer {
   void clear();
   /// Adds a model and returns its number. Places are from places_in_order(), relative to `origin_mm`.
   std::size_t add(std::span<const float> places, std::span<const Rgba> colours, const Vec3& origin_mm);
+  /// Puts other points, camera-fresh and without normals, in a model's place.
+  void replace(std::size_t model, std::span<const float> places, std::span<const Rgba> colours,
+               const Vec3& origin_mm);
   void recolour(std::size_t model, std::span<const Rgba> colours);
   /// In the same order; empty: unknown.
   void set_normals(std::size_t model, std::span<const PackedNormal> normals);

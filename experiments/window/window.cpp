@@ -276,6 +276,8 @@ bool Window::frame() {
   s.take_news();
   s.scene->update(s.now.ticks > 0 ? &s.now : nullptr);
   if (s.session && s.now.ticks > 0) s.scene->follow_dents(*s.session->feed, s.now);
+  if (s.session && s.session->images && s.session->images->acquire())
+    s.scene->show_image(s.session->images->front());
   s.steer();
   s.draw();
   s.keep_pictures();

@@ -63,6 +63,63 @@ struct RecorderRig {
   RecordingEnd end;
 };
 
+TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
+  RecorderOptions options;
+  options.depth = true;
+  RecorderRig rig(options);
+  Random random(kRecorderSeed);
+  std::vector<std::vector<std::byte>> given;
+  for (const std::size_t bytes : {std::size_t{100}, kDepthPartBytes, kDepthPartBytes + 1}) {
+    rig.take(5);
+    std::vector<std::byte>& image = given.emplace_back(bytes);
+    for (std::byte& one : image) one = static_cast<std::byte>(random.below(256));
+    ASSERT_TRUE(rig.recorder.add_depth(image));
+  }
+  ASSERT_TRUE(rig.recorder.finish());
+  EXPECT_EQ(rig.on_disk(), 15u) << "the ticks are as they are without images";
+  EXPECT_EQ(rig.end.depth_images, given.size());
+  Result<Recording> recording = open_bytes(rig.disk.copy());
+  ASSERT_TRUE(recording);
+  std::vector<std::byte> image;
+  for (const std::vector<std::byte>& one : given) {
+    ASSERT_TRUE(recording->next_depth(image).value());
+    EXPECT_TRUE(image == one) << one.size();
+  }
+  EXPECT_FALSE(recording->next_depth(image).value());
+  EXPECT_TRUE(recording->end().closed);
+  // Earlier programs read what holds no images, and name the version of what does.
+  constexpr std::size_t kVersionAt = 8;
+  EXPECT_EQ(rig.disk.copy()[kVersionAt], std::byte{kRecordingVersionWithDepth});
+  RecorderRig plain;
+  EXPECT_EQ(plain.disk.copy()[kVersionAt], std::byte{kRecordingVersion});
+}
+
+TEST(Recorder, ADepthImageWithADamagedPartIsLeftOutWhole) {
+  RecorderOptions options;
+  options.depth = true;
+  RecorderRig rig(options);
+  const std::vector<std::byte> lost(kDepthPartBytes + 1, std::byte{1}), kept(10, std::byte{2});
+  ASSERT_TRUE(rig.recorder.add_depth(lost));
+  ASSERT_TRUE(rig.recorder.add_depth(kept));
+  ASSERT_TRUE(rig.recorder.finish());
+  std::vector<std::byte> bytes = rig.disk.copy();
+  const std::vector<std::byte> run(1000, std::byte{1});
+  const auto at = std::search(bytes.begin(), bytes.end(), run.begin(), run.end());
+  ASSERT_NE(at, bytes.end());
+  *at = std::byte{3};
+  ReadRecordingOptions skipping;
+  skipping.skip_damaged = true;
+  Result<Recording> recording = open_bytes(bytes, skipping);
+  ASSERT_TRUE(recording);
+  std::vector<std::byte> image;
+  ASSERT_TRUE(recording->next_depth(image).value());
+  EXPECT_TRUE(image == kept);
+  EXPECT_FALSE(recording->next_depth(image).value());
+  Result<Recording> strict = open_bytes(bytes);
+  ASSERT_TRUE(strict);
+  EXPECT_FALSE(strict->next_depth(image)) << "damage is an error unless it is left out";
+}
+
 TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
   MemoryDisk disk;
   RandomTicks source(kRecorderSeed);

@@ -229,6 +229,7 @@ class Cheater final : public render::HapticRenderer {
     }
     return frame;
   }
+  stream::DepthReceiver* depth_receiver() noexcept override { return truth_->depth_receiver(); }
   render::FrameCounters counters() const noexcept override { return truth_->counters(); }
   render::Description describe() const override { return truth_->describe(); }
 

@@ -12,6 +12,8 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
+#include "experiments/streams/press_and_slide.h"
+#include "experiments/streams/stream_facts.h"
 #include "experiments/tables/manifest.h"
 #include "experiments/trade/setting.h"
 #include "tests/house/source_tree.h"
@@ -124,6 +126,10 @@ std::string path_problem(const std::string& path) {
   if (!named) return named.error().message();
   const paths::PathGenerator* generator = paths::find_path_generator(named->name);
   if (generator == nullptr) {
+    if (named->name == kPressAndSlide) {
+      const auto hand = parse_press_and_slide(path);
+      return hand ? "" : hand.error().message();
+    }
     const std::string ending = fs::path(named->name).extension();
     if (ending.empty()) return "no path is called " + named->name;
     if (ending != ".csv" && ending != ".traj" && ending != ".palrec" && named->options.all().empty())
@@ -135,6 +141,7 @@ std::string path_problem(const std::string& path) {
 }
 
 std::string model_problem(const std::string& model) {
+  if (is_stream_name(model)) return {};
   if (fs::path(model).has_extension() && model.find(':') == std::string::npos) return {};
   if (find_scan(model) != nullptr) return {};
   const auto scene = scene::open_scene(model);

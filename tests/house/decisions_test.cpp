@@ -260,6 +260,10 @@ TEST(Capabilities, WhatIsSupportedIsFelt) {
   const CorpusScene heights = load_corpus("ridge.toml", "ridge.csv");
   const CorpusScene formula = load_corpus("formula.toml", "plate.csv");
   for (const render::RendererInfo& info : registry.all()) {
+    if (info.geometry == render::Geometry::kImages) {
+      EXPECT_FALSE(registry.check_supports(info, heights.scene.input)) << "there is no camera";
+      continue;
+    }
     const CorpusScene& corpus = info.geometry == render::Geometry::kFormula ? formula : heights;
     const std::string plain = hash_of(registry, info, corpus.scene.input, corpus.path);
     ASSERT_FALSE(plain.starts_with("refused")) << info.name << " " << plain;

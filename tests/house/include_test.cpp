@@ -29,7 +29,8 @@ const std::map<std::string, std::set<std::string>> kTopLevel = {
 // runs or measures; nothing includes the command line.
 const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"study", {"study"}},
-    {"run", {"study", "run"}},
+    {"streams", {"streams"}},
+    {"run", {"study", "streams", "run"}},
     {"data", {"run", "data"}},
     {"report", {"study", "report"}},
     {"session", {"study", "run", "data", "report", "session"}},
@@ -44,13 +45,13 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"ablate", {"study", "run", "data", "report", "session", "driver", "ablate"}},
     // A session may open a window; a window knows no session.
     {"window", {"report", "window"}},
-    {"live", {"study", "run", "data", "report", "session", "driver", "window", "live"}},
+    {"live", {"study", "run", "data", "report", "session", "driver", "window", "streams", "live"}},
     {"bridge", {"study", "run", "session", "live", "bridge"}},
     {"goals", {"study", "run", "data", "report", "session", "driver", "stability", "goals"}},
     {"psychophysics", {"study", "run", "data", "report", "session", "driver", "live", "psychophysics"}},
     {"command",
      {"study", "run", "data", "report", "session", "driver", "behaviours", "stress", "tables", "stability",
-      "trade", "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "command"}},
+      "trade", "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "streams", "command"}},
     {"benchmarks", {"window", "benchmarks"}},
 };
 
@@ -150,8 +151,8 @@ const std::vector<Heavy> kHeavy = {
      {"toolkit/scene/", "device/arms/", "experiments/", "tests/toolkit/scene/", "tests/experiments/"},
      {"toolkit/scene/toml_fields.h"}},
     {"nlohmann/",
-     {"toolkit/metrics/", "device/haply/", "experiments/", "tests/device/", "tests/toolkit/metrics/",
-      "tests/experiments/", "tests/json_schema.cpp"},
+     {"toolkit/metrics/", "toolkit/stream/", "device/haply/", "experiments/", "tests/device/",
+      "tests/toolkit/metrics/", "tests/experiments/", "tests/json_schema.cpp"},
      {"experiments/driver/json_document.h", "tests/experiments/program.h"}},  // documents
     {"valijson/", {"tests/json_schema.cpp"}, {}},
     {"spdlog/", {"experiments/", "tests/experiments/"}, {}},

@@ -83,6 +83,7 @@ class ControlledRenderer final : public render::HapticRenderer {
     return frame;
   }
 
+  [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept override { return inner_->depth_receiver(); }
   [[nodiscard]] render::FrameCounters counters() const noexcept override { return inner_->counters(); }
 
   [[nodiscard]] render::Description describe() const override {

@@ -64,6 +64,7 @@ constexpr auto kStatistics = [](auto&& v, auto& s) { visit_statistics(v, s); };
 constexpr auto kPaced = [](auto&& v, auto& s) { visit_paced(v, s); };
 constexpr auto kAccuracy = [](auto&& v, auto& s) { visit_accuracy(v, s); };
 constexpr auto kEnergy = [](auto&& v, auto& s) { visit_energy(v, s); };
+constexpr auto kStream = [](auto&& v, auto& s) { visit_stream(v, s); };
 constexpr auto kTruth = [](auto&& v, auto& s) { visit_truth(v, s); };
 constexpr auto kScoring = [](auto&& v, auto& s) { visit_scoring(v, s); };
 constexpr auto kTiming = [](auto&& v, auto& s) { visit_timing(v, s); };
@@ -129,6 +130,8 @@ Json renderer_of(const RendererResult& r) {
   }
   j["accuracy"] = object_or_null(r.accuracy, kAccuracy);
   j["energy"] = object_or_null(r.energy, kEnergy);
+  j["stream"] = object_or_null(r.stream, kStream);
+  if (r.stream) j["stream"]["swaps_s"] = r.stream->swaps_s;
   j["trace_hash"] = text_or_null(r.trace_hash);
   j["files"] = {{"trace", text_or_null(r.trace_file)}, {"scores", text_or_null(r.scores_file)}};
   return j;
@@ -285,7 +288,8 @@ void read_prepare(const Reader& in, RendererResult& r) {
 constexpr std::array kRoles = {render::Role::kOurs, render::Role::kLiteral, render::Role::kRival,
                                render::Role::kReference, render::Role::kOracle};
 constexpr std::array kGeometries = {render::Geometry::kPoints, render::Geometry::kMesh,
-                                    render::Geometry::kHeights, render::Geometry::kFormula};
+                                    render::Geometry::kHeights, render::Geometry::kFormula,
+                                    render::Geometry::kImages};
 
 /// The value of this name, or nothing.
 template <class Enum, std::size_t n>
@@ -320,15 +324,18 @@ void read_files(const Reader& in, RendererResult& r) {
   inside("scores", r.scores_file);
 }
 
+void read_numbers(const Reader& in, const char* key, std::vector<double>& into) {
+  const Json* list = in.find(key);
+  if (list != nullptr && !list->is_array()) return in.fail(key, "is not a list");
+  for (std::size_t i = 0; list != nullptr && i < list->size(); ++i) {
+    if (!(*list)[i].is_number()) return in.fail(key, "holds something that is no number");
+    into.push_back((*list)[i].get<double>());
+  }
+}
+
 void read_scoring(const Reader& in, ScoreBasis& s) {
   visit_scoring(in, s);
-  const Json* felt = in.find("felt_stiffness_n_per_mm");
-  if (felt != nullptr && !felt->is_array()) return in.fail("felt_stiffness_n_per_mm", "is not a list");
-  for (std::size_t i = 0; felt != nullptr && i < felt->size(); ++i) {
-    if (!(*felt)[i].is_number())
-      return in.fail("felt_stiffness_n_per_mm", "holds something that is no number");
-    s.felt_stiffness_n_per_mm.push_back((*felt)[i].get<double>());
-  }
+  read_numbers(in, "felt_stiffness_n_per_mm", s.felt_stiffness_n_per_mm);
   const Json* comparable = in.find("forces_comparable");
   if (comparable != nullptr && !comparable->is_boolean())
     return in.fail("forces_comparable", "is neither true nor false");
@@ -402,6 +409,8 @@ void read_renderer(const Reader& in, RendererResult& r) {
   }
   in.part("accuracy", r.accuracy, kAccuracy);
   in.part("energy", r.energy, kEnergy);
+  if (in.from.contains("stream")) in.part("stream", r.stream, kStream);
+  if (r.stream) read_numbers(in.inside(*in.object("stream"), "stream"), "swaps_s", r.stream->swaps_s);
 }
 
 void write_head(const DocumentHead& head, Json& j) {

@@ -15,6 +15,7 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include "toolkit/metrics/machine_info.h"
+#include "toolkit/metrics/stream_scores.h"
 
 namespace palpate::metrics {
 
@@ -111,6 +112,7 @@ struct RendererResult {
   std::optional<trace::PacedStatistics> paced_evicted;  ///< frame_paced.evicted
   std::optional<Accuracy> accuracy;
   std::optional<Energy> energy;
+  std::optional<StreamScores> stream;   ///< of depth images that replaced the surface
   std::string trace_hash;               ///< trace::trace_hash(); empty = null
   std::string trace_file, scores_file;  ///< of the study; empty = null
 };

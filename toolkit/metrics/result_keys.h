@@ -127,6 +127,28 @@ void visit_energy(V&& v, S& s) {
 }
 
 template <class V, class S>
+void visit_stream(V&& v, S& s) {
+  v("frames", s.frames);
+  v("taken", s.taken);
+  v("repeated", s.repeated);
+  v("late", s.late);
+  v("truncated", s.truncated);
+  v("skipped", s.skipped);
+  v("swaps", s.swaps);
+  v("stalled_frames", s.stalled_frames);
+  v("window_p50_ms", s.window_p50_ms);
+  v("window_p99_ms", s.window_p99_ms);
+  v("whole_p50_ms", s.whole_p50_ms);
+  v("whole_p99_ms", s.whole_p99_ms);
+  v("light_to_tick_p50_ms", s.light_to_tick_p50_ms);
+  v("light_to_tick_p99_ms", s.light_to_tick_p99_ms);
+  v("swaps_in_contact", s.swaps_in_contact);
+  v("swap_step_max_n", s.swap_step_max_n);
+  v("swap_step_p99_n", s.swap_step_p99_n);
+  v("rate_max_n_per_ms", s.rate_max_n_per_ms);
+}
+
+template <class V, class S>
 void visit_prepare_clock(V&& v, S& s) {
   v("wall_ms", s.wall_ms);
   v("cpu_ms", s.cpu_ms);

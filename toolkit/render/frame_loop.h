@@ -63,8 +63,10 @@ namespace palpate::render {
 ///   kForcesAddUp = true     its forces are summed: no plane can hold the proxy
 ///   Vec3 body_mm(), double skin_mm(), bool felt(h)   the proxy has a body that other models' planes may
 ///                           push into this one; the force begins `skin_mm` inside
+///   void begin_frame(t_s)   a frame begins, seen by touch() or not
 ///   void before_frame(counters), bool after_frame(contact, dt_s)   the shape changes; false when it left
 ///                           box_mm(). bool moves_by_itself(): it may leave the box at any time
+///   stream::DepthReceiver* depth_receiver()   takes the depth images of its camera; null without one
 template <class Model>
 concept LocalModel = requires(Model& model, const Vec3& h, const SurfaceContact& contact) {
   typename Model::Memory;
@@ -131,6 +133,14 @@ class FrameLoop {
   [[nodiscard]] FrameCounters& counters() noexcept { return counters_; }
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] NearModels& near() noexcept { return near_; }
+
+  /// Of the first model with a camera: a scene has one.
+  [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept {
+    if constexpr (requires(Model & model) { model.depth_receiver(); })
+      for (const auto& model : models_)
+        if (stream::DepthReceiver* const receiver = model->depth_receiver()) return receiver;
+    return nullptr;
+  }
 
   void restart(const Vec3& hip_mm, double t_s) noexcept {
     counters_ = {};
@@ -205,6 +215,8 @@ class FrameLoop {
       return frame;
     }
     frame.god_object_mm = hip_mm;
+    if constexpr (requires(Model & model) { model.begin_frame(t_s); })
+      for (const auto& model : models_) model->begin_frame(t_s);
     if constexpr ((kFeatures & kScene) != 0)
       many<kFeatures & ~kScene>(hip_mm, frame);
     else

@@ -44,6 +44,7 @@ class FrameLoopRenderer : public HapticRenderer {
   [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept final {
     return models_.step(hip_mm, t_s);
   }
+  [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept final { return models_.depth_receiver(); }
   [[nodiscard]] FrameCounters counters() const noexcept final { return models_.counters(); }
 
  protected:

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <utility>
@@ -39,12 +40,25 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
   return info->make(complete);
 }
 
+namespace {
+
+bool has_camera(const SceneInput& scene) {
+  return std::any_of(scene.models.begin(), scene.models.end(),
+                     [](const ModelInput& model) { return model.camera != nullptr; });
+}
+
+}  // namespace
+
 Status Registry::check_supports(const RendererInfo& info, const SceneInput& scene) const {
+  if (info.geometry == Geometry::kImages && !has_camera(scene))
+    return Error{fmt::format("{} feels depth images, and the scene has no camera", info.name),
+                 "give --stream, or choose heightfield or cloud"};
   const Features asked = features_required_by(scene), missing = asked.without(info.supports);
   if (missing.empty()) return Done{};
   std::string able;
   for (const RendererInfo& r : renderers_)
-    if (r.geometry != Geometry::kFormula && asked.without(r.supports).empty())
+    if (r.geometry != Geometry::kFormula && (r.geometry != Geometry::kImages || has_camera(scene)) &&
+        asked.without(r.supports).empty())
       able.append(able.empty() ? "" : ", ").append(r.name);
   return Error{fmt::format("the scene asks for {}, which {} does not render",
                            fmt::join(names_of(missing), " and "), info.name),
@@ -91,7 +105,7 @@ std::string_view name_of(Role role) noexcept {
 }
 
 std::string_view name_of(Geometry geometry) noexcept {
-  constexpr std::array<std::string_view, 4> kGeometries = {"points", "mesh", "heights", "formula"};
+  constexpr std::array<std::string_view, 5> kGeometries = {"points", "mesh", "heights", "formula", "images"};
   return kGeometries[static_cast<std::size_t>(geometry)];
 }
 

@@ -58,6 +58,7 @@ class WrappedRenderer : public HapticRenderer {
   }
   void restart(const Vec3& hip_mm, double t_s) noexcept override { inner_.restart(hip_mm, t_s); }
   void release_contact(const Vec3& hip_mm) noexcept override { inner_.release_contact(hip_mm); }
+  [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept override { return inner_.depth_receiver(); }
   [[nodiscard]] FrameCounters counters() const noexcept override { return inner_.counters(); }
   [[nodiscard]] Description describe() const override { return inner_.describe(); }
 

@@ -18,4 +18,6 @@ namespace palpate::render {
 
 [[nodiscard]] RendererInfo heightfield_info();
 
+[[nodiscard]] RendererInfo depth_image_info();
+
 }  // namespace palpate::render

@@ -11,6 +11,7 @@ void register_toolkit_renderers(Registry& registry) {
   registry.add(cloud_smooth_info());
   registry.add(heightfield_literal_info());
   registry.add(heightfield_info());
+  registry.add(depth_image_info());
   registry.add(analytic_renderer_info());
   registry.add(brute_force_info());
 }

@@ -30,7 +30,7 @@ enum class Role : std::uint8_t {
 };
 
 /// The data that a renderer touches.
-enum class Geometry : std::uint8_t { kPoints, kMesh, kHeights, kFormula };
+enum class Geometry : std::uint8_t { kPoints, kMesh, kHeights, kFormula, kImages };
 
 /// One feature that a scene may need; one bit each.
 enum class Feature : std::uint16_t {
@@ -78,7 +78,7 @@ inline constexpr Features kAllOfRigidSurfaces = Feature::kFriction | Feature::kS
 
 /// "ours", "literal", "rival", "reference", "oracle".
 [[nodiscard]] std::string_view name_of(Role role) noexcept;
-/// "points", "mesh", "heights", "formula".
+/// "points", "mesh", "heights", "formula", "images".
 [[nodiscard]] std::string_view name_of(Geometry geometry) noexcept;
 /// Names in the order of the bits: "friction", "deformation", ..
 [[nodiscard]] std::vector<std::string> names_of(Features features);
@@ -91,7 +91,7 @@ struct RendererInfo {
   std::string summary;  ///< one line
   std::string source;   ///< thesis section or paper
   Role role = Role::kRival;
-  Geometry geometry = Geometry::kPoints;  ///< kFormula: only for generated models
+  Geometry geometry = Geometry::kPoints;  ///< kFormula: only for generated models; kImages: with a camera
   Features supports;                      ///< features that it renders
   std::vector<OptionSpec> options;
   /// Makes an unprepared renderer. `options` is complete and validated.
@@ -108,7 +108,8 @@ class Registry {
   /// ones.
   [[nodiscard]] Result<std::unique_ptr<HapticRenderer>> make(std::string_view name,
                                                              const Options& options) const;
-  /// An Error if the renderer lacks features of the scene; it names them and the renderers that have them.
+  /// An Error if the renderer lacks features of the scene; it names them and the renderers that have them. Or
+  /// if it needs images and the scene has no camera.
   [[nodiscard]] Status check_supports(const RendererInfo& info, const SceneInput& scene) const;
 
  private:
@@ -119,8 +120,8 @@ class Registry {
 [[nodiscard]] std::vector<std::string> unsupported_features(const RendererInfo& info,
                                                             const SceneInput& scene);
 
-/// Adds cloud-literal, cloud, cloud-smooth, heightfield-literal, heightfield, analytic and brute-force. None
-/// may be registered already.
+/// Adds cloud-literal, cloud, cloud-smooth, heightfield-literal, heightfield, depth-image, analytic and
+/// brute-force. None may be registered already.
 void register_toolkit_renderers(Registry& registry);
 
 }  // namespace palpate::render

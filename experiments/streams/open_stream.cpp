@@ -1,0 +1,145 @@
+#include "experiments/streams/open_stream.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "device/record/recording.h"
+#include "toolkit/render/depth_camera.h"
+#include "toolkit/stream/depth_codec.h"
+#include "toolkit/stream/depth_source.h"
+
+namespace palpate::experiments {
+namespace {
+
+/// Images in front of the first one that can be used: as many as a camera loses when it starts.
+constexpr int kMostUnusable = 100;
+/// Messages in one run: beyond, something else is wrong.
+constexpr std::size_t kMostUnreadable = 1000;
+
+class RecordedStream final : public stream::DepthSource {
+ public:
+  explicit RecordedStream(std::string file) : file_(std::move(file)) {}
+
+  Status begin() {
+    PALPATE_ASSIGN(device::Recording recording, device::Recording::open(file_));
+    recording_.emplace(std::move(recording));
+    PALPATE_ASSIGN(const bool any, recording_->next_depth(bytes_));
+    if (!any)
+      return Error{"holds no depth images: its session felt no stream",
+                   "record one with palpate live --stream SOURCE --record FILE.palrec", file_};
+    Result<stream::DepthCamera> camera = stream::decode_camera(bytes_);
+    if (!camera) return std::move(camera).error().in_file(file_);
+    camera_ = *camera;
+    codec_.emplace(camera_);
+    return Done{};
+  }
+  [[nodiscard]] const stream::DepthCamera& camera() const noexcept override { return camera_; }
+  [[nodiscard]] Result<bool> next(stream::DepthFrame& frame) override {
+    PALPATE_ASSIGN(const bool any, recording_->next_depth(bytes_));
+    if (!any) return false;
+    if (Status read = codec_->decode(bytes_, frame); !read) return std::move(read).error().in_file(file_);
+    return true;
+  }
+  [[nodiscard]] Status restart() override { return begin(); }
+  [[nodiscard]] std::string describe() const override { return "images of the recorded session " + file_; }
+
+ private:
+  std::string file_;
+  std::optional<device::Recording> recording_;
+  std::optional<stream::DepthCodec> codec_;
+  stream::DepthCamera camera_;
+  std::vector<std::byte> bytes_;
+};
+
+bool is_usable(const stream::DepthFrame& frame, const stream::DepthCamera& camera) {
+  return render::FrameGate(camera.pixels()).judge(frame) == stream::FrameFate::kTaken &&
+         std::any_of(frame.depth_mm.begin(), frame.depth_mm.end(), render::is_measured);
+}
+
+Result<std::unique_ptr<stream::DepthSource>> open_source(const std::string& name,
+                                                         const io::Readers& readers) {
+  if (device::is_recording(name)) return open_recorded_stream(name);
+  stream::DepthSourceOptions options;
+  options.readers = &readers;
+  return stream::open_depth_source(name, options);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::string& file) {
+  auto recorded = std::make_unique<RecordedStream>(file);
+  PALPATE_TRY(recorded->begin());
+  return std::unique_ptr<stream::DepthSource>(std::move(recorded));
+}
+
+Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers) {
+  OpenStream open;
+  open.name = name;
+  open.is_camera = name.starts_with(kOpenNiName);
+  PALPATE_ASSIGN(open.source, open_source(name, readers));
+  if (name.starts_with(stream::kSimulatedPrefix)) {
+    PALPATE_ASSIGN(stream::StockScene known, stream::stock_scene(name));
+    open.known = std::move(known);
+  }
+  for (int i = 0; i < kMostUnusable; ++i) {
+    const Result<bool> more = open.source->next(open.first);
+    if (!more) {
+      open.unreadable.push_back(more.error().message());
+      continue;
+    }
+    if (!*more) break;
+    if (!is_usable(open.first, open.source->camera())) continue;
+    if (!open.known && !device::is_recording(name)) open.begun_s = open.first.captured_s;
+    open.shift(open.first);
+    return open;
+  }
+  Error none{"no image of this stream can be used", "give a stream of at least one depth image", name};
+  if (!open.unreadable.empty()) none.what += ": " + open.unreadable.front();
+  return none;
+}
+
+Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame, const stream::DepthCamera& camera) {
+  const render::PixelRays rays(camera);
+  std::vector<Vec3> points;
+  points.reserve(frame.depth_mm.size());
+  for (std::size_t i = 0; i < frame.depth_mm.size(); ++i)
+    if (render::is_measured(frame.depth_mm[i]))
+      points.push_back(frame.world_from_camera * (static_cast<double>(frame.depth_mm[i]) * rays.ray(i)));
+  return cloud::build_cloud(points, cloud::NonFinite::kDrop);
+}
+
+Result<StreamFrames> load_frames(OpenStream& open, double until_s, Progress& progress) {
+  StreamFrames all;
+  all.source = open.name;
+  all.about = open.source->describe();
+  all.camera = open.source->camera();
+  all.unreadable = open.unreadable;
+  all.frames.push_back(open.first);
+  const std::uint64_t frame_bytes = all.camera.pixels() * sizeof(float);
+  stream::DepthFrame frame;
+  for (;;) {
+    const Result<bool> more = open.source->next(frame);
+    if (!more) {
+      if (all.unreadable.size() == kMostUnreadable) return more.error();
+      all.unreadable.push_back(more.error().message());
+      continue;
+    }
+    if (!*more) return all;
+    open.shift(frame);
+    if (frame.arrived_s > until_s) return all;
+    if ((all.frames.size() + 1) * frame_bytes > kMostStreamBytes)
+      return Error{
+          fmt::format("its images up to {:.3g} s take more than {} bytes", until_s, kMostStreamBytes),
+          "give a shorter path", open.name};
+    all.frames.push_back(frame);
+    progress.report("reading the stream",
+                    until_s > 0.0 ? std::clamp(frame.arrived_s / until_s, 0.0, 1.0) : -1.0);
+    if (progress.cancelled()) return Error{"stopped by the user"};
+  }
+}
+
+}  // namespace palpate::experiments

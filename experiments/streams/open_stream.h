@@ -1,0 +1,59 @@
+// Streams of depth images as commands name them: a folder, a recorded session, a simulated camera or a real
+// one; and their first image as the model that renderers are prepared for.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include <palpate/cloud.h>
+#include <palpate/depth_stream.h>
+#include <palpate/progress.h>
+#include <palpate/read_model.h>
+#include <palpate/result.h>
+#include "experiments/streams/stream_feed.h"
+#include "toolkit/stream/stock_scene.h"
+
+namespace palpate::experiments {
+
+struct OpenStream {
+  std::string name;  ///< as the user wrote it
+  std::unique_ptr<stream::DepthSource> source;
+  stream::DepthFrame first;  ///< the first that can be used; the source stands behind it
+  /// Subtracted from the source's times: 0 where they belong to something else (the ticks of a recorded
+  /// session, the motions of a simulated scene), else the first image's light.
+  double begun_s = 0.0;
+  bool is_camera = false;                   ///< next() waits for an image
+  std::optional<stream::StockScene> known;  ///< what a simulated camera sees
+  std::vector<std::string> unreadable;      ///< messages of the images before
+
+  /// Times from the run's begin.
+  void shift(stream::DepthFrame& frame) const noexcept {
+    frame.captured_s -= begun_s;
+    frame.arrived_s -= begun_s;
+  }
+};
+
+/// "room/", "session.palrec", "sim:wall", "openni". `readers`, which read organised point clouds, must
+/// outlive it. Errors: there is no such stream, or no image in it.
+[[nodiscard]] Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers);
+
+/// Images of a recorded session in order, by their session's time. Errors: the file's; it holds none.
+[[nodiscard]] Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::string& file);
+
+/// The measured pixels as points, world frame. An Error where there are none.
+[[nodiscard]] Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame,
+                                            const stream::DepthCamera& camera);
+
+/// How the names of real cameras begin.
+inline constexpr std::string_view kOpenNiName = "openni";
+
+/// Memory of a run's images: 90 s of 640 x 480 at 30 Hz, half of a small machine's.
+inline constexpr std::uint64_t kMostStreamBytes = std::uint64_t{7} << 29;
+
+/// The images that arrive up to `until_s`, the first one among them. Images that cannot be read are left out
+/// and named. Errors: they take more than kMostStreamBytes; cancelled.
+[[nodiscard]] Result<StreamFrames> load_frames(OpenStream& open, double until_s, Progress& progress);
+
+}  // namespace palpate::experiments
