@@ -77,6 +77,18 @@ class ShellWalk {
     points_ = &points;
     near_.use(points);
   }
+  /// Call before use() for points of a newer image: where they have passed the proxy on their way to the
+  /// camera, it goes back before them. At most three flights of `reach_mm`.
+  void go_before(const PointsIn<Grid>& newer, const Vec3& camera_mm, double reach_mm) noexcept {
+    const Vec3 away = camera_mm - at_;
+    const double distance = away.norm();
+    if (!(distance > 0.0)) return;
+    const Vec3 start = at_ + away * (std::min(reach_mm, distance) / distance);
+    const auto met = [&](const PointsIn<Grid>& points) {
+      return fly(points, shells_.r1, kShellGraze, start, at_).met;
+    };
+    if (met(newer) && !met(*points_)) at_ = fly(newer, kept_off(), kShellGraze, start, at_).at;
+  }
 
   /// Steps until the proxy is free at the HIP or rests on the points. False at a bound.
   bool walk(const Vec3& h, render::FrameCounters& counters) noexcept;

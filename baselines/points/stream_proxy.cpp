@@ -146,7 +146,7 @@ class StreamProxy : public RivalModel {
       for (std::uint32_t i = 0; i < order.size(); ++i) place_of_[order[i]] = i;
     }
     if (input.camera != nullptr)
-      images_ = std::make_unique<DepthRebuild<Points>>(
+      images_ = std::make_unique<DepthRebuild<ImagePoints>>(
           input, input.cloud->origin_mm,
           [cell_mm = shells_.r3](const DepthPatch& patch) { return points_of(patch, cell_mm); });
     points_.grid.drop_order();
@@ -170,7 +170,7 @@ class StreamProxy : public RivalModel {
   [[nodiscard]] stream::DepthReceiver* depth_receiver() noexcept { return images_.get(); }
 
   void restart(const Vec3& h) noexcept {
-    (void)take_image();
+    (void)take_image(h);
     if (moved_) {
       // Every point returns to where it was prepared, in O(n).
       for (std::uint32_t i = 0; i < place_of_.size(); ++i) {
@@ -190,7 +190,7 @@ class StreamProxy : public RivalModel {
     state.release();
   }
   [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept {
-    if (take_image()) ++counters.swaps;
+    if (take_image(h)) ++counters.swaps;
     take_moves();
     const bool finished = walk_->walk(h, counters);
     return walk_->answer(h, finished, felt_offset_);
@@ -198,9 +198,13 @@ class StreamProxy : public RivalModel {
 
  private:
   using Grid = search::DynamicGrid;
-  using Points = PointsIn<Grid>;
+  struct ImagePoints {
+    PointsIn<Grid> points;
+    Vec3 camera_mm = Vec3::Zero();
+    double match_per_depth = 0.0;  ///< see kMatchPixels
+  };
   /// The measured pixels of a patch in a grid; empty where there are none. One thread, beside the servo's.
-  static std::shared_ptr<Points> points_of(const DepthPatch& patch, double cell_mm) {
+  static std::shared_ptr<ImagePoints> points_of(const DepthPatch& patch, double cell_mm) {
     cloud::Cloud cloud;
     const std::size_t most =
         static_cast<std::size_t>(patch.window.columns()) * static_cast<std::size_t>(patch.window.rows());
@@ -217,16 +221,26 @@ class StreamProxy : public RivalModel {
       }
     search::PartitionOptions grid;
     grid.cell_mm = cell_mm;
-    auto made = std::make_shared<Points>(build_points_in<Grid>(cloud, grid, 1));
-    made->grid.drop_order();
+    auto made = std::make_shared<ImagePoints>();
+    made->points = build_points_in<Grid>(cloud, grid, 1);
+    made->points.grid.drop_order();
+    made->camera_mm = patch.camera_mm;
+    made->match_per_depth = kMatchPixels / patch.rays.camera().fx_px;
     return made;
   }
-  /// Takes the newest image's points; true if there are new ones. The proxy goes on among them from where it
-  /// is, as among points that moved.
-  bool take_image() noexcept {
+  /// Takes the newest image's points; true if there are new ones. What is exchanged is freed by the receiving
+  /// thread.
+  bool take_image(const Vec3& h) noexcept {
     if (images_ == nullptr || !images_->take()) return false;
-    const Points* const newest = images_->newest();
-    walk_->use(newest != nullptr ? *newest : points_);
+    ImagePoints* const newest = images_->newest();
+    if (newest == nullptr) {
+      walk_->use(points_);
+      return true;
+    }
+    walk_->go_before(newest->points, newest->camera_mm,
+                     newest->match_per_depth * (h - newest->camera_mm).norm());
+    std::swap(image_, newest->points);
+    walk_->use(image_);
     return true;
   }
   /// Takes the batch of points that moved since the last frame.
@@ -262,7 +276,9 @@ class StreamProxy : public RivalModel {
   std::shared_ptr<const cloud::Cloud> original_;
   std::vector<std::uint32_t> place_of_;
   bool moved_ = false;
-  std::unique_ptr<DepthRebuild<Points>> images_;  ///< of streams
+  // Of streams.
+  std::unique_ptr<DepthRebuild<ImagePoints>> images_;
+  PointsIn<Grid> image_;  ///< of the image that is felt
 };
 
 }  // namespace

@@ -19,6 +19,10 @@ namespace palpate::baselines {
 /// (f = 525 pixels) crosses 9 pixels between two images, so it is never at the window's rim.
 inline constexpr int kDepthWindow = 128;
 
+/// Reach of a contact that is carried over to the next image, in pixels of its depth: 2 m/s at 1 m from a
+/// usual camera, 30 images a second.
+inline constexpr double kMatchPixels = 35.0;
+
 /// A part of an image, in the model's local coordinates. Refers to the frame; for one call.
 struct DepthPatch {
   const render::PixelRays& rays;

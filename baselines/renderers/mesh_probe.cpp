@@ -51,8 +51,7 @@ void MeshProbe::continue_from(const MeshProbe& before, const Vec3& camera_mm, do
     anchor_ = held;
     const std::uint32_t facet = index_->nearest(held, reach_mm);
     if (facet == kNoFacet) return;
-    const bool same = mesh_->normal(half_facet(facet, 0)).dot(before.mesh_->normal(before.at_.half)) >= 0.0;
-    attach_at(half_facet(facet, same ? 0u : 1u), held, held);
+    attach_at(half_facet(facet, side_of(before.at_.half)), held, held);
     return;
   }
   const Vec3 away = camera_mm - anchor_;

@@ -27,9 +27,9 @@ class MeshProbe {
   void reset(const Vec3& hip) noexcept;
   /// Sets the HIP free at `hip`, known to be clear of the mesh and on the side of reset(). O(1).
   void start_from(const Vec3& hip) noexcept;
-  /// The mesh has taken the place of `before`'s, whose origin is the same. A held god object goes on at the
-  /// nearest place within `reach_mm`, on the same side; a free HIP that the surface has passed on its way
-  /// from `camera_mm` is met by it. Up to four Embree queries.
+  /// The mesh has taken the place of `before`'s; both are rasters of one camera with one origin. A held god
+  /// object goes on at the nearest place within `reach_mm`, on the same side; a free HIP that the surface has
+  /// passed on its way to `camera_mm` is met by it. At most two Embree queries.
   void continue_from(const MeshProbe& before, const Vec3& camera_mm, double reach_mm) noexcept;
   /// True in contact: god_object() is then valid.
   bool update(const Vec3& hip) noexcept;

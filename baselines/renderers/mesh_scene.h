@@ -22,10 +22,6 @@
 
 namespace palpate::baselines {
 
-/// Reach of a contact that is carried over to the next image, in pixels of its depth: 2 m/s at 1 m from a
-/// usual camera, 30 images a second.
-inline constexpr double kMatchPixels = 35.0;
-
 /// The mesh of an image and the probe on it; without a probe there is nothing to feel.
 template <class Probe>
 struct ImageMesh {

@@ -137,6 +137,7 @@ const std::vector<Heavy> kHeavy = {
     {"libudev", {"device/links/", "tests/device/"}, {}},
     {"libwebsockets", {"device/links/", "tests/device/"}, {}},
     {"umockdev", {"tests/device/"}, {}},
+    {"OpenNI.h", {"toolkit/stream/openni/"}, {}},
     {"GLFW/", {"experiments/window/", "tests/experiments/"}, {}},
     {"imgui", {"experiments/window/"}, {}},
     {"backends/imgui", {"experiments/window/"}, {}},
