@@ -20,12 +20,12 @@ constexpr std::size_t kChecksumBytes = 4;
 constexpr std::size_t kBytesOfDepth = sizeof(float);
 /// A damaged camera may send more than an image, hardly two.
 constexpr std::size_t kMostImages = 4;
-/// Runs alone, and Huffman's codes: longer matches take half as much time again and save little.
-constexpr int kPackLevel = 1, kPackStrategy = Z_RLE;
-constexpr int kStoreLevel = 0;
-/// Beyond so many bits a byte, by its histogram, packing takes a third of an image's time and saves a tenth
-/// of its bytes: the plane is stored.
-constexpr double kStoreBits = 5.0;
+/// zlib's lowest level. Longer matches than runs take half as much time again and save little.
+constexpr int kPackLevel = 1, kStoreLevel = 0;
+/// Bits of a byte by its plane's histogram. Below the first, runs pay; between, Huffman's codes alone take a
+/// third less time for the same bytes; beyond the second they save a fifth of the image for half its time, and
+/// the plane is stored.
+constexpr double kRunsBits = 1.2, kStoreBits = 5.0;
 /// Every eighth byte gives the histogram.
 constexpr std::size_t kHistogramStep = 8;
 /// What zlib adds where its level changes, at most: two blocks' heads.
@@ -102,7 +102,7 @@ struct DepthCodec::Packer {
   bool good = false;
 
   Packer() {
-    good = deflateInit2(&deflate, kPackLevel, Z_DEFLATED, kWindowBits, kMemoryLevel, kPackStrategy) == Z_OK &&
+    good = deflateInit2(&deflate, kPackLevel, Z_DEFLATED, kWindowBits, kMemoryLevel, Z_RLE) == Z_OK &&
            inflateInit(&inflate) == Z_OK;
   }
   ~Packer() {
@@ -166,12 +166,13 @@ Result<std::span<const std::byte>> DepthCodec::encode(const DepthFrame& frame) {
     const std::span<std::uint8_t> plane = std::span(planes_).subspan(byte * n, n);
     const bool last = byte + 1 == kBytesOfDepth;
     z.avail_in = 0;
-    const bool set =
-        deflateParams(&z, bits_a_byte(plane) > kStoreBits ? kStoreLevel : kPackLevel, kPackStrategy) == Z_OK;
+    const double bits = bits_a_byte(plane);
+    const bool set = deflateParams(&z, bits > kStoreBits ? kStoreLevel : kPackLevel,
+                                   bits < kRunsBits ? Z_RLE : Z_HUFFMAN_ONLY) == Z_OK;
     z.next_in = plane.data();
     z.avail_in = static_cast<uInt>(n);
     const int packed = ::deflate(&z, last ? Z_FINISH : Z_NO_FLUSH);
-    if (!set || z.avail_in != 0 || packed != (last ? Z_STREAM_END : Z_OK))
+    if (!set || z.avail_in != 0 || (last && packed != Z_STREAM_END))
       return Error{"an image could not be packed"};
   }
   ByteWriter head{std::span(packed_)};

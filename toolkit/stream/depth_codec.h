@@ -28,7 +28,7 @@ class DepthCodec {
   DepthCodec(const DepthCodec&) = delete;
   DepthCodec& operator=(const DepthCodec&) = delete;
 
-  /// 640 x 480 depths take some 5 ms. The bytes are valid until the next call. An Error beyond four times the
+  /// 640 x 480 depths take 3 to 8 ms. The bytes are valid until the next call. An Error beyond four times the
   /// camera's pixels.
   [[nodiscard]] Result<std::span<const std::byte>> encode(const DepthFrame& frame);
   /// Damaged bytes are an Error and leave `frame` unspecified. Memory is bounded by the camera's pixels.
