@@ -51,7 +51,8 @@ PixelWindow grown(const PixelWindow& w, int by, const stream::DepthCamera& camer
 
 }  // namespace
 
-DepthFusion::DepthFusion(const stream::DepthCamera& camera) : camera_(camera), grid_(camera) {
+DepthFusion::DepthFusion(const stream::DepthCamera& camera)
+    : camera_(camera), grid_(camera), steep_(static_cast<float>(kSteepestSlope / camera.fx_px)) {
   const std::size_t n = grid_.front.size();
   for (State* state : {&before_, &now_, &warped_}) {
     for (Raster* raster : state->rasters()) raster->assign(n, 0.0F);
@@ -325,7 +326,8 @@ void DepthFusion::fuse_pixel(std::size_t i, float shift, bool together) noexcept
       w = expected;
       variance = noise;
     } else {
-      const float slack = kGateSigmas * std::sqrt(2.0F * noise);
+      // Nearer together than one sheet's neighbours they would be one.
+      const float slack = kGateSigmas * std::sqrt(2.0F * noise) + steep_ * m;
       if (covered > 0.0F && m <= covered + slack) {
         hidden = 0.0F;  // it came to light, or proved absent
       } else if (was > 0.0F && m > was + slack && !(covered > 0.0F) &&

@@ -90,6 +90,7 @@ class DepthFusion {
   double captured_s_ = 0.0;
   float dt_s_ = 0.0F;
   float noise_near_ = 0.0F, noise_far_ = 0.0F;  ///< of w: noise_near w^2 + noise_far
+  float steep_ = 0.0F;                          ///< kSteepestSlope's step between pixels, over w
   int radius_ = 0;
 };
 

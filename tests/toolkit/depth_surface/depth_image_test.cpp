@@ -63,28 +63,60 @@ TEST(DepthImage, NoiseIsFusedAway) {
   EXPECT_LT(felt.swap_step_n, 0.1);
 }
 
-/// 50 mm at 1 Hz, and a hand that stays 2 mm in front of where it is at its middle.
+/// 50 mm at 1 Hz.
 double swing(double t) {
   return 50.0 * std::sin(kTurn * t);
 }
+double swinging_wall(const Vec3& o, const Vec3& ray, double t) {
+  return test::depth_of_plane(o, ray, swing(t));
+}
+constexpr double kMostChangeN = 0.5;  // in a millisecond
 
-TEST(DepthImage, AMovingWallPushesAtItsSpeed) {
+TEST(DepthImage, AMovingWallIsHeldByALightHand) {
   for (const bool noisy : {false, true}) {
     SimulatedCamera camera;
     if (noisy) camera.make_noisy();
-    StreamRig rig(camera, [](const Vec3& o, const Vec3& ray, double t) {
-      return test::depth_of_plane(o, ray, swing(t));
+    StreamRig rig(camera, swinging_wall);
+    // A hand that presses with 1 N and gives way by 500 mm/s a newton more: faster than the wall.
+    constexpr double kHandN = 1.0, kGivesMmPerS = 500.0;
+    Vec3 hip(3.0, 2.0, 30.0);
+    rig.prepare(hip);
+    Vec3 before = Vec3::Zero();
+    double largest = 0.0, lag = 0.0;
+    std::size_t lost = 0;
+    while (rig.time_s() < 4.0) {
+      const Frame frame = rig.step(hip);
+      hip.z() += kGivesMmPerS * (frame.force_n.z() - kHandN) * StreamRig::kTickS;
+      largest = std::max(largest, (frame.force_n - before).norm());
+      before = frame.force_n;
+      if (rig.time_s() < 0.5) continue;
+      lost += !frame.contact;
+      lag = std::max(lag, std::abs(frame.god_object_mm.z() - swing(rig.time_s())));
+    }
+    std::printf("light hand: largest step %.4f N, lost %zu, lag %.2f mm\n", largest, lost, lag);
+    EXPECT_EQ(lost, 0u);
+    EXPECT_LT(largest, kMostChangeN);
+    // Carried from image to image the surface is one period behind: 10.5 mm at 314 mm/s.
+    EXPECT_LT(lag, noisy ? 12.5 : 11.0);
+  }
+}
+
+TEST(DepthImage, AWallThatPassesARestingHandTakesItAlong) {
+  for (const bool noisy : {false, true}) {
+    SimulatedCamera camera;
+    if (noisy) camera.make_noisy();
+    StreamRig rig(camera, swinging_wall);
+    // The wall is under the hand for the first time at 0.5 s, and over it by 45 mm at 1.25 s.
+    const Vec3 hip(3.0, 2.0, 5.0);
+    rig.prepare(hip);
+    const auto resting = [&](double) { return hip; };
+    (void)test::feel(rig, 0.9, resting, nothing_to_compare);
+    const Felt felt = test::feel(rig, 1.25, resting, [](const Vec3& h, double t) {
+      return t < 1.08 ? kNotCompared : StreamRig::kStiffness * (swing(t) - h.z());
     });
-    // The hand gives way: it stays 5 mm under the wall of a moment ago.
-    const auto hip = [](double t) {
-      return Vec3(0.0, 0.0,
-                  t < 0.3 ? 60.0 - 200.0 * std::max(0.0, t - 0.25)
-                          : swing(t - 0.06) - 5.0 + 55.0 * std::exp(-(t - 0.3) * 10));
-    };
-    rig.prepare(hip(0.0));
-    const Felt felt = test::feel(rig, 4.0, hip, nothing_to_compare);
-    say(noisy ? "noisy wall" : "wall", felt);
-    EXPECT_LT(felt.largest_step_n, 0.5);
+    say("resting hand", felt);
+    EXPECT_EQ(felt.lost, 0u);
+    EXPECT_LT(felt.largest_step_n, kMostChangeN);
   }
 }
 
@@ -134,6 +166,22 @@ TEST(DepthImage, ABallOnATable) {
   EXPECT_LT(worst, 0.05);
 }
 
+TEST(DepthImage, AThinPartIsAsWideAsItsPixels) {
+  // A bar of 6 mm, three pixels, 60 mm over a table.
+  StreamRig rig(SimulatedCamera(), [](const Vec3& o, const Vec3& ray, double) {
+    const double high = test::depth_of_plane(o, ray, 60.0), x = o.x() + high * ray.x();
+    return std::abs(x) < 3.0 ? high : test::depth_of_plane(o, ray, 0.0);
+  });
+  for (const double x : {-6.0, -2.2, 0.0, 2.2, 6.0}) {
+    const auto hip = [&](double t) { return Vec3(x, 4.0 * std::sin(t), 62.0 - 4.0 * std::min(1.0, t)); };
+    if (x < -5.0) rig.prepare(hip(0.0));
+    rig.restart(hip(0.0));
+    Frame frame;
+    while (rig.time_s() < 2.0) frame = rig.step(hip(rig.time_s() + StreamRig::kTickS));
+    EXPECT_NEAR(frame.force_n.z(), std::abs(x) < 3.0 ? StreamRig::kStiffness * 2.0 : 0.0, 1e-2) << x;
+  }
+}
+
 TEST(DepthImage, AStepIsNoWall) {
   // Left of x = 0 a table 100 mm higher.
   const auto step = [](const Vec3& o, const Vec3& ray, double) {
@@ -158,21 +206,6 @@ TEST(DepthImage, AStepIsNoWall) {
   say("rim", felt);
   EXPECT_EQ(felt.lost, 0u);
   EXPECT_LT(felt.worst_error_n, 1e-2);
-}
-
-TEST(DepthImage, Times) {
-  SimulatedCamera camera;
-  camera.make_noisy();
-  StreamRig rig(camera, level);
-  const Vec3 hip(0.0, 0.0, 10.0);
-  rig.prepare(hip);
-  for (int k = 0; k < 24; ++k) {
-    if (k >= 16) rig.camera().pose.translation_mm.x() += 1.0;
-    for (int tick = 0; tick < 33; ++tick) (void)rig.renderer().step(hip, rig.time_s());
-    const auto r = rig.receive_next(hip);
-    std::printf("%.2f/%.2f ", r.window_ms, r.whole_ms);
-  }
-  std::printf("ms window/whole\n");
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ inline double depth_of_ball(const Vec3& o, const Vec3& ray, const Vec3& centre, 
   return root > 0.0 ? (-b - std::sqrt(root)) / a : kNothing;
 }
 
-/// A camera at a height over the world's origin that looks down.
+/// A camera at a height over the world's origin that looks down: the middle of a usual one's image.
 struct SimulatedCamera {
   stream::DepthCamera camera;
   geometry::RigidTransform pose;
@@ -44,6 +44,10 @@ struct SimulatedCamera {
   std::mt19937 random{1};
 
   explicit SimulatedCamera(double height_mm = 1000.0) {
+    camera.width = 160;
+    camera.height = 120;
+    camera.cx_px = 79.5;
+    camera.cy_px = 59.5;
     pose.rotation = Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0);
     pose.translation_mm = Vec3(0.0, 0.0, height_mm);
   }
