@@ -119,10 +119,7 @@ JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& gri
   }
   JoinedChunks out;
   out.contradicted = all > 0.0 ? against / all : 0.0;
-  // By root: 1 + whether all of it is turned; 0: not known yet.
-  std::vector<std::uint8_t> whole(number.outward() + 1, 0);
-  const auto outward = groups.find(number.outward());
-  whole[outward.set] = static_cast<std::uint8_t>(1 + outward.turned);
+  std::vector<Vec3> areas(number.outward() + 1, Vec3::Zero());  // by root
   constexpr std::uint32_t kUnmet = 0xffffffffu;
   std::vector<std::uint32_t> dense(number.pieces(), kUnmet);
   std::uint32_t count = 0;
@@ -130,14 +127,13 @@ JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& gri
     std::uint32_t& met = dense[pieces.find(number.piece(c, brick.summary.piece)).set];
     if (met == kUnmet) met = count++;
     const auto in = groups.find(number.group(c, brick.summary.piece));
-    Eigen::Index axis = 0;
-    const Eigen::Vector3f& area = brick.summary.part.area;
-    if (whole[in.set] != 0 || !(area.cwiseAbs().maxCoeff(&axis) > 0.0f)) return;
-    whole[in.set] = static_cast<std::uint8_t>(1 + ((area[axis] < 0.0f ? 1u : 0u) ^ in.turned));
+    if (!brick.summary.smaller)
+      areas[in.set] += (in.turned != 0 ? -1.0 : 1.0) * brick.summary.part.area.cast<double>();
   });
+  const auto outward = groups.find(number.outward());
   const auto is_turned = [&](std::size_t c, std::uint32_t piece) {
     const auto in = groups.find(number.group(c, piece));
-    return in.turned != (whole[in.set] == 2 ? 1u : 0u);
+    return (in.turned != 0) != (in.set == outward.set ? outward.turned != 0 : looks_down(areas[in.set]));
   };
   const std::vector<PieceClass> classes = find_closed_components(
       grid, count,

@@ -25,8 +25,8 @@ struct JoinedChunks {
 
 /// Puts the closed pieces and the number of levels in `grid`. `chunks`: by first_code; their bricks are not
 /// read. Groups are joined by the sum of the agreement of their bricks, best supported first, as faces are
-/// within a part. What is not joined to a group that is oriented by visibility is turned so that its first
-/// brick looks up the axis that it faces most. O(bricks log bricks).
+/// within a part. What is
+/// not joined to a group that visibility has oriented is turned as looks_down() says. O(bricks log bricks).
 [[nodiscard]] JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& grid,
                                        bool both_sides, int threads);
 

@@ -352,12 +352,21 @@ OrientedPieces orient_outwards(const MortonPoints& points, std::vector<QuadricPa
   // Pieces joined to the outside are oriented relative to it.
   const bool upside_down = sides.find(outside).turned != 0;
   const std::uint32_t with_outside = sides.find(outside).set;
+  std::vector<Vec3> areas(far != nullptr ? patches.size() + 1 : 0, Vec3::Zero());
+  for (std::uint32_t i = 0; i < patches.size() && far != nullptr; ++i) {
+    const auto [root, turned] = sides.find(i);
+    areas[root] +=
+        (turned != 0 ? -1.0 : 1.0) * patches[i].support * patches[i].support * patches[i].quadric.n;
+  }
+  const auto is_root_down = [&](std::uint32_t root) {
+    return root == with_outside ? upside_down : far != nullptr && looks_down(areas[root]);
+  };
   OrientedPieces out;
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
     const auto [root, turned] = sides.find(i);
     out.piece.push_back(pieces.find(i).set);
     out.group.push_back(root == with_outside ? OrientedPieces::kOutward : root);
-    if ((turned != 0) != (root == with_outside && upside_down)) turn(patches[i].quadric);
+    if ((turned != 0) != is_root_down(root)) turn(patches[i].quadric);
   }
   drop_small_pieces(patches, out);
   return out;

@@ -16,6 +16,14 @@ struct OrientedPieces {
   std::vector<std::uint32_t> group;  ///< the same number: turned together; a piece is in one group
 };
 
+/// How a surface is turned of which neither side is outside, so that its parts are turned alike: along the
+/// axis that it faces most.
+[[nodiscard]] inline bool looks_down(const Vec3& area) noexcept {
+  Eigen::Index axis = 0;
+  area.cwiseAbs().maxCoeff(&axis);
+  return area[axis] < 0.0;
+}
+
 /// Turns the patches' normals outward, and drops stray pieces. `far`: where `points` are a part, a sample of
 /// all for what is far away, kFarReach of its spacings; else null.
 /// Smoothly continuing patches form faces. A face's outer side is the one from which more directions escape
