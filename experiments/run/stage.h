@@ -62,6 +62,10 @@ struct Stage {
 /// Loads, makes the path, computes the reference (slow, never timed). Every Error is bad input.
 [[nodiscard]] Result<Stage> set_up(const StageRequest& request, const io::Readers& readers,
                                    Progress& progress);
+/// The same of a scene that is loaded already, and along `path` where one is given.
+[[nodiscard]] Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> path,
+                                   const StageRequest& request, const io::Readers& readers,
+                                   Progress& progress);
 
 // The cleaning steps of this program, and what they do to a scene for one renderer.
 
