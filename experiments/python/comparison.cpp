@@ -50,9 +50,11 @@ ScenePtr scene_for(const py::object& scene, const Path& path) {
   return path.scene;
 }
 
-Truth make_truth(const py::object& path, const py::object& scene, const std::string& reference, double rate_hz) {
+Truth make_truth(const py::object& path, const py::object& scene, const std::string& reference,
+                 double rate_hz) {
   const Path along = path_of(path, rate_hz, nullptr);
   const ScenePtr of = scene_for(scene, along);
+  check_unchanged(*of);
   const trace::ProbePath& samples = finite(along);
   ex::Stage stage =
       without_lock([&](Progress& progress) { return stage_of(*of, &samples, "", reference, progress); });
@@ -145,6 +147,7 @@ py::tuple compare(const py::list& renderers, const py::object& path, const py::o
   Entries entries;
   for (const py::handle one : renderers) add_entry(one, of, entries);
   make_labels_unique(entries.requests);
+  check_unchanged(*of);
   const trace::ProbePath* const samples = along.path == nullptr ? nullptr : &finite(along);
   if (of->moving) raise({"a replay in another thread moves the scene's models", "load the scene once more"});
   of->moving = of->loaded.input.simulation != nullptr;
@@ -218,7 +221,8 @@ void add_comparison(py::module_& module) {
          [](const TruthFrame& f) -> const void* { return f.frame.god_object_mm.data(); });
   member("contact", bool{}, 1, [](const TruthFrame& f) -> const void* { return &f.frame.contact; });
   member("normal", double{}, 3, [](const TruthFrame& f) -> const void* { return f.normal.data(); });
-  member("distance_mm", double{}, 1, [](const TruthFrame& f) -> const void* { return &f.signed_distance_mm; });
+  member("distance_mm", double{}, 1,
+         [](const TruthFrame& f) -> const void* { return &f.signed_distance_mm; });
   truth.def_property_readonly("reference", [](const Truth& self) { return self.stage->reference->name; })
       .def_property_readonly("exactness", [](const Truth& self) { return self.stage->reference->exactness; })
       .def("__len__", [](const Truth& self) { return self.stage->reference->frames.size(); })

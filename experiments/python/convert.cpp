@@ -146,9 +146,9 @@ Options options_of(const py::dict& given) {
       text = py::str(py::hasattr(value, "item") ? value.attr("item")() : py::object(py::str(value)))
                  .cast<std::string>();
     } else {
-      raise({fmt::format("the option '{}' has a value of a kind that no option takes",
-                         key.cast<std::string>()),
-             "give text, a number, True or False"});
+      raise(
+          {fmt::format("the option '{}' has a value of a kind that no option takes", key.cast<std::string>()),
+           "give text, a number, True or False"});
     }
     options.set(key.cast<std::string>(), std::move(text));
   }
@@ -163,9 +163,8 @@ py::array view_of(const py::dtype& type, Layout layout, const void* data, const 
 
 py::array_t<double, py::array::c_style> rows_of_three(py::handle given, const char* what) {
   using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
-  const Rows rows = py::isinstance<py::array>(given) || PySequence_Check(given.ptr()) != 0
-                        ? Rows::ensure(given)
-                        : Rows();
+  const Rows rows =
+      py::isinstance<py::array>(given) || PySequence_Check(given.ptr()) != 0 ? Rows::ensure(given) : Rows();
   PyErr_Clear();
   if (!rows || rows.ndim() != 2 || rows.shape(1) != 3 || rows.shape(0) == 0)
     raise({fmt::format("{} need an array of n rows of x, y, z", what),

@@ -1,5 +1,5 @@
-// What crosses between Python and the toolkit: errors as exceptions, work without the interpreter's lock, places,
-// and arrays of numpy that look at the toolkit's memory.
+// What crosses between Python and the toolkit: errors as exceptions, work without the interpreter's lock,
+// places, and arrays of numpy that look at the toolkit's memory.
 #pragma once
 
 #include <pybind11/numpy.h>

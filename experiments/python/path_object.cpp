@@ -24,15 +24,15 @@ Path path_from_array(py::handle given, double rate_hz, ScenePtr scene) {
 
 /// A recorded session's path and what one renderer answered in it.
 py::tuple read_recording(const py::object& file, const std::string& renderer) {
-  trace::PathAndTrace read = without_lock([name = py::str(file).cast<std::string>(),
-                                           &renderer](Progress&) -> Result<trace::PathAndTrace> {
-    PALPATE_ASSIGN(device::Recording recording, device::Recording::open(name));
-    Result<trace::PathAndTrace> frames = experiments::frames_of_recording(recording, renderer);
-    if (!frames) return std::move(frames).error().in_file(name);
-    frames->path.name = name;
-    frames->trace.label = renderer;
-    return frames;
-  });
+  trace::PathAndTrace read = without_lock(
+      [name = py::str(file).cast<std::string>(), &renderer](Progress&) -> Result<trace::PathAndTrace> {
+        PALPATE_ASSIGN(device::Recording recording, device::Recording::open(name));
+        Result<trace::PathAndTrace> frames = experiments::frames_of_recording(recording, renderer);
+        if (!frames) return std::move(frames).error().in_file(name);
+        frames->path.name = name;
+        frames->trace.label = renderer;
+        return frames;
+      });
   return py::make_tuple(Path{std::make_shared<const trace::ProbePath>(std::move(read.path)), nullptr},
                         Trace{std::make_shared<const trace::ForceTrace>(std::move(read.trace))});
 }
@@ -94,6 +94,7 @@ void add_paths(py::module_& module) {
                                const auto& times = self.cast<const Trace&>().trace->frame_ns;
                                return member_view<std::int64_t>(times, times.data(), 1, self);
                              })
+      .def_readonly("seconds", &Trace::seconds)
       .def_property_readonly("label", [](const Trace& self) { return self.trace->label; })
       .def_property_readonly("hash", [](const Trace& self) { return trace::trace_hash(*self.trace); })
       .def("__len__", [](const Trace& self) { return self.trace->frames.size(); })

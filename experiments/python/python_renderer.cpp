@@ -15,7 +15,8 @@ using render::FrameStatus;
 /// Hands each frame to the Python object. After its first exception it answers no force.
 class PALPATE_HIDDEN PythonRenderer final : public render::HapticRenderer {
  public:
-  PythonRenderer(PythonClassPtr python, ScenePtr scene) : python_(std::move(python)), scene_(std::move(scene)) {}
+  PythonRenderer(PythonClassPtr python, ScenePtr scene)
+      : python_(std::move(python)), scene_(std::move(scene)) {}
   ~PythonRenderer() override {
     const py::gil_scoped_acquire lock;
     object_ = py::object();
@@ -147,7 +148,8 @@ PythonClass::PythonClass(py::object given) : given_(std::move(given)) {
              "give a name of palpate.renderers(), or a class with prepare(scene) and step(hip, t)"});
   is_class_ = PyType_Check(given_.ptr()) != 0;
   const py::object type = is_class_ ? given_ : py::type::of(given_);
-  name_ = py::str(py::hasattr(given_, "name") ? given_.attr("name") : type.attr("__name__")).cast<std::string>();
+  name_ =
+      py::str(py::hasattr(given_, "name") ? given_.attr("name") : type.attr("__name__")).cast<std::string>();
 }
 
 PythonClass::~PythonClass() {

@@ -37,7 +37,11 @@ class Renderer::Use {
 };
 
 Renderer::Renderer(ScenePtr scene, std::string name, Options options, PythonClassPtr python, int threads)
-    : scene_(std::move(scene)), name_(std::move(name)), options_(std::move(options)), python_(std::move(python)) {
+    : scene_(std::move(scene)),
+      name_(std::move(name)),
+      options_(std::move(options)),
+      python_(std::move(python)) {
+  check_unchanged(*scene_);
   render::Registry registry = our_renderers();
   if (python_ != nullptr) add_python_renderer(registry, python_, scene_);
   renderer_ = value_of(registry.make(name_, options_));
@@ -111,14 +115,19 @@ Trace Renderer::replay(py::handle path, double rate_hz) {
   if (python_ != nullptr) python_->forget_failure();
   render::Simulation* const simulation = simulation_of(*scene_);
   scene_->moving = simulation != nullptr;
+  double seconds = 0.0;
   Result<trace::ForceTrace> replayed = [&] {
     const py::gil_scoped_release released;
-    return trace::replay(*renderer_, samples, simulation);
+    const Stopwatch watch;
+    Result<trace::ForceTrace> frames = trace::replay(*renderer_, samples, simulation);
+    constexpr double kSPerMs = 1e-3;
+    seconds = kSPerMs * watch.ms();
+    return frames;
   }();
   scene_->moving = false;
   last_s_.reset();
   raise_failure();
-  return {std::make_shared<const trace::ForceTrace>(value_of(std::move(replayed)))};
+  return {std::make_shared<const trace::ForceTrace>(value_of(std::move(replayed))), seconds};
 }
 
 void Renderer::close() {
@@ -148,12 +157,13 @@ void add_renderer(py::module_& module) {
       .def("close", &Renderer::close)
       .def_property_readonly("closed", &Renderer::closed)
       .def_property_readonly("name", &Renderer::name)
-      .def_property_readonly("scene",
-                             [](const Renderer& self) { return std::const_pointer_cast<Scene>(self.scene()); })
+      .def_property_readonly(
+          "scene", [](const Renderer& self) { return std::const_pointer_cast<Scene>(self.scene()); })
       .def_property_readonly("options",
                              [](const Renderer& self) {
                                py::dict all;
-                               for (const auto& [key, value] : self.options().all()) all[py::str(key)] = value;
+                               for (const auto& [key, value] : self.options().all())
+                                 all[py::str(key)] = value;
                                return all;
                              })
       .def_property_readonly("prepare_ms", [](const Renderer& self) { return self.report().total_ms; })
@@ -174,9 +184,11 @@ void add_renderer(py::module_& module) {
         py::dict rest(**options);
         const ScenePtr scene = with_surface(scene_of(source), rest);
         if (py::isinstance<py::str>(name))
-          return std::make_unique<Renderer>(scene, name.cast<std::string>(), options_of(rest), nullptr, threads);
+          return std::make_unique<Renderer>(scene, name.cast<std::string>(), options_of(rest), nullptr,
+                                            threads);
         auto python = std::make_shared<PythonClass>(name);
-        if (rest.size() > 0) raise({"a renderer written in Python takes no options", "give them to its class"});
+        if (rest.size() > 0)
+          raise({"a renderer written in Python takes no options", "give them to its class"});
         return std::make_unique<Renderer>(scene, python->name(), Options(), python, threads);
       },
       py::arg("name"), py::arg("scene"), py::kw_only(), py::arg("threads") = 0);

@@ -8,6 +8,7 @@
 #include "experiments/data/scans.h"
 #include "experiments/run/arguments.h"
 #include "experiments/session/session.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 
 namespace palpate::python {
@@ -44,14 +45,19 @@ ScenePtr load(const std::string& source, const ex::ModelArguments& arguments) {
   });
 }
 
+std::string hash_of(const cloud::Cloud& points) {
+  return fmt::format("{:016x}", cloud::content_hash(points));
+}
+
 /// A scene of one model with these points.
-ScenePtr scene_around(std::shared_ptr<const cloud::Cloud> points, io::Unit unit) {
+ScenePtr scene_around(std::shared_ptr<const cloud::Cloud> points, io::Unit unit, bool from_columns) {
   auto made = std::make_shared<Scene>();
   made->name = "array";
+  made->from_columns = from_columns;
   scene::Provenance from;
   from.source = "array";
   from.format = "array";
-  from.content_hash = fmt::format("{:016x}", cloud::content_hash(*points));
+  from.content_hash = hash_of(*points);
   from.unit = unit;
   from.file_points = points->size();
   render::ModelInput model;
@@ -73,13 +79,48 @@ ScenePtr scene_from_array(py::handle given, const std::string& unit_name, bool r
     for (Vec3& p : scaled) p *= mm;
     points_mm = scaled;
   }
-  auto points = std::make_shared<cloud::Cloud>(value_of(
-      cloud::build_cloud(points_mm, refuse ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop)));
-  return scene_around(std::move(points), unit);
+  auto points = std::make_shared<cloud::Cloud>(
+      value_of(cloud::build_cloud(points_mm, refuse ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop)));
+  return scene_around(std::move(points), unit, false);
 }
 
-py::array column(const Cloud& cloud, const std::vector<float>& values, py::handle self) {
-  (void)cloud;
+/// A cloud's own columns before it is a cloud, to be filled from Python: the way in without a copy.
+struct PALPATE_HIDDEN Columns {
+  std::shared_ptr<cloud::Cloud> points = std::make_shared<cloud::Cloud>();  ///< null: a cloud has them
+  py::array x, y, z;
+
+  explicit Columns(std::size_t count) {
+    using Owner = std::shared_ptr<cloud::Cloud>;
+    for (auto [array, values] :
+         {std::pair{&x, &points->x_mm}, std::pair{&y, &points->y_mm}, std::pair{&z, &points->z_mm}}) {
+      values->resize(count);
+      const py::capsule owner(new Owner(points), [](void* held) { delete static_cast<Owner*>(held); });
+      *array = py::array_t<float>(static_cast<py::ssize_t>(count), values->data(), owner);
+    }
+  }
+};
+
+/// The columns become a cloud where they lie; their arrays can only be read from then on.
+ScenePtr scene_from_columns(Columns& columns, py::handle origin) {
+  if (columns.points == nullptr) raise({"these columns are a cloud already", "make others"});
+  const std::shared_ptr<cloud::Cloud>& points = columns.points;
+  points->origin_mm = vec3_of(origin);
+  if (!is_finite(points->origin_mm)) raise({"the origin is not finite", "give it in mm"});
+  for (std::size_t i = 0; i < points->size(); ++i)
+    if (!is_finite(points->local_mm(i)))
+      raise({fmt::format("point {} is not finite", i), "leave it out, or give palpate.cloud an array"});
+  // A single's digits are spent on the distance to the origin: twice the extent leaves all but two bits.
+  constexpr double kFarthestExtents = 2.0;
+  const geometry::Aabb box = points->box_mm();
+  if ((box.centre_mm() - points->origin_mm).norm() > kFarthestExtents * box.extent_mm().norm())
+    raise({"the points lie far from their origin, where single precision is coarse",
+           "subtract their middle and give it as origin_mm"});
+  for (py::array* const array : {&columns.x, &columns.y, &columns.z})
+    array->attr("flags").attr("writeable") = false;
+  return scene_around(std::exchange(columns.points, nullptr), io::Unit::kMillimetre, true);
+}
+
+py::array column(const std::vector<float>& values, py::handle self) {
   return member_view<float>(values, values.data(), 1, self);
 }
 
@@ -94,7 +135,8 @@ py::array_t<double> all_points(const Cloud& cloud) {
 
 void prepare_file(const Cloud& cloud, const std::string& file, bool force) {
   if (cloud.input().prepared != nullptr)
-    raise({"is a prepared file already", "give the scan", cloud.scene->loaded.provenance[cloud.model].source});
+    raise(
+        {"is a prepared file already", "give the scan", cloud.scene->loaded.provenance[cloud.model].source});
   check(ex::check_output({file, {"palsurf"}, force}, {}));
   without_lock([&](Progress& progress) -> Status {
     render::PrepareReport report;
@@ -109,13 +151,14 @@ ScenePtr scene_of(py::handle given) {
     const auto& cloud = given.cast<const Cloud&>();
     const scene::LoadedScene& all = cloud.scene->loaded;
     if (all.input.models.size() == 1) return cloud.scene;
-    auto alone = std::make_shared<Scene>(Scene{cloud.input().name, all});
+    auto alone = std::make_shared<Scene>(Scene{cloud.input().name, all, {}, cloud.scene->from_columns});
     alone->loaded.input.models = {cloud.input()};
     alone->loaded.provenance = {all.provenance[cloud.model]};
     alone->loaded.sampled_mesh = {all.sampled_mesh[cloud.model]};
     return alone;
   }
-  if (py::isinstance<Scene>(given)) return std::const_pointer_cast<const Scene>(given.cast<std::shared_ptr<Scene>>());
+  if (py::isinstance<Scene>(given))
+    return std::const_pointer_cast<const Scene>(given.cast<std::shared_ptr<Scene>>());
   if (py::isinstance<py::str>(given) || py::hasattr(given, "__fspath__"))
     return load(py::str(given).cast<std::string>(), {});
   return scene_from_array(given, "mm", true);
@@ -129,7 +172,8 @@ ScenePtr with_surface(const ScenePtr& scene, py::dict& given) {
     const py::object value = given[key];
     // One coefficient, or static and dynamic.
     if (PyTuple_Check(value.ptr()) != 0 || PyList_Check(value.ptr()) != 0)
-      for (const py::handle part : value) text += (text.empty() ? "" : ",") + py::str(part).cast<std::string>();
+      for (const py::handle part : value)
+        text += (text.empty() ? "" : ",") + py::str(part).cast<std::string>();
     else
       text = py::str(value).cast<std::string>();
     given.attr("pop")(key);
@@ -140,9 +184,9 @@ ScenePtr with_surface(const ScenePtr& scene, py::dict& given) {
   wanted.deformation = take("deformation");
   const std::string limit = take("force_limit");
   if (!wanted.any() && limit.empty()) return scene;
-  auto changed = std::make_shared<Scene>(Scene{scene->name, scene->loaded, scene->renderer});
-  if (!limit.empty())
-    changed->loaded.input.force_limit_n = value_of(read_number(limit, NumberRange{0.0}));
+  auto changed =
+      std::make_shared<Scene>(Scene{scene->name, scene->loaded, scene->renderer, scene->from_columns});
+  if (!limit.empty()) changed->loaded.input.force_limit_n = value_of(read_number(limit, NumberRange{0.0}));
   for (render::ModelInput& model : changed->loaded.input.models) {
     if (wanted.any() && model.surface.per_point != nullptr)
       raise({fmt::format("the surface of '{}' differs from point to point", model.name),
@@ -153,6 +197,12 @@ ScenePtr with_surface(const ScenePtr& scene, py::dict& given) {
     model.surface = uniform.models.front().surface;
   }
   return changed;
+}
+
+void check_unchanged(const Scene& scene) {
+  if (!scene.from_columns) return;
+  if (hash_of(*scene.loaded.input.models.front().cloud) != scene.loaded.provenance.front().content_hash)
+    raise({"the points of this cloud were changed after it was made", "make another cloud"});
 }
 
 void add_scenes(py::module_& module) {
@@ -176,14 +226,15 @@ void add_scenes(py::module_& module) {
   const auto axis = [&](const char* name, std::vector<float> cloud::Cloud::*values) {
     cloud.def_property_readonly(name, [values](const py::object& self) {
       const auto& own = self.cast<const Cloud&>();
-      return column(own, (*own.points()).*values, self);
+      return column((*own.points()).*values, self);
     });
   };
   axis("x", &cloud::Cloud::x_mm);
   axis("y", &cloud::Cloud::y_mm);
   axis("z", &cloud::Cloud::z_mm);
   cloud.def("__len__", [](const Cloud& self) { return self.points()->size(); })
-      .def_property_readonly("origin_mm", [](const Cloud& self) { return tuple_of(self.points()->origin_mm); })
+      .def_property_readonly("origin_mm",
+                             [](const Cloud& self) { return tuple_of(self.points()->origin_mm); })
       .def_property_readonly("box_mm",
                              [](const Cloud& self) {
                                const geometry::Aabb box = self.points()->box_mm();
@@ -195,16 +246,18 @@ void add_scenes(py::module_& module) {
                                py::dict all;
                                const auto& own = self.cast<const Cloud&>();
                                for (const cloud::Property& property : own.points()->properties)
-                                 all[py::str(property.name)] = column(own, property.values, self);
+                                 all[py::str(property.name)] = column(property.values, self);
                                return all;
                              })
       .def_property_readonly("name", [](const Cloud& self) { return self.input().name; })
       .def_property_readonly("source", [from](const Cloud& self) { return from(self).source; })
       .def_property_readonly("format", [from](const Cloud& self) { return from(self).format; })
-      .def_property_readonly("unit",
-                             [from](const Cloud& self) { return std::string(io::unit_name(from(self).unit)); })
+      .def_property_readonly(
+          "unit", [from](const Cloud& self) { return std::string(io::unit_name(from(self).unit)); })
+      .def_property_readonly("copied", [](const Cloud& self) { return !self.scene->from_columns; })
       .def_property_readonly("warnings", [from](const Cloud& self) { return from(self).warnings; })
-      .def_property_readonly("has_formula", [](const Cloud& self) { return self.input().analytic != nullptr; })
+      .def_property_readonly("has_formula",
+                             [](const Cloud& self) { return self.input().analytic != nullptr; })
       .def_property_readonly("has_faces",
                              [](const Cloud& self) { return self.input().original_mesh != nullptr; })
       .def_property_readonly("stiffness_n_per_mm",
@@ -224,6 +277,23 @@ void add_scenes(py::module_& module) {
              "open it with palpate.scene", scene->name});
     return Cloud{scene, 0};
   });
+  py::class_<Columns>(module, "Columns", "Room for the x, y and z of n points, mm, to be filled.")
+      .def(py::init([](py::ssize_t count) {
+             if (count < 1) raise({"a cloud has at least one point", "give their number"});
+             if (static_cast<std::size_t>(count) > cloud::kMaxCloudPoints)
+               raise({fmt::format("{} points are more than one model may have", count), "make several"});
+             return std::make_unique<Columns>(static_cast<std::size_t>(count));
+           }),
+           py::arg("count"))
+      .def_readonly("x", &Columns::x)
+      .def_readonly("y", &Columns::y)
+      .def_readonly("z", &Columns::z)
+      .def(
+          "cloud",
+          [](Columns& self, const py::object& origin) {
+            return Cloud{scene_from_columns(self, origin), 0};
+          },
+          py::arg("origin_mm") = py::make_tuple(0.0, 0.0, 0.0));
   module.def(
       "cloud",
       [](const py::object& points, const std::string& unit, bool drop_non_finite) {

@@ -16,7 +16,9 @@ struct Scene {
   std::string name;
   scene::LoadedScene loaded;
   std::optional<NamedOptions> renderer{};  ///< the scene file's own
-  /// A replay without the interpreter's lock moves the models: nobody else may. Read and written with the lock.
+  bool from_columns = false;               ///< arrays of Python look at the points, and may have changed them
+  /// A replay without the interpreter's lock moves the models: nobody else may. Read and written with the
+  /// lock.
   mutable bool moving = false;
 };
 using ScenePtr = std::shared_ptr<const Scene>;
@@ -39,6 +41,7 @@ struct Path {
 /// What a renderer answered along a path.
 struct Trace {
   std::shared_ptr<const trace::ForceTrace> trace;
+  double seconds = 0.0;  ///< that its frames took, all together; 0: not replayed here
 };
 
 /// Default rate of paths that come without times.
@@ -49,6 +52,9 @@ inline constexpr double kPathHz = 1000.0;
 /// `scene` with uniform stiffness (N/mm), friction (one or a pair), deformation, and a force limit (N). Takes
 /// these keys out of `given`; the same scene where there are none.
 [[nodiscard]] ScenePtr with_surface(const ScenePtr& scene, py::dict& given);
+
+/// Throws if somebody has changed points that Python's arrays look at.
+void check_unchanged(const Scene& scene);
 
 /// The times of `count` samples from 0.
 [[nodiscard]] std::vector<double> times_at(double rate_hz, std::size_t count);

@@ -15,13 +15,13 @@ import os
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 from . import _palpate
-from ._palpate import Cloud, Frame, Path, Renderer, Scene, Trace, Truth, __version__
+from ._palpate import Cloud, Columns, Frame, Path, Renderer, Scene, Trace, Truth, __version__
 from .comparison import Comparison
 from .errors import Error
 from .protocols import Answer, Places, PythonRenderer, SceneLike, Vector
 
 __all__ = [
-    "Answer", "Cloud", "Comparison", "Error", "Frame", "Path", "Places", "PythonRenderer", "Renderer", "Scene",
+    "Answer", "Cloud", "Columns", "Comparison", "Error", "Frame", "Path", "Places", "PythonRenderer", "Renderer", "Scene",
     "SceneLike", "Trace", "Truth", "Vector", "__version__", "cloud", "compare", "generate", "path", "read",
     "read_recording", "read_trace", "renderer", "renderers", "scene", "score", "truth",
 ]
@@ -46,9 +46,8 @@ def read(source: FileName, *, unit: Optional[str] = None, scale: Optional[float]
 def cloud(points: Places, *, unit: str = "mm", drop_non_finite: bool = False) -> Cloud:
     """A cloud from an (n, 3) array of x, y, z.
 
-    unit: of the numbers. Points that are not finite are an Error, or dropped. Cloud.copied says whether the
-    array was copied: one in mm of float32, column after column (numpy.asfortranarray), without points to drop
-    and not far from its own middle, is used where it lies, and becomes read-only.
+    unit: of the numbers. Points that are not finite are an Error, or dropped. The array is copied, since a
+    cloud owns its columns; Columns(n) hands these out before, to be filled without a copy.
     """
     return _palpate.cloud(points, unit=unit, drop_non_finite=drop_non_finite)
 

@@ -59,8 +59,8 @@ class Cloud:
     def unit(self) -> str:
         """Of the source: m, cm, mm, um, in."""
     @property
-    def copied(self) -> str:
-        """Why the points were copied; "" where they lie in the array that was given."""
+    def copied(self) -> bool:
+        """False where the points lie in the Columns that were filled."""
     @property
     def warnings(self) -> List[str]: ...
     @property
@@ -71,6 +71,19 @@ class Cloud:
     def stiffness_n_per_mm(self) -> float: ...
     def prepare(self, file: str, force: bool = False) -> None:
         """Writes a prepared file (.palsurf) that read() opens without building; force: replaces any file."""
+
+class Columns:
+    """Room for the x, y and z of n points, mm: a cloud's own memory, to be filled."""
+
+    def __init__(self, count: int) -> None: ...
+    @property
+    def x(self) -> npt.NDArray[np.float32]: ...
+    @property
+    def y(self) -> npt.NDArray[np.float32]: ...
+    @property
+    def z(self) -> npt.NDArray[np.float32]: ...
+    def cloud(self, origin_mm: Vector = (0.0, 0.0, 0.0)) -> Cloud:
+        """The cloud where the columns lie, which can only be read from then on. origin_mm is added to them."""
 
 class Path:
     """Places of the HIP over time."""
@@ -106,6 +119,9 @@ class Trace:
     @property
     def frame_ns(self) -> npt.NDArray[np.int64]:
         """Times of frames; empty where none was timed."""
+    @property
+    def seconds(self) -> float:
+        """That all frames of a replay took together."""
     @property
     def label(self) -> str: ...
     @property
