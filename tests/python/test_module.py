@@ -29,7 +29,7 @@ class Ball:
 
 
 def sphere():
-    return palpate.generate("sphere", points=4000, radius_mm=20)
+    return palpate.generate("sphere", points=4000, extent_mm=40)
 
 
 class Clouds(unittest.TestCase):
@@ -135,7 +135,7 @@ class Renderers(unittest.TestCase):
             renderer.restart((0, 0, 30))
             answers.add(renderer.step(place).force)
         self.assertEqual(len(answers), 1)
-        for wrong in ((0, 0), "abc", None, 7, (0, 0, "x"), [[1, 2, 3]], np.zeros((3, 1)), {}, object()):
+        for wrong in ((0, 0), "abc", None, 7, (0, 0, "x"), [[1, 2, 3]], np.zeros((3, 2)), {}, object()):
             with self.assertRaisesRegex(palpate.Error, "three numbers"):
                 renderer.step(wrong)
         self.assertEqual(renderer.step((0, math.nan, 0)).status, "non-finite")

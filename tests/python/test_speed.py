@@ -1,4 +1,7 @@
-"""What Python adds: to the import, a step and a replay. Best of several tries, for the machine has others."""
+"""What Python adds: to the import, a step and a replay. Best of several tries, for the machine has others.
+
+The import is judged by its processor time: reading seventy libraries waits for whoever else has the cores.
+"""
 
 import statistics
 import subprocess
@@ -18,11 +21,14 @@ MOST_REPLAY_SHARE = 0.02
 
 class Speed(unittest.TestCase):
     def test_import(self):
-        script = "import time; t = time.perf_counter(); import palpate; print(1e3 * (time.perf_counter() - t))"
-        taken = [float(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
-                 for _ in range(TRIES)]
-        print(f"import palpate: {min(taken):.0f} ms, median {statistics.median(taken):.0f} ms")
-        self.assertLess(min(taken), MOST_IMPORT_MS)
+        script = ("import time; w, c = time.perf_counter(), time.process_time(); import palpate; "
+                  "print(1e3 * (time.perf_counter() - w), 1e3 * (time.process_time() - c))")
+        runs = [subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+                for _ in range(TRIES)]
+        wall, processor = ([float(run[i]) for run in runs] for i in range(2))
+        print(f"import palpate: {min(wall):.0f} ms at best, median {statistics.median(wall):.0f} ms; "
+              f"of the processor {statistics.median(processor):.0f} ms")
+        self.assertLess(statistics.median(processor), MOST_IMPORT_MS)
         loaded = subprocess.run([sys.executable, "-c", "import palpate, sys; print('pandas' in sys.modules, "
                                  "'matplotlib' in sys.modules)"], capture_output=True, text=True, check=True).stdout
         self.assertEqual(loaded.split(), ["False", "False"])

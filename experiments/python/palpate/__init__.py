@@ -46,7 +46,7 @@ def read(source: FileName, *, unit: Optional[str] = None, scale: Optional[float]
 def cloud(points: Places, *, unit: str = "mm", drop_non_finite: bool = False) -> Cloud:
     """A cloud from an (n, 3) array of x, y, z.
 
-    unit: of the numbers. Points that are not finite are an Error, or dropped. The array is copied, since a
+    unit: of the numbers: mm, m, cm, um, in. Points that are not finite are an Error, or dropped. The array is copied, since a
     cloud owns its columns; Columns(n) hands these out before, to be filled without a copy.
     """
     return _palpate.cloud(points, unit=unit, drop_non_finite=drop_non_finite)
