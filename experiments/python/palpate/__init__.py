@@ -12,7 +12,11 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
+from pkgutil import extend_path
+from typing import Any, Dict, Optional, Sequence, Tuple, Union
+
+# Found first in a checkout, this folder lacks the compiled part, which stands in the build's on the search path.
+__path__ = extend_path(__path__, __name__)
 
 from . import _palpate
 from ._palpate import Cloud, Columns, Frame, Path, Renderer, Scene, Trace, Truth, __version__
