@@ -82,6 +82,10 @@ struct Stage {
 /// presses and slides on what the truth says, or else on what `depth-image` makes of the stream.
 [[nodiscard]] Result<Stage> set_up_stream(const StageRequest& request, const io::Readers& readers,
                                           Progress& progress);
+/// The same of a scene that is loaded already, and along `path` where one is given.
+[[nodiscard]] Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> path,
+                                   const StageRequest& request, const io::Readers& readers,
+                                   Progress& progress);
 
 // The cleaning steps of this program, and what they do to a scene for one renderer.
 
