@@ -29,7 +29,7 @@ constexpr double kProgramMegabytes = 150.0, kProgramS = 0.5;
 constexpr double kBytesPerMegabyte = 1e6;
 
 // Each job gets five minutes and ten times what it is expected to take, and twice its memory; a repeated one
-// gets as much again. Exit status 1 is an answer: the command says at the end what could not be measured.
+// gets as much again.
 constexpr const char* kSnakefile =
     R"(# Written by palpate: the same command writes it anew. Snakemake 7 and later.
 import csv
@@ -69,7 +69,7 @@ rule report:
 
 rule prepare:
     output:
-        touch("done/prepare"),
+        "done/prepare",
     retries: 2
     resources:
         timing=0,
@@ -77,14 +77,14 @@ rule prepare:
         runtime=30,
         slurm_extra="--oversubscribe",
     shell:
-        "sh run --case none"
+        "sh run {output} --case none"
 
 
 rule case:
     input:
         "done/prepare",
     output:
-        touch("done/cases/{id}"),
+        "done/cases/{id}",
     retries: 2
     resources:
         timing=timed,
@@ -92,14 +92,14 @@ rule case:
         runtime=minutes,
         slurm_extra=alone,
     shell:
-        "sh run --case {wildcards.id} || test $? -eq 1"
+        "sh run {output} --case {wildcards.id}"
 
 
 rule merge:
     input:
         expand("done/cases/{id}", id=JOBS),
     output:
-        touch("done/merge"),
+        "done/merge",
     retries: 2
     resources:
         timing=1,
@@ -107,7 +107,7 @@ rule merge:
         runtime=60,
         slurm_extra="--exclusive",
     shell:
-        "sh run || test $? -eq 1"
+        "sh run {output}"
 )";
 
 // One job that is timed at a time. Times of files decide alone what is to be done again.
@@ -122,8 +122,7 @@ quiet: rules
 
 // Partition and account come from the user's SBATCH_PARTITION and SBATCH_ACCOUNT.
 constexpr const char* kSlurm7 = R"(cluster: >-
-  mkdir -p logs && sbatch --parsable --requeue {resources.slurm_extra} --ntasks=1 --cpus-per-task={threads}
-  --mem={resources.mem_mb} --time={resources.runtime} --job-name=palpate-{rule} --output=logs/%j.log
+  sh profiles/slurm/submit {resources.slurm_extra} {resources.mem_mb} {resources.runtime} {rule} {output} {wildcards}
 cluster-status: sh profiles/slurm/status
 cluster-cancel: scancel
 jobs: 1000
@@ -145,6 +144,20 @@ keep-going: true
 latency-wait: 60
 quiet: rules
 )";
+// A job is what its rule runs: Snakemake itself, started in every job, would take seconds of it.
+constexpr const char* kSlurmSubmit =
+    R"(# How Snakemake 7 submits a job; its own script is the last argument, and unused.
+extra=$1 memory=$2 minutes=$3 rule=$4 output=$5
+shift 5
+case $rule in
+  prepare) set -- --case none ;;
+  case) set -- --case "${1#id=}" ;;
+  *) set -- ;;
+esac
+mkdir -p logs
+exec sbatch --parsable --requeue "$extra" --ntasks=1 --mem="$memory" --time="$minutes" --job-name="palpate-$rule" \
+  --output=logs/%j.log --wrap="sh run $output $*"
+)";
 // Slurm forgets a job minutes after its end. One that nobody knows counts as failed: what it measured is
 // kept.
 constexpr const char* kSlurmStatus = R"(# What Snakemake 7 asks of a job: success, running or failed.
@@ -156,6 +169,15 @@ case $state in
   *) echo failed ;;
 esac
 )";
+
+// Exit status 1 is an answer: the command says at the end what could not be measured.
+std::string run_script(const std::string& command) {
+  return fmt::format(
+      "# A job: sh run FILE [--case ID], where FILE says that it has ended.\n"
+      "ended=$1\nshift\n(cd {} && exec {} \"$@\")\nstatus=$?\n"
+      "[ $status -le 1 ] || exit $status\nmkdir -p \"$(dirname \"$ended\")\" && touch \"$ended\"\n",
+      for_shell(fs::current_path().string()), command);
+}
 
 /// The text in the last "KEY=" of a setting or scene; "-" where there is none.
 std::string seed_in(const std::string& text) {
@@ -218,14 +240,14 @@ Result<std::string> write_jobs(const CaseSelection& cases, const fs::path& out) 
   PALPATE_ASSIGN([[maybe_unused]] const OutputFolder::Begun begun, folder.begin(RunKey().add("jobs").word()));
   PALPATE_TRY(folder.write("jobs.tsv", table_of(cases.left)));
   PALPATE_TRY(folder.write("Snakefile", kSnakefile));
-  PALPATE_TRY(folder.write("run", fmt::format("cd {} &&\nexec {} \"$@\"\n",
-                                              for_shell(fs::current_path().string()), cases.command)));
+  PALPATE_TRY(folder.write("run", run_script(cases.command)));
   PALPATE_ASSIGN(const OutputFolder profiles, folder.inside("profiles"));
   PALPATE_ASSIGN(const OutputFolder local, profiles.inside("local"));
   PALPATE_TRY(local.write("config.yaml", kLocal));
   PALPATE_ASSIGN(const OutputFolder slurm, profiles.inside("slurm"));
   PALPATE_TRY(slurm.write("config.yaml", kSlurm7));
   PALPATE_TRY(slurm.write("config.v8+.yaml", kSlurm8));
+  PALPATE_TRY(slurm.write("submit", kSlurmSubmit));
   PALPATE_TRY(slurm.write("status", kSlurmStatus));
   PALPATE_TRY(folder.complete());
   tell("palpate: {} cases: cd {} && snakemake --profile profiles/{}\n", cases.left.size(),

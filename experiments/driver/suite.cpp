@@ -59,13 +59,18 @@ Status Suite::begin(const RunKey& key, const std::string& record) {
 bool Suite::measures(const Case& one) const {
   CaseSelection& cases = context_.cases;
   if (cases.list) cases.left.push_back(one);
+  cases.found = cases.found || case_id(one.name) == cases.only;
   return cases.all() || case_id(one.name) == cases.only;
 }
 
 Result<int> Suite::leave() const {
   CaseSelection& cases = context_.cases;
   progress().clear();
-  if (!cases.list) return kExitOk;
+  if (!cases.list) {
+    if (cases.found || cases.only == kNoCase || folder_->has_parts()) return kExitOk;
+    context_.working = false;  // bad input
+    return Error{"there is no case " + shown(cases.only), "jobs.tsv lists them"};
+  }
   PALPATE_ASSIGN(cases.written, write_jobs(cases, folder_->path()));
   // The folder stays ours for the jobs, which find in it what an earlier run has kept.
   if (cases.anew) PALPATE_TRY(folder_->complete());

@@ -50,8 +50,8 @@ inline constexpr int kExitBadInput = 2;   ///< bad arguments or input
 
 /// A case that a process of its own can measure: a row of jobs.tsv.
 struct Case {
-  std::string name;  ///< a file name, or what case_id() makes one of; unique within the command
-  std::string scene, renderer, setting;
+  std::string name{};  ///< a file name, or what case_id() makes one of; unique within the command
+  std::string scene{}, renderer{}, setting{};
   double seconds = 60.0, megabytes = 1000.0;  ///< expected; these where nobody knows: a minute, a gigabyte
   bool timed = true;                          ///< work beside it would falsify it
 };
@@ -66,6 +66,7 @@ struct CaseSelection {
   std::string only;        ///< --case: an id, or kNoCase
   std::string command;     ///< the command line without these options, for a shell
   bool anew = false;       ///< listed: nothing was kept before
+  bool found = false;      ///< the one case is measured
   std::vector<Case> left;  ///< listed so far
   std::string written;     ///< the folder with the list
   [[nodiscard]] bool all() const { return !list && only.empty(); }

@@ -88,7 +88,7 @@ class StressRun {
 
  private:
   [[nodiscard]] bool spent() const {
-    return arguments_.budget_s > 0.0 && watch_.ms() > 1e3 * arguments_.budget_s;
+    return arguments_.budget_s > 0.0 && !suite_.partial() && watch_.ms() > 1e3 * arguments_.budget_s;
   }
 
   void run_row(const RendererRequest& request, std::size_t r, std::vector<StressCell>& row) {

@@ -306,6 +306,10 @@ bool OutputFolder::take_over(const std::string& part, const std::string& key,
   return true;
 }
 
+bool OutputFolder::has_parts() const {
+  return !state_->parts.empty();
+}
+
 Status OutputFolder::adopt(const std::string& folder) const {
   State& s = *state_;
   State other;
