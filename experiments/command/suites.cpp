@@ -19,6 +19,7 @@ void declare_behaviours(const Declaration& declare, BehavioursArguments& a) {
   declare_threads(declare, a.threads);
   declare_json(declare, a.json);
   declare.verbose();
+  declare.cases();
 }
 
 void declare_stress(const Declaration& declare, StressArguments& a) {
@@ -41,6 +42,7 @@ void declare_stress(const Declaration& declare, StressArguments& a) {
       "must be the same");
   declare_json(declare, a.json);
   declare.verbose();
+  declare.cases();
 }
 
 void declare_hunt(const Declaration& declare, HuntArguments& a) {
@@ -80,6 +82,7 @@ void declare_stability(const Declaration& declare, StabilityArguments& a) {
   declare.rare().number("--slew", a.slew_n_per_s, kSlew, "limit of the governor, N/s (default: 1000)");
   declare_path(declare, run.path, "six seconds, by the model's size");
   declare_scene_run(declare, run);
+  declare.cases();
 }
 
 void declare_goals(const Declaration& declare, GoalsArguments& a) {
@@ -88,6 +91,7 @@ void declare_goals(const Declaration& declare, GoalsArguments& a) {
                "small models and short paths, half a minute: a trial of the machinery, no measurement");
   declare_json(declare, a.json);
   declare.verbose();
+  declare.cases();
   declare_threads(declare, a.threads);
 }
 

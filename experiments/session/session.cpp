@@ -63,6 +63,22 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
   return options;
 }
 
+Case untimed(const RendererRequest& request) {
+  Case one;
+  one.name = request.label;
+  one.renderer = request.name;
+  one.timed = false;
+  return one;
+}
+
+std::string for_shell(const std::string& argument) {
+  constexpr const char* kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=:,./@%";
+  if (!argument.empty() && argument.find_first_not_of(kPlain) == std::string::npos) return argument;
+  std::string text = "'";
+  for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
+}
+
 metrics::DocumentHead new_head(const std::string& command_line) {
   return {version_text(), kCommit, build_text(), metrics::machine_info(), metrics::utc_now(), command_line};
 }

@@ -306,6 +306,37 @@ bool OutputFolder::take_over(const std::string& part, const std::string& key,
   return true;
 }
 
+bool OutputFolder::has_parts() const {
+  return !state_->parts.empty();
+}
+
+Status OutputFolder::adopt(const std::string& folder) const {
+  State& s = *state_;
+  State other;
+  other.root = folder;
+  other.read_mark();
+  if (other.unfinished != s.unfinished)
+    return Error{"was measured by another program or kind of machine, or with other arguments",
+                 "measure and merge on machines of one kind, or remove the folder", folder};
+  for (const std::string& name : other.ours) {
+    if (!name.starts_with(kParts)) continue;
+    const nlohmann::json kept = nlohmann::json::parse(text_of(other.root / name), nullptr, false);
+    if (!kept.is_object() || !kept.contains("files") || !kept.contains("text")) continue;  // measured anew
+    start_part();
+    for (const auto& [file, hash] : kept["files"].items()) {
+      if (!is_inside(file)) continue;
+      PALPATE_ASSIGN(const std::string path, claim(file));
+      std::error_code code;
+      fs::create_directories(fs::path(path).parent_path(), code);
+      fs::copy_file(other.root / file, path, fs::copy_options::overwrite_existing, code);
+      if (code) return Error{"cannot be copied from " + folder + ": " + code.message(), {}, path};
+    }
+    PALPATE_TRY(keep(name.substr(std::strlen(kParts)), kept.value("key", ""), kept.value("text", "")));
+    s.resumed = true;
+  }
+  return Done{};
+}
+
 Status OutputFolder::complete() const {
   const auto hold = block_stop();
   State& s = *state_;
