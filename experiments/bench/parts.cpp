@@ -110,8 +110,8 @@ TriangleMesh tube(const Ring& centres, const std::function<double(double, double
     for (std::size_t j = 0; j < sides; ++j) {
       const double turn = static_cast<double>(j) / static_cast<double>(sides);
       const double angle = 2.0 * pi * turn - twist * at;
-      rings[i].push_back(centres[i] + radius(at, turn) *
-                                          (std::cos(angle) * normals[i] + std::sin(angle) * beside));
+      rings[i].push_back(centres[i] +
+                         radius(at, turn) * (std::cos(angle) * normals[i] + std::sin(angle) * beside));
     }
   }
   return around(rings);
@@ -125,7 +125,8 @@ TriangleMesh bent_comb(Dimensions& d) {
   const double radius = d.length(60.0), half_angle = d.length(0.7), wave = d.length(2.0);
   std::set<Cube> cubes;
   add_cubes(cubes, {0, 0, 0}, {kLength, kDepth, kBack});
-  add_cubes(cubes, {0, 0, kBack}, {kLength, kDepth, tip}, [&](const Cube& c) { return c[0] % pitch < tooth; });
+  add_cubes(cubes, {0, 0, kBack}, {kLength, kDepth, tip},
+            [&](const Cube& c) { return c[0] % pitch < tooth; });
   return of_cubes(cubes, [&](const Vec3& p) {
     const double angle = half_angle * (p.x() / kLength * 2.0 - 1.0);
     return Vec3((radius + p.y()) * std::sin(angle), (radius + p.y()) * std::cos(angle),
@@ -140,9 +141,8 @@ TriangleMesh ribs_and_bracket(Dimensions& d) {
             other_rib = d.count(22, 20, 23);
   const double hole = d.length(6.0), lean_x = d.length(0.21), lean_y = d.length(0.13), rise = d.length(0.17);
   std::set<Cube> cubes;
-  add_cubes(cubes, {0, 0, 0}, {kLength, kWidth, plate}, [&](const Cube& c) {
-    return std::hypot(c[0] - kHoleX, c[1] - kHoleY) > hole;
-  });
+  add_cubes(cubes, {0, 0, 0}, {kLength, kWidth, plate},
+            [&](const Cube& c) { return std::hypot(c[0] - kHoleX, c[1] - kHoleY) > hole; });
   add_cubes(cubes, {0, 0, plate}, {plate, kWidth, kHeight});
   for (const int y : {rib, other_rib})
     add_cubes(cubes, {plate, y, plate}, {kRibEnd, y + kRibWidth, kRibEnd},
@@ -202,8 +202,8 @@ TriangleMesh cog(Dimensions& d) {
   for (const double z : {0.0, thickness})
     for (std::uint32_t i = 0; i < steps; ++i) {
       const double angle = 2.0 * pi * i / steps;
-      const double r = root + (i % kPitch < kPitch / 2 ? tooth : 0.0) +
-                       (i >= kBladeFrom && i < kBladeTo ? blade : 0.0);
+      const double r =
+          root + (i % kPitch < kPitch / 2 ? tooth : 0.0) + (i >= kBladeFrom && i < kBladeTo ? blade : 0.0);
       mesh.vertices_mm.emplace_back(r * std::cos(angle), r * std::sin(angle),
                                     z + saddle * r * std::cos(2.0 * angle));
     }

@@ -78,6 +78,7 @@ const std::map<std::string, std::string> kPublic = {
     {"palpate/reference.h", "toolkit/metrics"},
     {"palpate/registry.h", "toolkit/render"},
     {"palpate/renderer.h", "toolkit/render"},
+    {"palpate/renderer_plugin.h", "toolkit/render"},
     {"palpate/replay.h", "toolkit/trace"},
     {"palpate/result.h", "toolkit/core"},
     {"palpate/scene.h", "toolkit/scene"},
