@@ -35,6 +35,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"session", {"study", "run", "data", "report", "session"}},
     {"driver", {"study", "run", "data", "report", "session", "driver"}},
     {"behaviours", {"study", "run", "report", "session", "driver", "behaviours"}},
+    {"bench", {"study", "run", "report", "session", "driver", "bench"}},
     {"stress", {"study", "run", "report", "session", "driver", "stress"}},
     {"tables", {"study", "run", "data", "report", "session", "driver", "behaviours", "tables"}},
     {"stability", {"study", "run", "data", "report", "session", "driver", "stability"}},
@@ -49,8 +50,8 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"goals", {"study", "run", "data", "report", "session", "driver", "stability", "goals"}},
     {"psychophysics", {"study", "run", "data", "report", "session", "driver", "live", "psychophysics"}},
     {"command",
-     {"study", "run", "data", "report", "session", "driver", "behaviours", "stress", "tables", "stability",
-      "trade", "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "command"}},
+     {"study", "run", "data", "report", "session", "driver", "behaviours", "bench", "stress", "tables",
+      "stability", "trade", "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "command"}},
     {"benchmarks", {"window", "benchmarks"}},
 };
 
