@@ -294,7 +294,11 @@ Page bench_page(const BenchDocument& document, const std::vector<Table>& tables)
 
 }  // namespace
 
-Result<int> run_bench(const BenchArguments& given, Context& context) {
+Result<int> run_bench(const BenchArguments& arguments, Context& context) {
+  return run_bench_with(all_renderers(), arguments, context);
+}
+
+Result<int> run_bench_with(const render::Registry& registry, const BenchArguments& given, Context& context) {
   BenchArguments arguments = given;
   std::optional<BenchDocument> claimed, other;
   SuiteResults results{kBenchFile, {}, {}};
@@ -313,7 +317,6 @@ Result<int> run_bench(const BenchArguments& given, Context& context) {
   if (other && (other->quick != arguments.quick || other->seed_sha256 == seed.sha256))
     return Error{"is of the same seed, or of another size", "give a run of other cases, quick or not as this",
                  arguments.against};
-  const render::Registry registry = all_renderers();
   PALPATE_ASSIGN(std::vector<Entrant> entrants,
                  read_entries(arguments.entries.empty() ? kUsualEntries : arguments.entries, registry));
   const std::string folder = !arguments.emit.empty() ? arguments.emit

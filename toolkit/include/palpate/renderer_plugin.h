@@ -5,6 +5,13 @@
 // Units: mm, N, s, N/mm; world frame. Functions are called in this order, by one thread: create, prepare,
 // then restart and any number of steps, again and again; destroy. None throws. Texts are UTF-8,
 // zero-terminated, cut to size.
+//
+// First:
+//   static palpate_renderer_plugin plugin;
+//   plugin.abi = PALPATE_RENDERER_ABI;
+//   plugin.size = sizeof(plugin);
+//   plugin.what = "my renderer, and where it comes from";
+//   plugin.step = [](void*, const double*, double, palpate_renderer_frame*) {};  // the others alike
 #pragma once
 
 #include <stdint.h>  // NOLINT: C
