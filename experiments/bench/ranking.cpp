@@ -103,8 +103,10 @@ Table group_table(const BenchDocument& document, std::string_view group,
   }
   std::vector<std::size_t> order(document.entries.size());
   for (std::size_t e = 0; e < order.size(); ++e) order[e] = e;
+  const std::size_t by =
+      *std::find_if(columns.begin(), columns.end(), [](std::size_t m) { return !kMeasures[m].sum; });
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    const Standing &x = standings[a][columns.front()], &y = standings[b][columns.front()];
+    const Standing &x = standings[a][by], &y = standings[b][by];
     if ((x.rank > 0) != (y.rank > 0)) return x.rank > 0;
     return x.value && (!y.value || *x.value < *y.value);
   });

@@ -64,7 +64,7 @@ struct Standing {
 /// Cases that the entry finished.
 [[nodiscard]] std::size_t finished_by(const BenchDocument& document, const std::string& entry);
 
-/// A table for each group, the best of its first measure on top; last of all every case.
+/// A table for each group, the smallest of its first median on top; last of all every case.
 [[nodiscard]] std::vector<Table> bench_tables(const BenchDocument& document);
 /// What each entry has less of in `document` than in `other`, another seed's, case by case: tuning to the
 /// cases of one seed shows here.
