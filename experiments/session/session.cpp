@@ -18,6 +18,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/metrics/machine_info.h"
+#include "toolkit/render/plugin_renderer.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::experiments {
@@ -27,6 +28,7 @@ render::Registry all_renderers() {
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
+  render::register_plugin_renderers(registry);
   return registry;
 }
 

@@ -36,6 +36,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"session", {"study", "run", "data", "report", "session"}},
     {"driver", {"study", "run", "data", "report", "session", "driver"}},
     {"behaviours", {"study", "run", "report", "session", "driver", "behaviours"}},
+    {"bench", {"study", "run", "report", "session", "driver", "bench"}},
     {"stress", {"study", "run", "report", "session", "driver", "stress"}},
     {"tables", {"study", "run", "data", "report", "session", "driver", "behaviours", "tables"}},
     {"stability", {"study", "run", "data", "report", "session", "driver", "stability"}},
@@ -50,9 +51,9 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"goals", {"study", "run", "data", "report", "session", "driver", "stability", "goals"}},
     {"psychophysics", {"study", "run", "data", "report", "session", "driver", "live", "psychophysics"}},
     {"python", {"study", "run", "data", "session", "live", "python"}},
-    {"command",
-     {"study", "run", "data", "report", "session", "driver", "behaviours", "stress", "tables", "stability",
-      "trade", "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "streams", "command"}},
+    {"command", {"study", "run",    "data",   "report",        "session", "driver", "behaviours",
+                 "bench", "stress", "tables", "stability",     "trade",   "hunt",   "ablate",
+                 "live",  "bridge", "goals",  "psychophysics", "streams", "command"}},
     {"benchmarks", {"window", "benchmarks"}},
 };
 
@@ -80,6 +81,7 @@ const std::map<std::string, std::string> kPublic = {
     {"palpate/reference.h", "toolkit/metrics"},
     {"palpate/registry.h", "toolkit/render"},
     {"palpate/renderer.h", "toolkit/render"},
+    {"palpate/renderer_plugin.h", "toolkit/render"},
     {"palpate/replay.h", "toolkit/trace"},
     {"palpate/result.h", "toolkit/core"},
     {"palpate/scene.h", "toolkit/scene"},
