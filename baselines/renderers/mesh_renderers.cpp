@@ -31,7 +31,7 @@ std::unique_ptr<render::HapticRenderer> make_point_on_mesh(std::string name, std
                                                            std::string source, const Options& options) {
   std::string bound = fmt::format(
       "a model: at most {} flights of two Embree queries (each O(log facets)), {} facets and one fan of {} "
-      "looked at a flight; on facets that cross others times their number",
+      "looked at a flight; on facets that cross others times their number; two queries more with a new image",
       kMaxFlights, kMaxFacetsPerFrame, kMaxFan);
   return std::make_unique<MeshScene<MeshProbe>>(
       render::Description{std::move(name), std::move(summary), std::move(source), std::move(bound), options},
