@@ -72,6 +72,17 @@ Result<MadeRenderer> make_live(Workshop& workshop, const LiveSetting& setting, P
   return ready;
 }
 
+Result<std::vector<stream::DepthReceiver*>> receivers_of(const std::vector<MadeRenderer>& made) {
+  std::vector<stream::DepthReceiver*> receivers;
+  for (const MadeRenderer& one : made) {
+    receivers.push_back(one.renderer->depth_receiver());
+    if (receivers.back() == nullptr)
+      return Error{one.renderer->describe().name + " takes no depth images",
+                   "choose depth-image, stream-proxy or mesh-godobject"};
+  }
+  return receivers;
+}
+
 Result<std::vector<LiveChange>> parse_changes(const std::string& text,
                                               const std::vector<LiveSetting>& at_start,
                                               const render::Registry& registry) {

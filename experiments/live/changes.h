@@ -54,6 +54,9 @@ struct MadeRenderer {
 [[nodiscard]] Result<MadeRenderer> make_live(Workshop& workshop, const LiveSetting& setting,
                                              Progress& progress);
 
+/// Who takes a stream's images, by lane. Error: one takes none.
+[[nodiscard]] Result<std::vector<stream::DepthReceiver*>> receivers_of(const std::vector<MadeRenderer>& made);
+
 /// Replaces a lane's renderer at `at_s` of the session.
 struct LiveChange {
   double at_s = 0.0;

@@ -5,6 +5,7 @@
 
 #include <palpate/replay.h>
 #include <palpate/result.h>
+#include "device/live/hand_controls.h"
 
 namespace palpate::experiments {
 namespace {
@@ -88,6 +89,22 @@ Result<device::HandScript> live_hand(const std::string& hand, const trace::Probe
   }
   return device::HandScript::create(hand, std::move(t_s), std::move(goal_mm),
                                     device::HandScript::Between::kStraight);
+}
+
+Result<cloud::Cloud> within_reach(const cloud::Cloud& cloud, const device::DeviceMap& map,
+                                  const device::DeviceLimits& limits) {
+  constexpr double kShareOfReach = 0.8;      // the rest is for lifts and for surfaces that move
+  constexpr std::size_t kFewestPoints = 16;  // of a plane's fit
+  const Vec3 middle_mm = 0.5 * (limits.workspace_mm.low_mm + limits.workspace_mm.high_mm);
+  const Vec3 half_mm = kShareOfReach * device::reachable_half_mm(limits);
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Vec3 at_mm = map.device_mm(cloud.point_mm(i)) - middle_mm;
+    if ((at_mm.cwiseAbs().array() <= half_mm.array()).all()) points.push_back(cloud.point_mm(i));
+  }
+  if (points.size() < kFewestPoints)
+    return Error{"the device reaches nothing of the stream's first image", "give --mapping fitted"};
+  return cloud::build_cloud(points, cloud::NonFinite::kDrop);
 }
 
 Result<std::unique_ptr<ExploringHand>> ExploringHand::create(const paths::PathTarget& target,

@@ -38,6 +38,10 @@ inline constexpr const char* kFollowHand = "follow";
                                                       render::HapticRenderer& renderer,
                                                       const device::DeviceMap& map);
 
+/// The points, in the world frame, that the device reaches with room to lift off. Error: too few to go by.
+[[nodiscard]] Result<cloud::Cloud> within_reach(const cloud::Cloud& cloud, const device::DeviceMap& map,
+                                                const device::DeviceLimits& limits);
+
 /// The hand of `--path hand` at a simulated device: feels the force sent and holds the handle by a spring.
 /// Observes every tick with fixed memory.
 class ExploringHand final : public device::TickObserver {

@@ -231,18 +231,25 @@ void end_recording(const std::string& file, device::Recorder& recorder, LiveDocu
 /// A hand guided during the session; null members: unguided.
 struct LedHand {
   std::shared_ptr<device::HandGuide> by_mouse;
+  std::optional<cloud::Cloud> reached;  // what the exploring hand goes by, of a stream
   std::unique_ptr<ExploringHand> exploring;
 };
 
 /// A hand over the first model; it may reach others from there. Takes its strokes from a "hand" path.
 Result<std::unique_ptr<ExploringHand>> exploring_hand(const LiveArguments& arguments, const Stage& stage,
-                                                      const device::DeviceMap& map,
-                                                      const SessionDevice& device) {
+                                                      const device::DeviceMap& map, SessionDevice& device,
+                                                      LedHand& led) {
   const render::ModelInput& model = stage.scene.input.models.front();
   const auto& sampled = stage.scene.sampled_mesh.front();
   paths::PathTarget target;
   target.surface = model.analytic.get();
   target.cloud = model.cloud.get();
+  if (stage.stream) {
+    // A camera sees more than a device reaches.
+    PALPATE_ASSIGN(const device::DeviceLimits limits, device.limits());
+    PALPATE_ASSIGN(led.reached, within_reach(*model.cloud, map, limits));
+    target.cloud = &*led.reached;
+  }
   target.mesh = sampled ? sampled.get() : model.original_mesh.get();
   target.world_from_model = model.world_from_model;
   target.stiffness_n_per_mm = model.surface.stiffness_n_per_mm;
@@ -262,7 +269,7 @@ Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, rend
     return stage.path.hip_mm.front();
   }
   if (arguments.hand == kExploreHand) {
-    PALPATE_ASSIGN(led.exploring, exploring_hand(arguments, stage, map, device));
+    PALPATE_ASSIGN(led.exploring, exploring_hand(arguments, stage, map, device, led));
     device.hold(led.exploring->script());
     return led.exploring->start_mm();
   }
@@ -302,19 +309,6 @@ Status mix_all(std::vector<MadeRenderer> made, const LivePlan& plan, const Works
     felt.renderer =
         std::make_unique<MovingScene>(std::move(felt.renderer), *workshop.stage.scene.input.simulation);
   return Done{};
-}
-
-/// The stage's stream for the renderers on the mixer; null: none. Before they are moved there.
-Result<std::vector<stream::DepthReceiver*>> receivers_of(const std::vector<MadeRenderer>& made,
-                                                         const LivePlan& plan) {
-  std::vector<stream::DepthReceiver*> receivers;
-  for (std::size_t i = 0; i < made.size(); ++i) {
-    receivers.push_back(made[i].renderer->depth_receiver());
-    if (receivers.back() == nullptr)
-      return Error{plan.settings[i].request.label + " takes no depth images",
-                   "choose depth-image, stream-proxy or mesh-godobject"};
-  }
-  return receivers;
 }
 
 SessionSettings settings_of(const LiveArguments& arguments) {
@@ -417,7 +411,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   std::vector<stream::DepthReceiver*> receivers;
   StagedStream* const staged = workshop.stage.stream.get();
   if (staged != nullptr) {
-    PALPATE_ASSIGN(receivers, receivers_of(made, plan));
+    PALPATE_ASSIGN(receivers, receivers_of(made));
   }
   Felt felt;
   PALPATE_TRY(mix_all(std::move(made), plan, workshop,

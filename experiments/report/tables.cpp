@@ -279,6 +279,7 @@ void add_stream(Scores& t) {
   t.lower("until the whole image can be felt, 99 %, ms", number(&S::whole_p99_ms));
   t.lower("from light to the tick that feels it, 99 %, ms", number(&S::light_to_tick_p99_ms));
   t.add("swaps under contact", count(&S::swaps_in_contact), Better::kNeither, Show::kCounts);
+  t.add("times that contact ended", count(&S::releases), Better::kNeither, Show::kCounts);
   t.lower("step of the force at a swap, largest, N", number(&S::swap_step_max_n));
   t.lower("the same, 99 %, N", number(&S::swap_step_p99_n));
   t.lower("change of the force that no hand made, N/ms", number(&S::rate_max_n_per_ms));

@@ -72,23 +72,23 @@ Status let_hand_work(Stage& stage, const NamedOptions& hand, int threads, Progre
   progress.report("a hand feels the stream", -1.0);
   const OpenStream& open = stage.stream->open;
   PALPATE_ASSIGN(const HandView view, view_of(open.first, open.source->camera()));
-  const render::SceneInput scene = open.known ? true_scene(stage) : stage.scene.input;
+  const bool still = open.known && open.known->scene.simulation == nullptr;
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> felt,
-                 prepared(open.known ? "analytic" : kFeltOfStream, scene, threads, progress));
+                 still ? prepared("analytic", true_scene(stage), threads, progress)
+                       : prepared(kFeltOfStream, stage.scene.input, threads, progress));
   std::unique_ptr<StreamFeed> feed;
-  if (!open.known)
+  if (!still)
     feed = std::make_unique<StreamFeed>(stage.stream->images, *felt->depth_receiver(), stage.path,
                                         stage.stream->delay);
-  render::Simulation* const moves = feed ? feed.get() : scene.simulation.get();
   bool begun = false;
   press_and_slide(
       view, stage.scene.input.models.front().surface.stiffness_n_per_mm, hand,
       [&](const Vec3& hip_mm, double t_s) {
         if (!std::exchange(begun, true)) {
-          if (moves != nullptr) moves->reset();
+          if (feed) feed->reset();
           felt->restart(hip_mm, t_s - kStreamStepS);
         }
-        if (moves != nullptr) moves->advance(t_s);
+        if (feed) feed->advance(t_s);
         return felt->step(hip_mm, t_s).force_n;
       },
       stage.path);
@@ -118,25 +118,40 @@ trace::TruthFrame truth_at(const render::SceneInput& scene, const render::Frame&
   return truth;
 }
 
-/// The formulas' own god object along the path, everything moving as the camera sees it.
+/// The mean age of the image that a tick feels: from light to arrival, until it is felt, and half a period.
+double mean_age_s(const StagedStream& stream) {
+  double sum_s = 0.0;
+  for (const stream::DepthFrame& frame : stream.images.frames) sum_s += frame.arrived_s - frame.captured_s;
+  const double delay_s = stream.delay.measured ? 0.0 : stream.delay.ms * kStreamStepS;
+  return sum_s / static_cast<double>(stream.images.frames.size()) + delay_s +
+         0.5 * stream.images.camera.period_s;
+}
+
+/// The formulas' own god object along the path, everything moving as the camera sees it: as it stood when
+/// the image was taken that is felt. Of light's delay no renderer can make anything good.
 Status add_stream_truth(Stage& stage, int threads, Progress& progress) {
   progress.report("computing the ground truth", -1.0);
   const render::SceneInput scene = true_scene(stage);
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> analytic,
                  prepared("analytic", scene, threads, progress));
   render::Simulation* const moves = scene.simulation.get();
-  PALPATE_ASSIGN(const trace::ForceTrace felt, trace::replay(*analytic, stage.path, moves));
+  const double age_s = moves != nullptr ? mean_age_s(*stage.stream) : 0.0;
+  trace::ProbePath seen = stage.path;
+  for (double& t_s : seen.t_s) t_s -= age_s;
+  PALPATE_ASSIGN(const trace::ForceTrace felt, trace::replay(*analytic, seen, moves));
   const OpenStream& open = stage.stream->open;
   const stream::DepthCamera& camera = open.source->camera();
   const geometry::RigidTransform camera_from_world = open.first.world_from_camera.inverse();
   trace::ReferenceTrace& reference = stage.reference.emplace();
   reference.name = "analytic";
-  reference.exactness =
-      "the god object on the formulas that the simulated camera sees, moving as they do; no second reference";
+  reference.exactness = "the god object on the formulas that the simulated camera sees; no second reference";
+  if (moves != nullptr)
+    reference.exactness +=
+        fmt::format("; as they stood {:.3g} ms ago, the mean age of a felt image", age_s / kStreamStepS);
   if (moves != nullptr) moves->reset();
   for (std::size_t i = 0; i < stage.path.size(); ++i) {
-    if (moves != nullptr) moves->advance(stage.path.t_s[i]);
-    trace::TruthFrame frame = truth_at(scene, felt.frames[i], stage.path.hip_mm[i], stage.path.t_s[i]);
+    if (moves != nullptr) moves->advance(seen.t_s[i]);
+    trace::TruthFrame frame = truth_at(scene, felt.frames[i], seen.hip_mm[i], seen.t_s[i]);
     // The diagonal of the square that a pixel sees there.
     frame.local_resolution_mm =
         std::sqrt(2.0) * std::abs((camera_from_world * felt.frames[i].god_object_mm).z()) / camera.fx_px;

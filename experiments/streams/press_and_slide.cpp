@@ -16,9 +16,9 @@ namespace {
 
 constexpr double kHandStepS = 1e-3;  // the haptic frame
 // The mean press sinks in by this share of the depth: 3 mm at 1 m. It swings once in 1.3 s.
-constexpr double kPressPerDepth = 3e-3, kMeanPress = 0.7, kPressSwing = 0.3, kPressPeriodS = 1.3;
+constexpr double kPressPerDepth = 3e-3, kMeanPress = 0.8, kPressSwing = 0.15, kPressPeriodS = 1.3;
 // Below this the hand yields like a spring, above like its damper. A wall of 50 mm at 1 Hz comes at 0.3 m/s,
-// which 30 Hz turn into 0.8 N: half the press, so that the hand follows it both ways.
+// which 30 Hz turn into 0.8 N: less than the lightest press, so that the hand follows it both ways.
 constexpr double kHandHz = 30.0;
 // A lift every 2.3 s for 0.25 s, at a fifth of the fastest slide.
 constexpr double kLiftEveryS = 2.3, kLiftS = 0.25, kLiftShare = 0.2;

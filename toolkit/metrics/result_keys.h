@@ -143,6 +143,7 @@ void visit_stream(V&& v, S& s) {
   v("light_to_tick_p50_ms", s.light_to_tick_p50_ms);
   v("light_to_tick_p99_ms", s.light_to_tick_p99_ms);
   v("swaps_in_contact", s.swaps_in_contact);
+  v("releases", s.releases);
   v("swap_step_max_n", s.swap_step_max_n);
   v("swap_step_p99_n", s.swap_step_p99_n);
   v("rate_max_n_per_ms", s.rate_max_n_per_ms);

@@ -33,6 +33,7 @@ struct StreamScores {
   /// From an image's light to the first tick that feels it.
   std::optional<double> light_to_tick_p50_ms, light_to_tick_p99_ms;
   std::uint64_t swaps_in_contact = 0;
+  std::uint64_t releases = 0;  ///< times that contact ended
   /// Excess of the force's change over stiffness times the HIP's way: in the tick of a swap, and per
   /// millisecond in every tick of contact.
   std::optional<double> swap_step_max_n, swap_step_p99_n, rate_max_n_per_ms;

@@ -1,13 +1,10 @@
 // What a stream does to a renderer besides its surface: bad images, silence, motion of the camera, occlusion,
-// threads, memory, time.
+// memory.
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
-#include <thread>
 
-#include <palpate/clock.h>
 #include "tests/house/allocation_count.h"
 #include "tests/toolkit/depth_surface/simulated_depth.h"
 
@@ -210,34 +207,6 @@ TEST(DepthStream, NothingIsAllocatedAndNothingGrows) {
   }
   EXPECT_EQ(blocks, 0u);
   EXPECT_TRUE(frame.contact);
-}
-
-TEST(DepthStreamThreads, AServoFeelsWhileImagesCome) {
-  SimulatedCamera camera;
-  camera.camera.width = 96;
-  camera.camera.height = 64;
-  camera.camera.cx_px = 47.5;
-  camera.camera.cy_px = 31.5;
-  StreamRig rig(camera, flat);
-  rig.prepare(kAbove);
-  (void)press(rig);
-  std::atomic<bool> done{false};
-  const double start = rig.time_s();
-  std::thread images([&] {
-    stream::DepthFrame image = rig.image();
-    for (int k = 0; k < 200; ++k) {
-      image.number += 1;
-      image.captured_s += 1.0 / 30.0;
-      EXPECT_EQ(rig.receiver().receive(image, kPressed).fate, FrameFate::kTaken);
-    }
-    done = true;
-  });
-  double worst = 0.0, t = start;
-  while (!done)
-    worst = std::max(worst, std::abs(rig.renderer().step(kPressed, t += 1e-3).force_n.z() - kPressedN));
-  images.join();
-  EXPECT_LT(worst, 1e-3);
-  EXPECT_GT(rig.renderer().counters().swaps, 10u);
 }
 
 }  // namespace
