@@ -208,14 +208,15 @@ Result<int> run_large_surface(const PrepareArguments& arguments, Context& contex
   options.memory_bytes = memory_bound(arguments);
   options.threads = arguments.load.threads;
   phases.begin("surface");
-  PALPATE_ASSIGN(const prepared::PrepareSurfaceReport made,
-                 prepared::prepare_surface(cells, options, arguments.out, context.progress));
+  const Result<prepared::PrepareSurfaceReport> made =
+      prepared::prepare_surface(cells, options, arguments.out, context.progress);
   phases.end();
-  if (!given) std::filesystem::remove(cells_path);
+  if (!given && !context.progress.cancelled()) std::filesystem::remove(cells_path);
+  if (!made) return made.error();
   stop_callback.drop();
-  if (made.contradicted > kDoubtfulSeams)
-    phases.warn(
-        fmt::format("Along {:.2g} % of the seams the outer side is not certain.", 100.0 * made.contradicted));
+  if (made->contradicted > kDoubtfulSeams)
+    phases.warn(fmt::format("Along {:.2g} % of the seams the outer side is not certain.",
+                            100.0 * made->contradicted));
   PALPATE_ASSIGN(const std::shared_ptr<const render::SurfaceFile> written,
                  render::SurfaceFile::open(arguments.out));
   context.progress.clear();

@@ -1,5 +1,7 @@
 #include "toolkit/prepared/chunk_scratch.h"
 
+#include <array>
+#include <span>
 #include <utility>
 
 #include "toolkit/core/bytes.h"
@@ -83,13 +85,13 @@ SurfaceChunk decode_chunk(std::span<const std::byte> bytes) {
 
 }  // namespace
 
-Result<ChunkScratch> ChunkScratch::open(const std::string& path, const JournalKey& key) {
+Result<ChunkScratch> ChunkScratch::open(const std::string& path, std::uint64_t key) {
   PALPATE_ASSIGN(PartFile file, PartFile::open(path));
   PALPATE_ASSIGN(const std::uint64_t size, file.size());
   ChunkScratch out(std::move(file));
   std::array<std::byte, sizeof(std::uint64_t)> first{};
   if (size >= first.size()) PALPATE_TRY(out.file_.read_at(0, first));
-  if (key.unknown || size < first.size() || ByteReader{std::span<const std::byte>(first)}.u64() != key.hash) {
+  if (size < first.size() || ByteReader{std::span<const std::byte>(first)}.u64() != key) {
     PALPATE_TRY(out.begin_anew(key));
     return out;
   }
@@ -101,10 +103,10 @@ Result<ChunkScratch> ChunkScratch::open(const std::string& path, const JournalKe
   return out;
 }
 
-Status ChunkScratch::begin_anew(const JournalKey& key) {
+Status ChunkScratch::begin_anew(std::uint64_t key) {
   PALPATE_TRY(file_.resize(0));
   std::array<std::byte, sizeof(std::uint64_t)> first{};
-  ByteWriter{std::span<std::byte>(first)}.u64(key.hash);
+  ByteWriter{std::span<std::byte>(first)}.u64(key);
   PALPATE_TRY(file_.write_at(0, first));
   end_ = first.size();
   return Done{};

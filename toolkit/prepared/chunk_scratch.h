@@ -8,7 +8,6 @@
 
 #include <palpate/result.h>
 #include "toolkit/prepared/point_scratch.h"
-#include "toolkit/prepared/prepare_journal.h"
 #include "toolkit/spline_sdf/surface_chunk.h"
 
 namespace palpate::prepared {
@@ -16,9 +15,9 @@ namespace palpate::prepared {
 /// Movable, not thread-safe but for read_brick().
 class ChunkScratch {
  public:
-  /// Keeps what a run with the same key has left, without bricks; else begins anew. A second user is an
-  /// Error.
-  [[nodiscard]] static Result<ChunkScratch> open(const std::string& path, const JournalKey& key);
+  /// Keeps what a run with the same key has left, without bricks; else begins anew. `key`: a hash of all that
+  /// the chunks depend on. A second user is an Error.
+  [[nodiscard]] static Result<ChunkScratch> open(const std::string& path, std::uint64_t key);
   /// Writes a chunk and forgets its bricks.
   [[nodiscard]] Status add(render::SurfaceChunk chunk);
   [[nodiscard]] const std::vector<render::SurfaceChunk>& chunks() const noexcept { return chunks_; }
@@ -27,7 +26,7 @@ class ChunkScratch {
 
  private:
   explicit ChunkScratch(PartFile file) : file_(std::move(file)) {}
-  [[nodiscard]] Status begin_anew(const JournalKey& key);
+  [[nodiscard]] Status begin_anew(std::uint64_t key);
   /// False where what follows is no whole record.
   [[nodiscard]] Result<bool> read_record(std::uint64_t file_size);
 

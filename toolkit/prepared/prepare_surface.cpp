@@ -49,21 +49,18 @@ class SurfacePreparation {
   Result<PrepareSurfaceReport> run() {
     PALPATE_TRY(decide());
     PALPATE_TRY(choose_regions());
-    Hash64 choices;
-    choices.u64(kChunkVersion);
-    choices.real(options_.build.detail);
-    choices.real(options_.build.voxel_spacings);
-    choices.u64(regions_.size());
-    for (const BrickRegion& region : regions_) choices.u64(render::morton_code_of(region.low));
-    choices.u64(coarse_->size());
-    PALPATE_ASSIGN(ChunkScratch scratch,
-                   ChunkScratch::open(path_ + ".chunks", make_journal_key(cells_.path(), choices.value())));
+    PALPATE_ASSIGN(ChunkScratch scratch, ChunkScratch::open(path_ + ".chunks", key()));
     report_.resumed = scratch.chunks().size();
     for (std::size_t r = scratch.chunks().size(); r < regions_.size(); ++r) {
       if (progress_.cancelled()) return Error{"preparing was stopped", "run it again to go on"};
       progress_.report("making the surface", static_cast<double>(r) / static_cast<double>(regions_.size()));
       PALPATE_ASSIGN(const cloud::Cloud points, points_in(region_mm(regions_[r]).grown(frame_.margin_mm())));
       PALPATE_TRY(scratch.add(render::build_surface_chunk(points, regions_[r], frame_, options_.threads)));
+    }
+    if (std::all_of(scratch.chunks().begin(), scratch.chunks().end(),
+                    [](const render::SurfaceChunk& chunk) { return chunk.own.empty(); })) {
+      scratch.remove();
+      return render::no_surface();
     }
     PALPATE_TRY(write(scratch));
     scratch.remove();
@@ -72,6 +69,24 @@ class SurfacePreparation {
   }
 
  private:
+  /// Of all that chunks depend on: cells made again from the same scan are the same.
+  [[nodiscard]] std::uint64_t key() const {
+    Hash64 hash;
+    hash.u64(kChunkVersion);
+    hash.real(options_.build.detail);
+    hash.real(options_.build.voxel_spacings);
+    hash.real(cells_.info().lattice.unit_mm());
+    for (int axis = 0; axis < 3; ++axis) hash.real(origin_mm_[axis]);
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell) {
+      const CellEntry& entry = cells_.entry(cell);
+      for (const std::uint64_t base : entry.base) hash.u64(base);
+      hash.u64(entry.shift);
+      hash.u64(entry.hash);
+    }
+    for (const BrickRegion& region : regions_) hash.u64(render::morton_code_of(region.low));
+    hash.u64(coarse_->size());
+    return hash.value();
+  }
   [[nodiscard]] std::uint64_t most_points() const noexcept {
     const std::uint64_t fixed = kFixedSurfaceBytes + cells_.info().points * kJoinBytesPerPoint;
     const std::uint64_t work = options_.memory_bytes > fixed ? options_.memory_bytes - fixed : 0;
@@ -219,7 +234,6 @@ class SurfacePreparation {
       distances.squares += chunk.distances.squares;
       distances.count += chunk.distances.count;
     }
-    if (placed.empty()) return render::no_surface();
     surface.spacing_mm = frame_.measured.spacing_mm;
     surface.noise_mm = frame_.measured.noise_mm;
     report_.contradicted = joined.contradicted;
