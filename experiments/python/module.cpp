@@ -7,6 +7,7 @@
 PYBIND11_MODULE(_palpate, module) {
   using namespace palpate::python;
   module.attr("__version__") = std::string(palpate::experiments::version_text());
+  wait_at_exit();
   add_frame_type(module);
   add_scenes(module);
   add_paths(module);
