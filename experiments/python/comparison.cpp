@@ -1,5 +1,4 @@
-#include "experiments/python/comparison.h"
-
+// Truths, scores and comparisons.
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
@@ -10,7 +9,6 @@
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
-#include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::python {

@@ -1,5 +1,4 @@
 // The module palpate._palpate; the package palpate/ around it says what it is for.
-#include "experiments/python/comparison.h"
 #include "experiments/python/renderer_object.h"
 #include "experiments/python/scene_object.h"
 #include "experiments/session/version.h"

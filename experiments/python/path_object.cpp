@@ -6,7 +6,6 @@
 #include "device/record/recording.h"
 #include "experiments/live/recording_export.h"
 #include "experiments/live/recording_facts.h"
-#include "experiments/python/comparison.h"
 #include "experiments/python/scene_object.h"
 
 namespace palpate::python {
