@@ -1,5 +1,4 @@
-#include "experiments/python/comparison.h"
-
+// Truths, scores and comparisons.
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
@@ -10,7 +9,6 @@
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
-#include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::python {
@@ -208,7 +206,11 @@ Path made_path(const std::string& text, const ScenePtr& scene) {
 }
 
 void add_comparison(py::module_& module) {
-  py::class_<Truth> truth(module, "Truth", "The constrained god object of the true surface along a path.");
+  py::class_<Truth> truth(
+      module, "Truth",
+      "The constrained god object of the true surface along a path.\n\n"
+      "force_n, god_object_mm, normal: (n, 3), N and mm. contact. distance_mm: of the HIP, negative\n"
+      "inside. reference, exactness: in words.");
   const auto member = [&]<class T>(const char* name, T, py::ssize_t width, auto get) {
     truth.def_property_readonly(name, [width, get](const py::object& self) {
       const auto& frames = self.cast<const Truth&>().stage->reference->frames;

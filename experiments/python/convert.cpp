@@ -4,13 +4,20 @@
 #include <structseq.h>
 
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <span>
+#include <thread>
 
 namespace palpate::python {
 namespace {
 
 constexpr std::int64_t kSignalsEveryNs = 50'000'000;  // a user waits this long unnoticed
+
+constexpr std::chrono::milliseconds kExitLooksEvery{1};
+
+std::atomic<int> unlocked_calls{0};
+std::atomic<bool> ending{false};
 
 py::object error_type() {
   return py::module_::import("palpate.errors").attr("Error");
@@ -90,7 +97,24 @@ Error error_of(py::error_already_set& exception) {
   return error;
 }
 
+Unlocked::Counted::Counted() {
+  if (ending) raise({"the interpreter ends", "wait for the thread before that"});
+  ++unlocked_calls;
+}
+Unlocked::Counted::~Counted() {
+  --unlocked_calls;
+}
+
+void wait_at_exit() {
+  py::module_::import("atexit").attr("register")(py::cpp_function([] {
+    ending = true;
+    const py::gil_scoped_release released;
+    while (unlocked_calls > 0) std::this_thread::sleep_for(kExitLooksEvery);
+  }));
+}
+
 bool Interruptible::cancelled() const {
+  if (ending) return true;
   const std::int64_t now_ns = monotonic_ns();
   if (!interrupted_ && now_ns - asked_ns_ > kSignalsEveryNs) {
     asked_ns_ = now_ns;

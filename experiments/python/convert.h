@@ -52,12 +52,26 @@ class Interruptible final : public Progress {
   mutable std::atomic<std::int64_t> asked_ns_{monotonic_ns()};
 };
 
+/// Releases the interpreter's lock. An interpreter that ends waits for it (see wait_at_exit), since a thread
+/// that asks a dead one for the lock ends the process.
+class PALPATE_HIDDEN Unlocked {
+ private:
+  struct Counted {
+    Counted();  ///< throws while the interpreter ends
+    ~Counted();
+  };
+  Counted counted_;
+  py::gil_scoped_release released_;
+};
+/// Makes the interpreter's end stop and wait for all work without its lock.
+void wait_at_exit();
+
 /// The value of `work(progress)`, a Result, which runs without the interpreter's lock; throws its Error.
 template <class Work>
 auto without_lock(Work&& work) {
   Interruptible progress;
   auto result = [&] {
-    const py::gil_scoped_release released;
+    const Unlocked unlocked;
     return work(static_cast<Progress&>(progress));
   }();
   progress.raise_if_interrupted();

@@ -6,7 +6,6 @@
 #include "device/record/recording.h"
 #include "experiments/live/recording_export.h"
 #include "experiments/live/recording_facts.h"
-#include "experiments/python/comparison.h"
 #include "experiments/python/scene_object.h"
 
 namespace palpate::python {
@@ -23,16 +22,16 @@ Path path_from_array(py::handle given, double rate_hz, ScenePtr scene) {
 }
 
 /// A recorded session's path and what one renderer answered in it.
-py::tuple read_recording(const py::object& file, const std::string& renderer) {
-  trace::PathAndTrace read = without_lock(
-      [name = py::str(file).cast<std::string>(), &renderer](Progress&) -> Result<trace::PathAndTrace> {
-        PALPATE_ASSIGN(device::Recording recording, device::Recording::open(name));
-        Result<trace::PathAndTrace> frames = experiments::frames_of_recording(recording, renderer);
-        if (!frames) return std::move(frames).error().in_file(name);
-        frames->path.name = name;
-        frames->trace.label = renderer;
-        return frames;
-      });
+py::tuple read_recording(const py::object& file, const std::string& renderer, bool skip_damaged) {
+  trace::PathAndTrace read = without_lock([name = py::str(file).cast<std::string>(), &renderer,
+                                           skip_damaged](Progress&) -> Result<trace::PathAndTrace> {
+    PALPATE_ASSIGN(device::Recording recording, device::Recording::open(name, {skip_damaged}));
+    Result<trace::PathAndTrace> frames = experiments::frames_of_recording(recording, renderer);
+    if (!frames) return std::move(frames).error().in_file(name);
+    frames->path.name = name;
+    frames->trace.label = renderer;
+    return frames;
+  });
   return py::make_tuple(Path{std::make_shared<const trace::ProbePath>(std::move(read.path)), nullptr},
                         Trace{std::make_shared<const trace::ForceTrace>(std::move(read.trace))});
 }
@@ -54,7 +53,8 @@ std::vector<double> times_at(double rate_hz, std::size_t count) {
 }
 
 void add_paths(py::module_& module) {
-  py::class_<Path>(module, "Path", "Places of the HIP over time, world frame.")
+  py::class_<Path>(module, "Path",
+                   "Places of the HIP over time: hip_mm, (n, 3), world frame; t_s.\n\nwrite(file): as CSV.")
       .def_property_readonly("hip_mm",
                              [](const py::object& self) {
                                const auto& hips = self.cast<const Path&>().path->hip_mm;
@@ -75,7 +75,12 @@ void add_paths(py::module_& module) {
         return fmt::format("<palpate.Path {}, {} samples>", self.path->name, self.path->size());
       });
 
-  py::class_<Trace> trace(module, "Trace", "What a renderer answered, one frame for each sample of a path.");
+  py::class_<Trace> trace(
+      module, "Trace",
+      "What a renderer answered, one frame for each sample of a path.\n\n"
+      "force_n, god_object_mm: (n, 3), N and mm, world frame. contact. model: -1 when free.\n"
+      "status: 0 ok, 1 bound-hit, 2 non-finite. frame_ns: ns, empty where untimed.\n"
+      "seconds: that a replay took. hash: of all answers. write(path, file): as CSV.");
   const auto member = [&]<class T>(const char* name, T, py::ssize_t width, auto get) {
     trace.def_property_readonly(name, [width, get](const py::object& self) {
       const auto& frames = self.cast<const Trace&>().trace->frames;
@@ -115,7 +120,8 @@ void add_paths(py::module_& module) {
         return path_from_array(source, rate_hz, of);
       },
       py::arg("source"), py::arg("scene") = py::none(), py::arg("rate_hz") = kPathHz);
-  module.def("read_recording", &read_recording, py::arg("file"), py::arg("renderer") = "");
+  module.def("read_recording", &read_recording, py::arg("file"), py::arg("renderer") = "",
+             py::arg("skip_damaged") = false);
   module.def("read_trace", &read_trace, py::arg("file"));
 }
 

@@ -117,7 +117,7 @@ Trace Renderer::replay(py::handle path, double rate_hz) {
   scene_->moving = simulation != nullptr;
   double seconds = 0.0;
   Result<trace::ForceTrace> replayed = [&] {
-    const py::gil_scoped_release released;
+    const Unlocked unlocked;
     const Stopwatch watch;
     Result<trace::ForceTrace> frames = trace::replay(*renderer_, samples, simulation);
     constexpr double kSPerMs = 1e-3;
@@ -150,7 +150,13 @@ py::dict Renderer::counters() {
 }
 
 void add_renderer(py::module_& module) {
-  py::class_<Renderer>(module, "Renderer", "A prepared renderer: places of the HIP in, forces out.")
+  py::class_<Renderer>(
+      module, "Renderer",
+      "A prepared renderer: places of the HIP in, forces out. One caller at a time.\n\n"
+      "step(hip, t_s=None): a Frame; hip: mm, world frame; t_s: s, None: 1 ms after the last.\n"
+      "replay(path, rate_hz=1000): a Trace; a Path, or an (n, 3) array in mm; other threads run meanwhile.\n"
+      "restart(hip, t_s=0): begins anew with the HIP free at hip. close(): frees what it holds.\n"
+      "prepare_ms, bytes, notes, warnings: of its preparation. counters(): sums since the last restart.")
       .def("step", &Renderer::step, py::arg("hip"), py::arg("t_s") = py::none())
       .def("replay", &Renderer::replay, py::arg("path"), py::arg("rate_hz") = kPathHz)
       .def("restart", &Renderer::restart, py::arg("hip"), py::arg("t_s") = 0.0)

@@ -79,8 +79,11 @@ ScenePtr scene_from_array(py::handle given, const std::string& unit_name, bool r
     for (Vec3& p : scaled) p *= mm;
     points_mm = scaled;
   }
-  auto points = std::make_shared<cloud::Cloud>(
-      value_of(cloud::build_cloud(points_mm, refuse ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop)));
+  Result<cloud::Cloud> built =
+      cloud::build_cloud(points_mm, refuse ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop);
+  if (!built)
+    raise({built.error().what, refuse ? "mend the array, or give drop_non_finite=True" : "mend the array"});
+  auto points = std::make_shared<cloud::Cloud>(*std::move(built));
   return scene_around(std::move(points), unit, false);
 }
 
@@ -222,7 +225,13 @@ void add_scenes(py::module_& module) {
   const auto from = [](const Cloud& cloud) -> const scene::Provenance& {
     return cloud.scene->loaded.provenance[cloud.model];
   };
-  py::class_<Cloud> cloud(module, "Cloud", "The points of one model, in mm, and what is known of them.");
+  py::class_<Cloud> cloud(
+      module, "Cloud",
+      "The points of one model, and what is known of them.\n\n"
+      "x, y, z: mm relative to origin_mm, views of its memory. points(): a new (n, 3) array in mm.\n"
+      "box_mm: two corners. properties: further columns of the file. unit: of the source.\n"
+      "copied: False where the points lie in the Columns that were filled.\n"
+      "prepare(file, force=False): writes a prepared file (.palsurf) that read() opens.");
   const auto axis = [&](const char* name, std::vector<float> cloud::Cloud::*values) {
     cloud.def_property_readonly(name, [values](const py::object& self) {
       const auto& own = self.cast<const Cloud&>();

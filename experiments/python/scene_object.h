@@ -1,4 +1,4 @@
-// Clouds and scenes as Python holds them.
+// Clouds, scenes, paths and traces as Python holds them.
 #pragma once
 
 #include <memory>
@@ -59,7 +59,14 @@ void check_unchanged(const Scene& scene);
 /// The times of `count` samples from 0.
 [[nodiscard]] std::vector<double> times_at(double rate_hz, std::size_t count);
 
+/// A file's path, or one that a generator makes for the scene.
+[[nodiscard]] Path made_path(const std::string& text, const ScenePtr& scene);
+/// A Path, or an (n, 3) array at this rate.
+[[nodiscard]] Path path_of(py::handle given, double rate_hz, const ScenePtr& scene);
+
 void add_scenes(py::module_& module);
 void add_paths(py::module_& module);
+/// Truths, scores and comparisons.
+void add_comparison(py::module_& module);
 
 }  // namespace palpate::python

@@ -3,6 +3,8 @@
 import gc
 import math
 import os
+import subprocess
+import sys
 import tempfile
 import threading
 import unittest
@@ -198,6 +200,54 @@ class Renderers(unittest.TestCase):
         self.assertEqual(answers, [alone])
         self.assertTrue(all("another caller" in what for what in refused))
         self.assertGreater(len(refused), 0, "no other thread ran during the replay")
+
+
+    def test_an_interpreter_ends_while_threads_are_at_work(self):
+        script = ("import threading, time, numpy, palpate\n"
+                  "renderer = palpate.renderer('cloud', 'sphere:points=500')\n"
+                  "hips = numpy.tile((0, 0, 200.0), (100000, 1))\n"
+                  "def work():\n    while True: renderer.replay(hips)\n"
+                  "threading.Thread(target=work, daemon=True).start()\ntime.sleep(0.1)\n")
+        for _ in range(3):
+            ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+            self.assertEqual(ended.returncode, 0, ended.stderr)
+
+
+class Files(unittest.TestCase):
+    FOLDER = os.path.join(os.environ.get("PALPATE_SOURCE", os.path.join(os.path.dirname(__file__), "..", "..")), "tests",
+                          "corpus", "io", "recording")
+
+    def test_a_recording_is_a_path_and_a_trace(self):
+        path, trace = palpate.read_recording(os.path.join(self.FOLDER, "whole.palrec"))
+        self.assertEqual((len(path), len(trace), int(trace.contact.sum())), (12, 12, 6))
+        self.assertTrue((np.diff(path.t_s) > 0).all())
+
+    def test_a_damaged_recording_is_told(self):
+        file = os.path.join(self.FOLDER, "damaged.palrec")
+        with self.assertRaisesRegex(palpate.Error, "damaged") as told:
+            palpate.read_recording(file)
+        self.assertEqual(told.exception.file, file)
+        self.assertLess(len(palpate.read_recording(file, skip_damaged=True)[0]), 12)
+
+    def test_a_scene_of_two_models(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = os.path.join(folder, "two.toml")
+            with open(file, "w") as out:
+                out.write('[[model]]\ngenerate = "sphere"\npoints = 2000\nextent_mm = 40\n[[model]]\n'
+                          'generate = "plane"\npoints = 900\nposition_mm = [0, 0, -100]\n[control]\nforce_limit_n = 3.3\n')
+            scene = palpate.scene(file)
+            with self.assertRaisesRegex(palpate.Error, "2 models"):
+                palpate.read(file)
+        self.assertEqual([cloud.name for cloud in scene.clouds], ["sphere", "plane"])
+        self.assertEqual(scene.force_limit_n, 3.3)
+        renderer = palpate.renderer("cloud", scene)
+        renderer.step((0, 0, -50))
+        self.assertEqual(renderer.step((0, 0, -101)).model, 1)
+        with self.assertRaisesRegex(palpate.Error, "no truth"):
+            palpate.truth(np.tile(ABOVE, (9, 1)), scene)
+        alone = palpate.renderer("cloud", scene.clouds[1])
+        alone.step((0, 0, -50))
+        self.assertEqual(alone.step((0, 0, -101)).model, 0)
 
 
 class Comparisons(unittest.TestCase):

@@ -50,7 +50,7 @@ class Types(unittest.TestCase):
         bare = [name for name in palpate.__all__ if not name.startswith("__")
                 and name not in ("Answer", "Places", "SceneLike", "Vector") and not getattr(palpate, name).__doc__]
         self.assertEqual(bare, [])
-        for name in ("renderer", "path", "truth", "compare", "cloud"):
+        for name in ("renderer", "path", "truth", "compare", "cloud", "Cloud", "Columns", "Renderer", "Trace", "Truth"):
             self.assertRegex(getattr(palpate, name).__doc__, r"\bmm\b")
 
 

@@ -129,6 +129,9 @@ def read_trace(file: FileName) -> Tuple[Path, Trace]:
     return _palpate.read_trace(os.fspath(file))
 
 
-def read_recording(file: FileName, renderer: str = "") -> Tuple[Path, Trace]:
-    """The path of a recorded session (.palrec) and the frames of one of its renderers; "": its first."""
-    return _palpate.read_recording(os.fspath(file), renderer)
+def read_recording(file: FileName, renderer: str = "", skip_damaged: bool = False) -> Tuple[Path, Trace]:
+    """The path of a recorded session (.palrec) and the frames of one of its renderers; "": its first.
+
+    skip_damaged: leaves out damaged parts, which are an Error otherwise.
+    """
+    return _palpate.read_recording(os.fspath(file), renderer, skip_damaged)
