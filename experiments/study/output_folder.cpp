@@ -315,6 +315,7 @@ Status OutputFolder::adopt(const std::string& folder) const {
   State other;
   other.root = folder;
   other.read_mark();
+  if (other.unfinished.empty()) return Done{};  // stopped before it began
   if (other.unfinished != s.unfinished)
     return Error{"was measured by another program or kind of machine, or with other arguments",
                  "measure and merge on machines of one kind, or remove the folder", folder};
