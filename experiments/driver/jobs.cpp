@@ -156,7 +156,7 @@ case $rule in
   *) set -- ;;
 esac
 mkdir -p logs
-exec sbatch --parsable --requeue "$extra" --ntasks=1 --mem="$memory" --time="$minutes" --job-name="palpate-$rule" \
+exec sbatch --parsable --no-requeue "$extra" --ntasks=1 --mem="$memory" --time="$minutes" --job-name="palpate-$rule" \
   --open-mode=append --output=logs/%j.log --wrap="sh run $output $*"
 )";
 // Slurm forgets a job minutes after its end. One that nobody knows counts as failed: what it measured is
