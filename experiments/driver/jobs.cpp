@@ -110,12 +110,13 @@ rule merge:
         "sh run {output}"
 )";
 
-// One job that is timed at a time. Times of files decide alone what is to be done again.
+// One job that is timed at a time. Times of files decide alone what is to be done again. What says that a job
+// has ended is whole where it is there: a Snakemake that was killed finds its jobs in the queue again.
 constexpr const char* kLocal = R"(cores: all
 resources:
   - timing=1
 rerun-triggers: mtime
-rerun-incomplete: true
+ignore-incomplete: true
 keep-going: true
 quiet: rules
 )";
@@ -129,7 +130,7 @@ jobs: 1000
 resources:
   - timing=1000
 rerun-triggers: mtime
-rerun-incomplete: true
+ignore-incomplete: true
 keep-going: true
 latency-wait: 60
 quiet: rules
@@ -139,7 +140,7 @@ jobs: 1000
 resources:
   - timing=1000
 rerun-triggers: mtime
-rerun-incomplete: true
+ignore-incomplete: true
 keep-going: true
 latency-wait: 60
 quiet: rules
@@ -155,8 +156,8 @@ case $rule in
   *) set -- ;;
 esac
 mkdir -p logs
-exec sbatch --parsable --requeue "$extra" --ntasks=1 --mem="$memory" --time="$minutes" --job-name="palpate-$rule" \
-  --output=logs/%j.log --wrap="sh run $output $*"
+exec sbatch --parsable --no-requeue "$extra" --ntasks=1 --mem="$memory" --time="$minutes" --job-name="palpate-$rule" \
+  --open-mode=append --output=logs/%j.log --wrap="sh run $output $*"
 )";
 // Slurm forgets a job minutes after its end. One that nobody knows counts as failed: what it measured is
 // kept.
@@ -212,7 +213,7 @@ std::string case_id(const std::string& name) {
   constexpr std::size_t kMostLetters = 60, kHashLetters = 8;
   std::string id = name.substr(0, kMostLetters);
   for (std::size_t at = 0; (at = id.find_first_not_of(kPlain, at)) != std::string::npos;) id[at] = '_';
-  if (id == name && id != kNoCase && !id.starts_with('.')) return id;
+  if (id == name && !id.empty() && id != kNoCase && !id.starts_with('.')) return id;
   Hash64 hash;
   hash.bytes(std::as_bytes(std::span(name)));
   return "c" + id + "-" + hash.hex().substr(0, kHashLetters);

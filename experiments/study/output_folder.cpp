@@ -77,11 +77,11 @@ struct OutputFolder::State {
   std::string unfinished;      ///< key and record of an incomplete last run
   std::string record;          ///< a file that is a part from its first case on
   bool begun = false, resumed = false, completed = false;
-  bool amended = false;            ///< reopened
-  std::set<std::string> ours;      ///< files of this and earlier runs
-  std::set<std::string> claimed;   ///< files of this run
-  std::vector<std::string> since;  ///< claimed since the part started
-  std::set<std::string> parts;     ///< completed parts, and the record
+  bool amended = false;           ///< reopened
+  std::set<std::string> ours;     ///< files of this and earlier runs
+  std::set<std::string> claimed;  ///< files of this run
+  std::set<std::string> since;    ///< claimed since the part started
+  std::set<std::string> parts;    ///< completed parts, and the record
   StopCallback stop_callback;
 
   State() = default;
@@ -315,6 +315,7 @@ Status OutputFolder::adopt(const std::string& folder) const {
   State other;
   other.root = folder;
   other.read_mark();
+  if (other.unfinished.empty()) return Done{};  // stopped before it began
   if (other.unfinished != s.unfinished)
     return Error{"was measured by another program or kind of machine, or with other arguments",
                  "measure and merge on machines of one kind, or remove the folder", folder};
@@ -364,7 +365,8 @@ Result<std::string> OutputFolder::claim(const std::string& name) const {
     PALPATE_TRY(s.append(kFile + own));
     s.ours.insert(own);
   }
-  if (s.claimed.insert(own).second) s.since.push_back(own);
+  s.claimed.insert(own);
+  s.since.insert(own);  // again where a part is kept anew
   if (own == s.record) {
     const auto hold = block_stop();
     s.parts.insert(own);

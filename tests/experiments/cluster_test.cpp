@@ -109,7 +109,12 @@ TEST_F(Cluster, CasesOfAComparisonAreTheComparison) {
   for (std::size_t i = 0; i < 2; ++i)
     for (const char* key : {"label", "status", "trace_hash", "accuracy", "memory"})
       EXPECT_EQ(merged["renderers"][i][key], whole["renderers"][i][key]) << key;
-  EXPECT_THAT(merged["notes"].dump(), HasSubstr("cloud, smooth")) << "taken over, not measured again";
+  for (std::size_t i = 0; i < 2; ++i) {
+    const std::string id = whole["renderers"][i]["label"];
+    EXPECT_EQ(merged["renderers"][i]["frame"],
+              json_in("out/jobs/cases/" + id + "/result.json")["renderers"][i]["frame"])
+        << "measured again";
+  }
   EXPECT_EQ(text_in("out/path.csv"), text_in("whole/path.csv"));
   EXPECT_TRUE(exists("out/trace-smooth.csv"));
 }
@@ -148,14 +153,16 @@ TEST_F(Cluster, OneCaseOfAMatrixIsTakenOver) {
     EXPECT_EQ(row[7], "0") << "counted, not timed";
     succeeds(line({"--case", id}));
   }
-  // As if it had been measured so: only what is taken over can say it.
+  // A result that no measurement gives: the command takes it over.
   const std::string part = "out/jobs/cases/penalty-grid/.palpate-parts/penalty-grid";
-  json kept = json::parse(text_in(part));
-  std::string text = kept["text"];
-  const std::size_t at = text.find("\"hash\"");
-  ASSERT_NE(at, std::string::npos) << text;
+  std::string kept = text_in(part);
+  const std::string key = "\"trace_hash\\\":\\\"";
+  const std::size_t at = kept.find(key.substr(1));
+  ASSERT_NE(at, std::string::npos) << kept;
+  kept.replace(at + key.size() - 1, 16, "feedfacefeedface");
+  write_text(in(part), kept);
   palpate(line({}));
-  EXPECT_TRUE(exists("out/stress.json"));
+  EXPECT_THAT(text_in("out/stress.json"), HasSubstr("feedfacefeedface"));
 }
 
 TEST_F(Cluster, SnakemakeRunsWhatIsWritten) {
