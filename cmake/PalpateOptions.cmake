@@ -10,6 +10,7 @@ option(PALPATE_WITH_DEM "Height grids (GeoTIFF, SRTM, ..) through GDAL, as a tar
 option(PALPATE_WITH_DEVICES "Drivers of real devices (libusb, hidapi, libwebsockets). Without: simulated ones, servo, safety, recordings" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_WITH_HDF5 "Recordings exported as HDF5" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_WITH_WINDOW "The window of palpate live (GLFW, Dear ImGui, epoxy)" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_WITH_PYTHON "The Python module palpate, where Python, numpy and pybind11 are found" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_WITH_VORONOI "Voronoi neighbours through CGAL, as a target of its own" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_UNITY "Several source files of a target compile as one: half the time from nothing. Off in the preset dev" OFF)
 option(PALPATE_BUILD_FUZZERS "libFuzzer targets (clang only)" OFF)

@@ -22,6 +22,10 @@ namespace {
 /// Bytes a point that a grid needs to follow points: two links and a bit, and its cells' lists.
 constexpr double kFollowBytes = 9.0;
 
+/// Cells to the farthest pixel that is kept. The grid has at most 2^21 cells a side, and one false depth
+/// beyond them would make all cells larger.
+constexpr double kFarthestCells = 1 << 19;
+
 /// True if each point has radii of its own, by the spacing around it; tells `out`.
 bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
                      render::ModelDecisions& out) {
@@ -214,7 +218,7 @@ class StreamProxy : public RivalModel {
       for (int column = patch.window.first_column; column < patch.window.last_column; ++column) {
         const std::size_t pixel = patch.rays.index(column, row);
         const double depth_mm = patch.depth_mm(pixel);
-        if (!(depth_mm > 0.0)) continue;
+        if (!(depth_mm > 0.0 && depth_mm < kFarthestCells * cell_mm)) continue;
         const Vec3f at = patch.at(pixel, depth_mm).cast<float>();
         cloud.x_mm.push_back(at.x());
         cloud.y_mm.push_back(at.y());

@@ -1,12 +1,8 @@
 #include "device/plugins/plugin_host.h"
 
-#include <dlfcn.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
-#include <system_error>
 #include <thread>
 
 #include <palpate/options.h>
@@ -17,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char *kPluginPrefix = "palpate-", *kPluginEnding = ".so";
+constexpr const char* kPluginPrefix = "palpate-";
 constexpr std::size_t kPluginText = 1024;
 using PluginText = std::array<char, kPluginText>;
 
@@ -57,13 +53,13 @@ std::vector<DeviceEntry> look_for_plugin(const std::string& name, const std::str
     entry.needs = {remedy};
     return {entry};
   }
-  const Result<std::shared_ptr<PluginLibrary>> library = PluginLibrary::load(file);
+  const Result<LoadedPlugin> library = load_device_plugin(file);
   if (!library) {
     entry.needs = {library.error().message()};
     return {entry};
   }
   PluginText text{};
-  const int count = (*library)->plugin().look(text.data(), kPluginText);
+  const int count = (*library)->look(text.data(), kPluginText);
   if (count <= 0) {
     entry.needs = {count < 0 ? text_of(text) : "to be connected and switched on"};
     return {entry};
@@ -85,9 +81,9 @@ Result<std::uint32_t> index_of(const std::string& device_name) {
 
 /// For a guard process: loads, opens, releases.
 bool release_plugin(const fs::path& file, std::uint32_t index) {
-  const Result<std::shared_ptr<PluginLibrary>> library = PluginLibrary::load(file);
+  const Result<LoadedPlugin> library = load_device_plugin(file);
   if (!library) return false;
-  const palpate_plugin& plugin = (*library)->plugin();
+  const palpate_plugin& plugin = **library;
   PluginText text{};
   void* const device = plugin.open(index, text.data(), kPluginText);
   if (device == nullptr) return false;
@@ -103,7 +99,7 @@ Result<MadeDevice> make_plugin_device(const DeviceRequest& request, const Clock&
   PALPATE_ASSIGN(const std::uint32_t index, index_of(request.name));
   const fs::path file = plugin_file(name);
   if (file.empty()) return Error{"there is no plug-in for '" + name + "'", "it needs " + remedy};
-  PALPATE_ASSIGN(std::shared_ptr<PluginLibrary> library, PluginLibrary::load(file));
+  PALPATE_ASSIGN(LoadedPlugin library, load_device_plugin(file));
   MadeDevice made;
   auto device = std::make_unique<PluginDevice>(std::move(library), index, request.name, clock);
   made.facts = [device = device.get()] { return device->facts(); };
@@ -123,52 +119,16 @@ void add_plugin(Drivers& drivers, const std::string& name, const std::string& wh
 
 }  // namespace
 
-Result<std::shared_ptr<PluginLibrary>> PluginLibrary::load(const fs::path& file) {
-  void* const handle = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (handle == nullptr) {
-    const char* const why = ::dlerror();
-    return Error{std::string("the plug-in cannot be loaded: ") + (why != nullptr ? why : "no reason told"),
-                 "install the library that it names, or tell the loader where it is (LD_LIBRARY_PATH)",
-                 file.string()};
-  }
-  auto* const entry = reinterpret_cast<palpate_plugin_entry_fn>(::dlsym(handle, PALPATE_PLUGIN_ENTRY));
-  const palpate_plugin* const plugin = entry != nullptr ? entry() : nullptr;
-  // Checks the size before reading what it covers.
-  if (plugin == nullptr || plugin->abi != PALPATE_PLUGIN_ABI || plugin->size < sizeof(palpate_plugin) ||
-      !is_whole(plugin)) {
-    ::dlclose(handle);
-    return Error{"is no plug-in of this version", "build it again with this version of Palpate",
-                 file.string()};
-  }
-  return std::shared_ptr<PluginLibrary>(new PluginLibrary(handle, plugin));
-}
-
-PluginLibrary::~PluginLibrary() {
-  ::dlclose(handle_);
-}
-
-std::vector<fs::path> plugin_folders() {
-  std::vector<fs::path> folders;
-  if (const char* named = std::getenv("PALPATE_PLUGINS")) {
-    const std::string text = named;
-    for (std::size_t at = 0; at <= text.size();) {
-      const std::size_t end = std::min(text.find(':', at), text.size());
-      if (end > at) folders.emplace_back(text.substr(at, end - at));
-      at = end + 1;
-    }
-  }
-  std::error_code none;
-  const fs::path program = fs::read_symlink("/proc/self/exe", none);
-  if (!none) folders.push_back(program.parent_path().parent_path() / "lib/palpate/plugins");
-  return folders;
+Result<LoadedPlugin> load_device_plugin(const fs::path& file) {
+  PALPATE_ASSIGN(LoadedPlugin plugin,
+                 load_plugin<palpate_plugin>(file, PALPATE_PLUGIN_ENTRY, PALPATE_PLUGIN_ABI));
+  if (!is_whole(plugin.get())) return not_of_this_version(file);
+  return plugin;
 }
 
 fs::path plugin_file(const std::string& name) {
-  std::error_code none;
-  for (const fs::path& folder : plugin_folders()) {
-    fs::path file = folder / (kPluginPrefix + name + kPluginEnding);
-    if (fs::is_regular_file(file, none)) return file;
-  }
+  for (const PluginFile& known : plugin_files(kPluginPrefix))
+    if (known.name == name) return known.file;
   return {};
 }
 
@@ -181,14 +141,14 @@ void PluginDevice::give_back() noexcept {
   void* const device = device_.exchange(nullptr);
   // Later cut_force calls find no device; earlier ones are waited for.
   while (cutting_.load() > 0) std::this_thread::yield();
-  if (device != nullptr) library_->plugin().close(device);
+  if (device != nullptr) library_->close(device);
 }
 
 Status PluginDevice::open() {
   close();
   give_back();
   PluginText text{};
-  void* const device = library_->plugin().open(index_, text.data(), kPluginText);
+  void* const device = library_->open(index_, text.data(), kPluginText);
   if (device == nullptr) return Error{text_of(text), "look at cable, power and the maker's software", name_};
   device_.store(device);
   state_ = {};
@@ -201,7 +161,7 @@ Status PluginDevice::open() {
 
 Status PluginDevice::take_limits() {
   palpate_plugin_limits told{};
-  if (library_->plugin().limits(device_.load(), &told) != 0)
+  if (library_->limits(device_.load(), &told) != 0)
     return Error{"the plug-in tells no limits", "look at the maker's software", name_};
   limits_ = {told.force_max_n,
              {Vec3{told.low_mm[0], told.low_mm[1], told.low_mm[2]},
@@ -221,14 +181,14 @@ Status PluginDevice::take_limits() {
 void PluginDevice::close() noexcept {
   if (!open_) return;
   open_ = false;
-  static_cast<void>(library_->plugin().zero(device_.load()));
+  static_cast<void>(library_->zero(device_.load()));
 }
 
 DeviceState PluginDevice::read() noexcept {
   state_.status = ReadStatus::kLost;
   if (!open_) return state_;
   palpate_plugin_state told{};
-  if (library_->plugin().read(device_.load(std::memory_order_relaxed), &told) != 0) return state_;
+  if (library_->read(device_.load(std::memory_order_relaxed), &told) != 0) return state_;
   constexpr std::uint32_t kMaxStatus = 3;
   state_.status = told.status <= kMaxStatus ? static_cast<ReadStatus>(told.status) : ReadStatus::kGarbled;
   if (state_.status != ReadStatus::kFresh) return state_;
@@ -243,13 +203,13 @@ void PluginDevice::send(GovernedForce force) noexcept {
   if (!open_) return;
   const Vec3& n = force.newtons();
   const double force_n[3] = {n.x(), n.y(), n.z()};
-  static_cast<void>(library_->plugin().send(device_.load(std::memory_order_relaxed), force_n));
+  static_cast<void>(library_->send(device_.load(std::memory_order_relaxed), force_n));
 }
 
 bool PluginDevice::cut_force() noexcept {
   cutting_.fetch_add(1);
   void* const device = device_.load();
-  const bool cut = device != nullptr && library_->plugin().zero(device) == 0;
+  const bool cut = device != nullptr && library_->zero(device) == 0;
   cutting_.fetch_sub(1);
   return cut;
 }
@@ -258,7 +218,7 @@ DeviceFacts PluginDevice::facts() const {
   DeviceFacts facts;
   PluginText text{};
   void* const device = device_.load();
-  if (device == nullptr || library_->plugin().facts(device, text.data(), kPluginText) != 0) return facts;
+  if (device == nullptr || library_->facts(device, text.data(), kPluginText) != 0) return facts;
   const std::string lines = text_of(text);
   for (std::size_t at = 0; at < lines.size();) {
     const std::size_t end = std::min(lines.find('\n', at), lines.size());
@@ -273,21 +233,9 @@ DeviceFacts PluginDevice::facts() const {
 void register_plugin_drivers(Drivers& drivers) {
   for (const KnownPlugin& known : kKnownPlugins) add_plugin(drivers, known.name, known.what, known.remedy);
   // Other plug-ins, by file; a taken name is not replaced.
-  std::vector<std::string> names;
-  std::error_code none;
-  for (const fs::path& folder : plugin_folders())
-    for (fs::directory_iterator it(folder, none), end; !none && it != end; it.increment(none)) {
-      const std::string file = it->path().filename().string();
-      const std::string prefix = kPluginPrefix, ending = kPluginEnding;
-      if (file.size() <= prefix.size() + ending.size() || !file.starts_with(prefix) ||
-          !file.ends_with(ending))
-        continue;
-      names.push_back(file.substr(prefix.size(), file.size() - prefix.size() - ending.size()));
-    }
-  std::sort(names.begin(), names.end());
-  for (const std::string& name : names)
-    if (drivers.of(name) == nullptr)
-      add_plugin(drivers, name, "a plug-in that was installed here", "the file of its plug-in");
+  for (const PluginFile& known : plugin_files(kPluginPrefix))
+    if (drivers.of(known.name) == nullptr)
+      add_plugin(drivers, known.name, "a plug-in that was installed here", "the file of its plug-in");
 }
 
 }  // namespace palpate::device

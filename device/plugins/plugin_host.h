@@ -6,42 +6,25 @@
 #include <memory>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include <palpate/device/drivers.h>
 #include "device/interface/driver_options.h"
 #include "device/plugins/plugin.h"
+#include "toolkit/core/plugin_module.h"
 
 namespace palpate::device {
 
-/// A loaded module, kept loaded while one of its devices lives.
-class PluginLibrary {
- public:
-  /// An Error says what the system's loader misses, or that the version differs.
-  [[nodiscard]] static Result<std::shared_ptr<PluginLibrary>> load(const std::filesystem::path& file);
-  PluginLibrary(const PluginLibrary&) = delete;
-  PluginLibrary& operator=(const PluginLibrary&) = delete;
-  ~PluginLibrary();
+/// Kept loaded while one of its devices lives.
+using LoadedPlugin = std::shared_ptr<const palpate_plugin>;
+[[nodiscard]] Result<LoadedPlugin> load_device_plugin(const std::filesystem::path& file);
 
-  [[nodiscard]] const palpate_plugin& plugin() const noexcept { return *plugin_; }
-
- private:
-  PluginLibrary(void* handle, const palpate_plugin* plugin) noexcept : handle_(handle), plugin_(plugin) {}
-  void* handle_;
-  const palpate_plugin* plugin_;
-};
-
-/// Plug-in folders in search order: those of $PALPATE_PLUGINS (separated by colons), then lib/palpate/plugins
-/// beside the program's bin.
-[[nodiscard]] std::vector<std::filesystem::path> plugin_folders();
-/// The file palpate-NAME.so in the first folder that has it; empty: none.
+/// The file palpate-NAME.so in the first plug-in folder that has it; empty: none.
 [[nodiscard]] std::filesystem::path plugin_file(const std::string& name);
 
 /// A device of a plug-in. Invalid limits fail to open; an invalid status reads as garbled.
 class PluginDevice final : public Device {
  public:
-  PluginDevice(std::shared_ptr<PluginLibrary> library, std::uint32_t index, std::string name,
-               const Clock& clock)
+  PluginDevice(LoadedPlugin library, std::uint32_t index, std::string name, const Clock& clock)
       : library_(std::move(library)), index_(index), name_(std::move(name)), clock_(clock) {}
   ~PluginDevice() override;
 
@@ -60,7 +43,7 @@ class PluginDevice final : public Device {
   [[nodiscard]] Status take_limits();
   void give_back() noexcept;
 
-  std::shared_ptr<PluginLibrary> library_;
+  LoadedPlugin library_;
   std::uint32_t index_;
   std::string name_;
   const Clock& clock_;

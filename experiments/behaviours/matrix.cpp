@@ -120,8 +120,9 @@ Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
         row.push_back(observe(behaviour, request, registry, threads, progress));
       return row;
     };
-    PALPATE_ASSIGN(Row row,
-                   suite == nullptr ? measure() : suite->once<Row>(request.label, key_of(request), measure));
+    PALPATE_ASSIGN(Row row, suite == nullptr ? measure()
+                                             : suite->once<Row>(request.label, key_of(request), measure,
+                                                                untimed(request)));
     matrix.outcomes.push_back(std::move(row));
   }
   return matrix;
@@ -239,6 +240,7 @@ Result<int> watch_behaviours(const BehavioursArguments& arguments, Context& cont
   PALPATE_ASSIGN(const BehaviourMatrix matrix,
                  run_behaviours(std::move(wanted), std::move(renderers), registry, arguments.threads,
                                 suite.progress(), &suite));
+  if (suite.partial()) return suite.leave();
   suite.progress().report("drawing the report", -1.0);
   Page page = begin_page("How haptic renderers behave", new_head(context.command_line));
   add_behaviours(page, matrix, suite.folder());

@@ -118,6 +118,20 @@ void Declaration::verbose() const {
   shared().placed(command_.add_flag("--verbose", help));
 }
 
+void Declaration::cases() const {
+  const auto add = [&](const char* name, const std::string& help) {
+    return command_.add_option_function<std::string>(
+        name, [](const std::string&) {}, help);
+  };
+  for (const auto& [name, help] :
+       {std::pair{kEmitOption, "snakemake: write jobs, one a case, into the folder's jobs, and measure none"},
+        {kEngineOption, "snakemake: write the jobs and run them here"}})
+    shared().placed(add(name, help))->check(CLI::IsMember({"snakemake"}));
+  add(kCaseOption, "what a job measures")->group("")->check(given_and_empty);
+  excludes(kEmitOption, kEngineOption);
+  for (const char* name : {kEmitOption, kEngineOption}) excludes(kCaseOption, name);
+}
+
 void Declaration::number(const std::string& name, double& value, const NumberRange& range,
                          const std::string& help) const {
   placed(add_read<double>(
@@ -163,7 +177,8 @@ std::optional<Error> unknown_option(const CLI::App& command, const std::vector<s
 std::vector<std::string> option_names(const CLI::App& command, bool rare) {
   std::vector<std::string> names;
   for (const CLI::Option* option : command.get_options())
-    if (!option->get_lnames().empty() && (rare || option->get_group() != kRare))
+    if (!option->get_lnames().empty() && !option->get_group().empty() &&
+        (rare || option->get_group() != kRare))
       names.push_back("--" + option->get_lnames().front());
   return names;
 }

@@ -13,6 +13,8 @@
 
 namespace palpate::experiments {
 
+inline constexpr const char *kEmitOption = "--emit", *kEngineOption = "--engine", *kCaseOption = "--case";
+
 /// A subcommand's options in the library's terms, and what is done with them.
 struct DeclaredCommand {
   std::unique_ptr<CLI::App> app;

@@ -8,6 +8,7 @@
 
 #include <palpate/result.h>
 #include "experiments/command/subcommands.h"
+#include "experiments/driver/jobs.h"
 #include "experiments/report/tables.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"
@@ -17,14 +18,6 @@ namespace palpate::experiments {
 namespace {
 
 using Words = std::vector<std::string>;
-
-std::string for_shell(const std::string& argument) {
-  constexpr const char* kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=:,./@%";
-  if (!argument.empty() && argument.find_first_not_of(kPlain) == std::string::npos) return argument;
-  std::string text = "'";
-  for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return text + "'";
-}
 
 // ---- former names: they work for one version more
 
@@ -234,6 +227,23 @@ bool asks_for_help(const Words& words, bool& all) {
   return false;
 }
 
+/// Which cases are measured here, by --emit, --engine and --case.
+CaseSelection selection_of(const CLI::App& app, Words words) {
+  const auto given = [&](const char* name) {
+    const CLI::Option* option = app.get_option_no_throw(name);
+    return option != nullptr && option->count() > 0 ? option->as<std::string>() : std::string();
+  };
+  CaseSelection cases;
+  cases.run = !given(kEngineOption).empty();
+  cases.list = cases.run || !given(kEmitOption).empty();
+  cases.only = given(kCaseOption);
+  for (const char* option : {kEngineOption, kEmitOption}) (void)taken(words, option);
+  std::error_code code;
+  words.insert(words.begin(), std::filesystem::read_symlink("/proc/self/exe", code).string());
+  for (const std::string& word : words) cases.command += (cases.command.empty() ? "" : " ") + for_shell(word);
+  return cases;
+}
+
 }  // namespace
 
 std::vector<std::pair<std::string, std::string>> former_names() {
@@ -294,7 +304,10 @@ int run_command_line(int argc, const char* const* argv) {
   for (int i = 1; i < argc; ++i) context.command_line += " " + for_shell(argv[i]);
   const CLI::Option* verbose = line->command.app->get_option_no_throw("--verbose");
   context.verbose = verbose != nullptr && verbose->count() > 0;
-  return line->command.run(context);
+  context.cases = selection_of(*line->command.app, {argv + 1, argv + argc});
+  const int status = line->command.run(context);
+  const CaseSelection& cases = context.cases;
+  return cases.run && status == kExitOk ? fail(run_jobs(cases.written), kExitBadInput) : status;
 }
 
 }  // namespace palpate::experiments

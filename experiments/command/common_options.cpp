@@ -111,6 +111,7 @@ void declare_trade(const Declaration& declare, SweepArguments& trade) {
   declare_reference(declare, run.reference);
   declare_out(declare, run.out);
   declare_json(declare, run.json);
+  declare.cases();
   declare_model(declare, run.load);
 }
 

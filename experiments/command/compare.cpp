@@ -56,6 +56,7 @@ void declare_compare(const Declaration& declare, CompareArguments& a) {
             "run renderers too that lack what the scene asks for (friction, dents, ..), and say so");
   declare_force(declare, run.force);
   declare_scene_run(declare, run);
+  declare.cases();
 }
 
 /// Compares what was just written with the earlier run. The text to print, with `whole` every number;
@@ -101,7 +102,7 @@ Result<int> run_compare(const CompareArguments& arguments, Context& context) {
     return text + fmt::format("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   };
   PALPATE_ASSIGN(const int status, run_study(run, context, finish));
-  if (status != kExitOk) return status;
+  if (status != kExitOk || !context.cases.all()) return status;
   // What one renderer answers now, beside what it answered when it was recorded.
   if (recorded && run.stream.empty() && !run.renderers.empty() &&
       run.renderers.find(',') == std::string::npos)
@@ -143,9 +144,6 @@ void declare_sweep(const Declaration& declare, SweepArguments& a) {
                  fmt::format("seconds it may take; 0: as long as it takes (default: {:g}, with --full 0)",
                              kSweepBudgetS));
   declare.flag("--full", a.full, "more values on each axis, and up to three of them turned at once");
-  declare.text(
-      "--shard", a.shard,
-      "the part of the settings that is measured here, such as 2/8; `palpate compare merge` joins them");
 }
 
 void declare_merge(const Declaration& declare, MergeArguments& a) {
@@ -197,12 +195,13 @@ Subcommand sweep_subcommand() {
 }
 
 Subcommand merge_subcommand() {
-  return subcommand("compare merge",
-                    "shards of a sweep in one: rows joined, fronts drawn, for each machine its own",
-                    {"palpate compare merge out/shard-1 out/shard-2 --out out/whole",
-                     "palpate compare sweep sinusoid:points=10201 --budget 60 --shard 1/2 --out out/shard-1",
-                     "palpate compare sweep sinusoid:points=10201 --budget 60 --shard 2/2 --out out/shard-2"},
-                    declare_merge, run_merge);
+  return subcommand(
+      "compare merge", "sweeps of one scene in one: rows joined, fronts drawn, for each machine its own",
+      {"palpate compare merge out/sweep-here out/sweep-there --out out/whole",
+       "palpate compare sweep sinusoid:points=10201 --renderers cloud --budget 60 --out out/sweep-here",
+       "palpate compare sweep sinusoid:points=10201 --renderers cloud-smooth --budget 60 --out "
+       "out/sweep-there"},
+      declare_merge, run_merge);
 }
 
 Subcommand ablate_subcommand() {

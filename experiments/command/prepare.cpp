@@ -14,8 +14,11 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
+#include "toolkit/core/hash.h"
 #include "toolkit/io/point_stream.h"
-#include "toolkit/prepared/prepare_cells.h"
+#include "toolkit/prepared/prepare_journal.h"
+#include "toolkit/prepared/prepare_surface.h"
+#include "toolkit/render/prepare.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 
 namespace palpate::experiments {
@@ -105,18 +108,38 @@ void print_cells(const prepared::PrepareCellsReport& report, double seconds, con
              static_cast<double>(report.scratch_bytes) / points, path);
 }
 
+std::uint64_t memory_bound(const PrepareArguments& arguments) {
+  return arguments.load.memory_limit_gb > 0.0
+             ? static_cast<std::uint64_t>(arguments.load.memory_limit_gb * kBytesPerGb)
+             : prepared::kPrepareMemoryBytes;
+}
+
+Result<std::unique_ptr<io::PointStream>> open_stream(const PrepareArguments& arguments) {
+  return std::filesystem::is_directory(arguments.model)
+             ? io::open_folder_stream(arguments.model, arguments.load.threads)
+             : io::open_point_stream(arguments.model, arguments.load.threads);
+}
+
+Result<prepared::PrepareCellsOptions> cells_options(const PrepareArguments& arguments,
+                                                    const io::PointStream& stream) {
+  prepared::PrepareCellsOptions options;
+  PALPATE_ASSIGN(options.mm_per_unit, mm_per_number(arguments, stream.header()));
+  options.threads = arguments.load.threads;
+  options.memory_bytes = memory_bound(arguments);
+  if (!std::filesystem::is_directory(arguments.model)) options.input_path = arguments.model;
+  return options;
+}
+
+Status check_large_output(const PrepareArguments& arguments, const char* ending) {
+  return check_output({arguments.out, {ending}, arguments.force || is_prepared(arguments.out)},
+                      std::vector{arguments.model});
+}
+
 /// Sorts the points of a file, or of a folder of tiles, into cells; they never stand in memory together.
 Result<int> run_cells(const PrepareArguments& arguments, Context& context) {
-  const bool folder = std::filesystem::is_directory(arguments.model);
-  PALPATE_TRY(check_output({arguments.out, {kCells}, arguments.force || is_prepared(arguments.out)},
-                           std::vector{arguments.model}));
-  PALPATE_ASSIGN(const std::unique_ptr<io::PointStream> stream,
-                 folder ? io::open_folder_stream(arguments.model, arguments.load.threads)
-                        : io::open_point_stream(arguments.model, arguments.load.threads));
-  prepared::PrepareCellsOptions options;
-  PALPATE_ASSIGN(options.mm_per_unit, mm_per_number(arguments, stream->header()));
-  options.threads = arguments.load.threads;
-  if (!folder) options.input_path = arguments.model;
+  PALPATE_TRY(check_large_output(arguments, kCells));
+  PALPATE_ASSIGN(const std::unique_ptr<io::PointStream> stream, open_stream(arguments));
+  PALPATE_ASSIGN(const prepared::PrepareCellsOptions options, cells_options(arguments, *stream));
   StopCallback stop_callback([&] { return arguments.out + " was not written; the same command goes on"; });
   const auto start = std::chrono::steady_clock::now();
   PALPATE_ASSIGN(const prepared::PrepareCellsReport report,
@@ -129,8 +152,83 @@ Result<int> run_cells(const PrepareArguments& arguments, Context& context) {
   return kExitOk;
 }
 
+bool is_cell_file(const std::string& path) {
+  return prepared::CellFile::begins_as_one(first_bytes(path));
+}
+
+/// Whether the surface is made cell by cell: its points exceed the bound, or are a folder's.
+Result<bool> is_large(const PrepareArguments& arguments) {
+  if (std::filesystem::is_directory(arguments.model)) return true;
+  std::uint64_t points = 0;
+  if (is_cell_file(arguments.model)) {
+    PALPATE_ASSIGN(const prepared::CellFile cells, prepared::CellFile::open(arguments.model));
+    points = cells.info().points;
+  } else if (const auto stream = open_stream(arguments)) {
+    points = (*stream)->header().points;
+  }
+  return points > memory_bound(arguments) / prepared::kSurfaceBytesPerPoint;
+}
+
+/// Cells of the scan beside the file to write, under a name that another scan or unit would not have: a run
+/// that was stopped goes on with them.
+Result<std::string> make_scratch_cells(const PrepareArguments& arguments, Context& context) {
+  PALPATE_ASSIGN(const std::unique_ptr<io::PointStream> stream, open_stream(arguments));
+  PALPATE_ASSIGN(const prepared::PrepareCellsOptions options, cells_options(arguments, *stream));
+  for (const std::string& warning : stream->header().warnings) tell("palpate: warning: {}\n", warning);
+  Hash64 choices;
+  choices.real(options.mm_per_unit);
+  const prepared::JournalKey key = prepared::make_journal_key(options.input_path, choices.value());
+  const std::string path = fmt::format("{}.{:016x}.{}", arguments.out, key.hash, kCells);
+  if (!key.unknown && is_cell_file(path)) return path;
+  PALPATE_ASSIGN(const prepared::PrepareCellsReport report,
+                 prepared::prepare_cells(*stream, options, path, context.progress));
+  static_cast<void>(report);
+  return path;
+}
+
+/// Share of the area on seams from which sides are doubtful: a tenth of what a piece's rim has.
+constexpr double kDoubtfulSeams = 0.01;
+
+/// The surface of points that exceed the bound.
+Result<int> run_large_surface(const PrepareArguments& arguments, Context& context) {
+  PALPATE_TRY(check_large_output(arguments, kSurfaces));
+  StopCallback stop_callback([&] { return arguments.out + " was not written; the same command goes on"; });
+  render::PrepareReport report;
+  const bool given = is_cell_file(arguments.model);
+  std::string cells_path = arguments.model;
+  const render::PrepareContext prepare{arguments.load.threads, &context.progress};
+  render::PreparePhases phases(report, prepare);
+  if (!given) {
+    phases.begin("cells");
+    PALPATE_ASSIGN(cells_path, make_scratch_cells(arguments, context));
+    phases.end();
+  }
+  PALPATE_ASSIGN(const prepared::CellFile cells, prepared::CellFile::open(cells_path));
+  prepared::PrepareSurfaceOptions options;
+  options.memory_bytes = memory_bound(arguments);
+  options.threads = arguments.load.threads;
+  phases.begin("surface");
+  const Result<prepared::PrepareSurfaceReport> made =
+      prepared::prepare_surface(cells, options, arguments.out, context.progress);
+  phases.end();
+  if (!given && !context.progress.cancelled()) std::filesystem::remove(cells_path);
+  if (!made) return made.error();
+  stop_callback.drop();
+  if (made->contradicted > kDoubtfulSeams)
+    phases.warn(fmt::format("Along {:.2g} % of the seams the outer side is not certain.",
+                            100.0 * made->contradicted));
+  PALPATE_ASSIGN(const std::shared_ptr<const render::SurfaceFile> written,
+                 render::SurfaceFile::open(arguments.out));
+  context.progress.clear();
+  for (const std::string& warning : report.warnings) tell("palpate: warning: {}\n", warning);
+  print_prepared(*written, report, arguments.json);
+  return kExitOk;
+}
+
 Result<int> run_prepare(const PrepareArguments& arguments, Context& context) {
   if (arguments.out.ends_with(fmt::format(".{}", kCells))) return run_cells(arguments, context);
+  PALPATE_ASSIGN(const bool large, is_large(arguments));
+  if (large) return run_large_surface(arguments, context);
   PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
   PALPATE_ASSIGN(const scene::SceneFile file, open_scene(arguments.model, all_renderers(), context.progress));
   if (file.models.size() != 1)

@@ -162,6 +162,7 @@ void declare_reproduce(const Declaration& declare, ReproduceArguments& a) {
   declare.rare().flag("--no-cache", a.no_cache, "make every mesh anew, and keep none for the next run");
   declare.flag("--quick", a.quick, "small models, short paths: tries the machinery, measures nothing");
   declare.excludes("--quick", "--full");
+  declare.cases();
   declare_threads(declare, a.threads);
 }
 

@@ -43,6 +43,8 @@ class Declaration {
   void flag(const std::string& name, bool& value, const std::string& help) const;
   /// --verbose, which is put into the Context.
   void verbose() const;
+  /// --emit, --engine and --case, which are put into the Context: of what measures cases by a Suite.
+  void cases() const;
   /// A finite number in `range`, which --help-all shows too.
   void number(const std::string& name, double& value, const NumberRange& range,
               const std::string& help) const;

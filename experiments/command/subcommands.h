@@ -24,6 +24,7 @@
   DO(hunt)                      \
   DO(stability)                 \
   DO(goals)                     \
+  DO(bench)                     \
   DO(live)                      \
   DO(record)                    \
   DO(serve)                     \
@@ -47,7 +48,7 @@ inline constexpr Verb kVerbs[] = {
     {"", "prepare", "makes a file of a scan's smooth surface, felt at once and from disk"},
     {"Measure", "compare", "renderers along one path, and a report; also sweep, merge, ablate"},
     {"", "tune", "finds the cheapest setting that is accurate enough"},
-    {"", "test", "suites: behaviours, stress, hunt, stability, goals"},
+    {"", "test", "suites: behaviours, stress, hunt, stability, goals, bench"},
     {"Touch", "live", "renderers under a hand on a device, switched while felt; also record, serve"},
     {"", "study", "blinded comparisons and staircases, with people or without"},
     {"Keep", "report", "draws a study's report again; also score, export"},

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "experiments/behaviours/matrix.h"
+#include "experiments/bench/bench.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/goals/goals.h"
@@ -19,6 +20,7 @@ void declare_behaviours(const Declaration& declare, BehavioursArguments& a) {
   declare_threads(declare, a.threads);
   declare_json(declare, a.json);
   declare.verbose();
+  declare.cases();
 }
 
 void declare_stress(const Declaration& declare, StressArguments& a) {
@@ -41,6 +43,7 @@ void declare_stress(const Declaration& declare, StressArguments& a) {
       "must be the same");
   declare_json(declare, a.json);
   declare.verbose();
+  declare.cases();
 }
 
 void declare_hunt(const Declaration& declare, HuntArguments& a) {
@@ -80,6 +83,7 @@ void declare_stability(const Declaration& declare, StabilityArguments& a) {
   declare.rare().number("--slew", a.slew_n_per_s, kSlew, "limit of the governor, N/s (default: 1000)");
   declare_path(declare, run.path, "six seconds, by the model's size");
   declare_scene_run(declare, run);
+  declare.cases();
 }
 
 void declare_goals(const Declaration& declare, GoalsArguments& a) {
@@ -88,7 +92,32 @@ void declare_goals(const Declaration& declare, GoalsArguments& a) {
                "small models and short paths, half a minute: a trial of the machinery, no measurement");
   declare_json(declare, a.json);
   declare.verbose();
+  declare.cases();
   declare_threads(declare, a.threads);
+}
+
+void declare_bench(const Declaration& declare, BenchArguments& a) {
+  declare.text("--entry", a.entries,
+               fmt::format("renderers (plug-ins too) and folders of recorded traces, separated by commas "
+                           "(default: {})",
+                           kUsualEntries));
+  declare.text("--seed", a.seed,
+               "of the cases: public, nominal, or a secret text of 16 characters or more, which gives hidden "
+               "ones and is not written anywhere (default: public)");
+  declare.text("--out", a.out, "folder for the results (default: out/bench)");
+  declare.text("--emit", a.emit,
+               "folder for the points and path of every case, to be answered by traces; nothing is run");
+  declare.text("--check", a.check, "bench.json whose cases and answers are made again and compared");
+  declare.text("--against", a.against,
+               "bench.json of another seed: the difference shows what is tuned to one of them");
+  declare.flag("--quick", a.quick, "few points and frames, less than a minute: a trial, no measurement");
+  declare_threads(declare, a.threads);
+  declare_json(declare, a.json);
+  declare.verbose();
+  declare.excludes("--emit", "--out");
+  declare.excludes("--emit", "--check");
+  declare.excludes("--check", "--against");
+  declare.excludes("--check", "--quick");
 }
 
 }  // namespace
@@ -141,6 +170,17 @@ Subcommand goals_subcommand() {
       "test goals", "the goals of the thesis (section 1.4), each answered by a measurement: a page for each",
       {"palpate test goals --out out/goals", "palpate test goals --quick --out out/goals-quick"},
       declare_goals, run_goals);
+}
+
+Subcommand bench_subcommand() {
+  return subcommand(
+      "test bench",
+      "Palpate Bench: renderers, plug-ins and recorded traces on public or hidden cases, ranked",
+      {"palpate test bench --out out/bench",
+       "palpate test bench --entry cloud,cloud-smooth --quick --out out/bench-quick",
+       "palpate test bench --quick --emit out/bench-cases",
+       "palpate test bench --check out/bench-quick/bench.json --entry cloud --out out/bench-check"},
+      declare_bench, run_bench);
 }
 
 }  // namespace palpate::experiments

@@ -8,6 +8,7 @@
 #include <palpate/result.h>
 #include <palpate/write_mesh.h>
 #include "experiments/data/scans.h"
+#include "experiments/driver/jobs.h"
 #include "experiments/report/findings.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
@@ -84,6 +85,7 @@ Status OneByOne::begin() {
   }
   if (!taken.empty())
     study_.stage.notes.push_back("Finished by an earlier run, which was interrupted: " + taken + ".");
+  if (suite_.partial()) return Done{};
   PALPATE_TRY(write_stage(study_, folder_));
   return write_result();
 }
@@ -91,8 +93,15 @@ Status OneByOne::begin() {
 Status OneByOne::run_the_rest() {
   Context& context = suite_.context();
   std::vector<RendererRequest> rest;
+  std::size_t points = 0;
+  for (const render::ModelInput& model : study_.stage.scene.input.models) points += model.cloud->size();
+  // Passes without and with a clock in every frame, and the untimed one.
+  const double frames = static_cast<double>((2 * options_.passes + 1) * study_.stage.path.size());
   for (const RendererRequest& request : requests_)
-    if (!finished_.contains(request.label)) rest.push_back(request);
+    if (!finished_.contains(request.label) &&
+        suite_.measures(
+            case_of(request, *registry_.find(request.name), study_.stage.scene_name, points, frames, 1.0)))
+      rest.push_back(request);
   RunOptions options = options_;
   if (saved_mesh_) options.save_mesh.clear();  // the first mesh is the one that is kept
   context.working = false;
@@ -104,6 +113,7 @@ Status OneByOne::run_the_rest() {
   };
   metrics::MeasurementConditions conditions;
   PALPATE_TRY(run_renderers(study_.stage, rest, registry_, options, context.progress, conditions, news));
+  if (suite_.partial()) return Done{};
   add_program(conditions);
   if (!rest.empty()) study_.document.conditions = std::move(conditions);
   for (const RendererRequest& request : requests_)
@@ -315,6 +325,7 @@ Result<int> run_study(const RunArguments& arguments, Context& context, const Aft
   OneByOne run(study, prepared.renderers, registry, options, suite);
   PALPATE_TRY(run.begin());
   PALPATE_TRY(run.run_the_rest());
+  if (suite.partial()) return suite.leave();
   PALPATE_ASSIGN(const std::string more, after(suite.folder()));
   PALPATE_TRY(suite.folder().complete());
   context.progress.clear();

@@ -6,6 +6,7 @@
 //   PALPATE_TRY(suite.open(arguments.out));
 //   PALPATE_TRY(suite.begin(RunKey().add(arguments.path)));
 //   PALPATE_ASSIGN(const Row row, suite.once<Row>("cloud", key, [&] { return measure(); }));
+//   if (suite.partial()) return suite.leave();
 //   PALPATE_TRY(suite.publish({"rows.json", to_json(row), {table_of(row)}}, page, arguments.json));
 #pragma once
 
@@ -56,17 +57,28 @@ class Suite {
     return Done{};
   }
   /// A case's value: kept by an interrupted run, or measured now and kept. `name`: a file name, shown to the
-  /// user. `measure`: a Result<T>.
+  /// user. `measure`: a Result<T>. Empty where another process measures the case; see partial().
   template <class T, class Measure>
-  [[nodiscard]] Result<T> once(const std::string& name, const std::string& key,
-                               const Measure& measure) const {
+  [[nodiscard]] Result<T> once(const std::string& name, const std::string& key, const Measure& measure,
+                               Case about = {}) const {
     T value{};
     if (take(name, key, value)) return value;
+    about.name = name;
+    if (!measures(about)) return value;
     folder_->start_part();
     PALPATE_ASSIGN(value, measure());
     PALPATE_TRY(keep(name, key, value));
     return value;
   }
+
+  /// Whether a case that was not taken is measured here: always, unless other processes measure it.
+  [[nodiscard]] bool measures(const Case& one) const;
+  /// Whether this process leaves cases to others (CaseSelection). Behind its last case it ends by leave().
+  [[nodiscard]] bool partial() const { return !context_.cases.all(); }
+  /// Writes the list of cases, or leaves what was measured where the whole command finds it. The exit status.
+  [[nodiscard]] Result<int> leave() const;
+  /// Files of this name that processes of one case left in this folder, sorted.
+  [[nodiscard]] std::vector<std::string> files_of_cases(const std::string& name) const;
 
   /// Writes document and page, and completes the folder.
   [[nodiscard]] Status write(const SuiteResults& results, const Page& page) const;

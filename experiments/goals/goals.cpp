@@ -239,7 +239,7 @@ std::vector<GoalRuns> shared_runs(Result<std::vector<GoalRuns>> runs, const std:
 Status add_goal(const GoalBench& bench, const std::string& id, Goal (*measure)(const GoalBench&),
                 GoalsDocument& document) {
   Goal& goal = document.goals.emplace_back();
-  if (bench.suite.take(id, id, goal)) return Done{};
+  if (bench.suite.take(id, id, goal) || !bench.suite.measures({id, {}, {}, id})) return Done{};
   bench.suite.folder().start_part();
   goal = measure(bench);
   return verdict_of(goal) == Verdict::kNotMeasured ? Status(Done{}) : bench.suite.keep(id, id, goal);
@@ -251,13 +251,13 @@ Status measure_goals(const GoalBench& bench, GoalsDocument& document) {
   const std::vector<GoalRuns> shapes = shared_runs(run_on_shapes(bench), "The models", document);
   const std::vector<GoalRuns> sizes = shared_runs(run_by_size(bench), "The sizes", document);
   progress.set_prefix("");
-  document.goals.push_back(fidelity_goal(bench, shapes));
-  document.goals.push_back(no_mesh_goal(bench, shapes));
+  const bool whole = !bench.suite.partial();
+  if (whole) document.goals = {fidelity_goal(bench, shapes), no_mesh_goal(bench, shapes)};
   progress.set_prefix("one machine: ");
   PALPATE_TRY(add_goal(bench, "one-machine", one_machine_goal, document));
   progress.set_prefix("");
-  document.goals.push_back(worst_case_goal(bench, shapes, sizes));
-  document.goals.push_back(size_goal(bench, sizes));
+  if (whole) document.goals.push_back(worst_case_goal(bench, shapes, sizes));
+  if (whole) document.goals.push_back(size_goal(bench, sizes));
   progress.set_prefix("the closed loop: ");
   PALPATE_TRY(add_goal(bench, "stable", stability_goal, document));
   PALPATE_TRY(add_goal(bench, "many-models", many_models_goal, document));
@@ -284,6 +284,7 @@ Result<int> run_goals(const GoalsArguments& arguments, Context& context) {
         "measurement.");
   PALPATE_ASSIGN(const OutputFolder figures, suite.folder().inside("figures"));
   PALPATE_TRY(measure_goals({registry, suite, figures, arguments.quick, arguments.threads}, document));
+  if (suite.partial()) return suite.leave();
   suite.progress().report("drawing the pages", -1.0);
   PALPATE_TRY(write_goal_pages(document, suite.folder()));
   PALPATE_TRY(suite.publish({kGoalsFile, to_json(document), {goals_table(document)}, document.warnings},

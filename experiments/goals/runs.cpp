@@ -96,8 +96,8 @@ Result<std::vector<GoalRuns>> run_on_shapes(const GoalBench& bench) {
       PALPATE_ASSIGN(const Stage stage, goal_stage(bench, shape.scene, path, ReferenceChoice::kAuto));
       return goal_runs(bench, stage, shape.name, renderers);
     };
-    PALPATE_ASSIGN(GoalRuns runs,
-                   bench.suite.once<GoalRuns>(fmt::format("model-{}", all.size() + 1), shape.scene, measure));
+    PALPATE_ASSIGN(GoalRuns runs, bench.suite.once<GoalRuns>(fmt::format("model-{}", all.size() + 1),
+                                                             shape.scene, measure, {{}, shape.scene}));
     all.push_back(std::move(runs));
   }
   return all;
@@ -119,7 +119,8 @@ Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench) {
       return goal_runs(bench, stage, format_count(stage.scene.input.models.front().cloud->size()) + " points",
                        renderers);
     };
-    PALPATE_ASSIGN(GoalRuns runs, bench.suite.once<GoalRuns>(points + "-points", scene, measure));
+    PALPATE_ASSIGN(GoalRuns runs,
+                   bench.suite.once<GoalRuns>(points + "-points", scene, measure, {{}, scene}));
     all.push_back(std::move(runs));
   }
   return all;

@@ -79,10 +79,9 @@ void say(const ExportArguments& a, const device::Recording& recording, std::uint
 
 }  // namespace
 
-Result<std::uint64_t> export_csv(device::Recording& recording, const std::string& label,
-                                 const std::string& file) {
-  trace::ProbePath path;
-  trace::ForceTrace trace;
+Result<trace::PathAndTrace> frames_of_recording(device::Recording& recording, const std::string& label) {
+  trace::PathAndTrace read;
+  auto& [path, trace] = read;
   device::RecordedTick tick;
   for (;;) {
     PALPATE_ASSIGN(const bool more, recording.next(tick));
@@ -101,17 +100,23 @@ Result<std::uint64_t> export_csv(device::Recording& recording, const std::string
       return over_memory_limit("the frames of this recording", kMemoryLimitBytes);
   }
   if (recording.end().ticks == 0)
-    return Error{"the recording ends before its first ticks are whole", "record again", file};
+    return Error{"the recording ends before its first ticks are whole", "record again"};
   if (path.size() == 0) {
     std::vector<std::string> labels;
     for (const device::RecordedRenderer& one : recording.renderers()) labels.push_back(one.label);
     return Error{fmt::format("the recording has no frame of '{}'", label.empty() ? "any renderer" : label),
                  labels.empty() ? std::string("record a session in which the device was held")
-                                : "choose from " + joined(labels),
-                 file};
+                                : "choose from " + joined(labels)};
   }
-  PALPATE_TRY(trace::write_trace_csv(path, trace, file));
-  return std::uint64_t{path.size()};
+  return read;
+}
+
+Result<std::uint64_t> export_csv(device::Recording& recording, const std::string& label,
+                                 const std::string& file) {
+  const Result<trace::PathAndTrace> read = frames_of_recording(recording, label);
+  if (!read) return Error(read.error()).in_file(file);
+  PALPATE_TRY(trace::write_trace_csv(read->path, read->trace, file));
+  return std::uint64_t{read->path.size()};
 }
 
 Result<int> run_export(const ExportArguments& arguments, Context& context) {

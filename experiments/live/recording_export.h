@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include <palpate/trace.h>
 #include "device/record/recording.h"
 #include "experiments/session/session.h"
 
@@ -18,8 +19,10 @@ struct ExportArguments {
 };
 [[nodiscard]] Result<int> run_export(const ExportArguments& arguments, Context& context);
 
-/// Writes one renderer's frames as a Palpate trace for read_trace_csv(). Skips ticks without a step or with a
-/// non-finite HIP. Returns the rows written.
+/// One renderer's frames. Skips ticks without a step or with a non-finite HIP.
+[[nodiscard]] Result<trace::PathAndTrace> frames_of_recording(device::Recording& recording,
+                                                              const std::string& label);
+/// Writes them as a Palpate trace for read_trace_csv(). Returns the rows written.
 [[nodiscard]] Result<std::uint64_t> export_csv(device::Recording& recording, const std::string& label,
                                                const std::string& file);
 

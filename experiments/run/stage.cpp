@@ -249,11 +249,15 @@ std::vector<std::string> files_read(const StageRequest& request) {
 
 Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Progress& progress) {
   if (!request.stream.source.empty()) return set_up_stream(request, readers, progress);
+  PALPATE_ASSIGN(scene::LoadedScene loaded, scene::load(request.scene, readers, request.load, progress));
+  return set_up(std::move(loaded), std::nullopt, request, readers, progress);
+}
+
+Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> path,
+                     const StageRequest& request, const io::Readers& readers, Progress& progress) {
   Stage stage;
   stage.scene_name = request.scene_name;
-  Result<scene::LoadedScene> loaded = scene::load(request.scene, readers, request.load, progress);
-  if (!loaded) return std::move(loaded).error();
-  stage.scene = *std::move(loaded);
+  stage.scene = std::move(loaded);
   for (const scene::Provenance& p : stage.scene.provenance)
     for (const std::string& warning : p.warnings) stage.warnings.push_back(warning);
   PALPATE_TRY(check_surfaces(stage.scene));
@@ -300,11 +304,13 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
     if (felt_the_truth) kind = model.analytic != nullptr ? FeltKind::kFormula : FeltKind::kFaces;
     return felt_of(kind, model, stage.scene.input, request.threads, progress);
   };
-  if (request.path.empty())
-    if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
-  const std::string named = !request.path.empty() ? request.path : usual_path(target, request.usual_frames);
-  Result<trace::ProbePath> path = open_path(named, target, request.load.max_bytes, &stage.warnings);
-  if (!path) return std::move(path).error();
+  std::string named;
+  if (!path) {
+    if (request.path.empty())
+      if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
+    named = !request.path.empty() ? request.path : usual_path(target, request.usual_frames);
+    PALPATE_ASSIGN(path, open_path(named, target, request.load.max_bytes, &stage.warnings));
+  }
   stage.path = *std::move(path);
   // Whether the path starts free a formula knows, reference or not, and a mesh that is the reference.
   bool formulas = true;

@@ -83,6 +83,10 @@ struct Stage {
 /// that followed a wall without the delay of images would be in front of what is felt, or deep in it.
 [[nodiscard]] Result<Stage> set_up_stream(const StageRequest& request, const io::Readers& readers,
                                           Progress& progress);
+/// The same of a scene that is loaded already, and along `path` where one is given.
+[[nodiscard]] Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> path,
+                                   const StageRequest& request, const io::Readers& readers,
+                                   Progress& progress);
 
 // The cleaning steps of this program, and what they do to a scene for one renderer.
 

@@ -18,6 +18,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/metrics/machine_info.h"
+#include "toolkit/render/plugin_renderer.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::experiments {
@@ -27,6 +28,7 @@ render::Registry all_renderers() {
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
+  render::register_plugin_renderers(registry);
   return registry;
 }
 
@@ -61,6 +63,22 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
   if (arguments.memory_limit_gb > 0.0)
     options.max_bytes = static_cast<std::uint64_t>(arguments.memory_limit_gb * kBytesPerGb);
   return options;
+}
+
+Case untimed(const RendererRequest& request) {
+  Case one;
+  one.name = request.label;
+  one.renderer = request.name;
+  one.timed = false;
+  return one;
+}
+
+std::string for_shell(const std::string& argument) {
+  constexpr const char* kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=:,./@%";
+  if (!argument.empty() && argument.find_first_not_of(kPlain) == std::string::npos) return argument;
+  std::string text = "'";
+  for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return text + "'";
 }
 
 metrics::DocumentHead new_head(const std::string& command_line) {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <palpate/read_model.h>
 #include <palpate/registry.h>
@@ -40,9 +41,36 @@ class RunKey {
 /// What the results of one renderer depend on besides.
 [[nodiscard]] std::string key_of(const RendererRequest& request);
 
+/// A word of a command line, quoted where a shell needs it.
+[[nodiscard]] std::string for_shell(const std::string& argument);
+
 inline constexpr int kExitOk = 0;
 inline constexpr int kExitFellShort = 1;  ///< ran, and failed or fell short
 inline constexpr int kExitBadInput = 2;   ///< bad arguments or input
+
+/// A case that a process of its own can measure: a row of jobs.tsv.
+struct Case {
+  std::string name{};  ///< a file name, or what case_id() makes one of; unique within the command
+  std::string scene{}, renderer{}, setting{};
+  double seconds = 60.0, megabytes = 1000.0;  ///< expected; these where nobody knows: a minute, a gigabyte
+  bool timed = true;                          ///< work beside it would falsify it
+};
+
+/// Of a renderer whose answers are counted and not timed.
+[[nodiscard]] Case untimed(const RendererRequest& request);
+
+/// Which cases of a command this process measures: all, none (they are listed), or one.
+struct CaseSelection {
+  bool list = false;       ///< --emit, --engine
+  bool run = false;        ///< --engine: what is listed is run
+  std::string only;        ///< --case: an id, or kNoCase
+  std::string command;     ///< the command line without these options, for a shell
+  bool anew = false;       ///< listed: nothing was kept before
+  bool found = false;      ///< the one case is measured
+  std::vector<Case> left;  ///< listed so far
+  std::string written;     ///< the folder with the list
+  [[nodiscard]] bool all() const { return !list && only.empty(); }
+};
 
 /// What every command gets.
 struct Context {
@@ -50,6 +78,7 @@ struct Context {
   std::string command_line;  ///< as typed, quoted where needed
   bool verbose = false;      ///< every table is printed
   bool working = false;      ///< set by a command behind its checks: an Error is no bad input any more
+  CaseSelection cases{};
 };
 
 /// Prints "palpate: error: ..." and returns `status`.

@@ -257,15 +257,19 @@ Result<int> run_stability(const StabilityArguments& arguments, Context& context)
     PALPATE_TRY(measuring.search("truth", truth, loop));
     return loop;
   };
-  PALPATE_ASSIGN(MeasuredLoop of_truth, suite.once<MeasuredLoop>("truth", "truth", search_truth));
-  add_loop(std::move(of_truth), document);
+  PALPATE_ASSIGN(MeasuredLoop of_truth,
+                 suite.once<MeasuredLoop>("truth", "truth", search_truth, {{}, arguments.run.scene}));
+  if (!suite.partial()) add_loop(std::move(of_truth), document);
   int status = kExitOk;
   for (std::size_t i = 0; i < checked.renderers.size(); ++i) {
     const RendererRequest& request = checked.renderers[i];
     progress.set_prefix(fmt::format("[{}/{}] {}: ", i + 1, checked.renderers.size(), request.label));
-    Result<MeasuredLoop> loop = suite.once<MeasuredLoop>(request.label, key_of(request), [&] {
-      return measuring.measure(request, registry, arguments.run.load.threads);
-    });
+    Case one = untimed(request);
+    one.scene = arguments.run.scene;
+    Result<MeasuredLoop> loop = suite.once<MeasuredLoop>(
+        request.label, key_of(request),
+        [&] { return measuring.measure(request, registry, arguments.run.load.threads); }, one);
+    if (suite.partial() && loop) continue;
     if (loop) {
       add_loop(*std::move(loop), document);
       continue;
@@ -275,6 +279,11 @@ Result<int> run_stability(const StabilityArguments& arguments, Context& context)
         fmt::format("{} was not measured: {}", request.label, loop.error().message()));
   }
   progress.set_prefix("");
+  if (suite.partial()) {
+    for (const std::string& warning : document.warnings) tell("palpate: warning: {}\n", warning);
+    PALPATE_TRY(suite.leave());
+    return status;
+  }
   progress.report("drawing the report", -1.0);
   const Page page = stability_page(document, suite.folder());
   PALPATE_TRY(

@@ -76,7 +76,8 @@ class StressRun {
       const RendererRequest& request = matrix_.renderers[r];
       suite_.progress().set_prefix(fmt::format("[{}/{}] ", r + 1, matrix_.renderers.size()));
       std::vector<StressCell> row;
-      if (!suite_.take(request.label, key_of(request), row) && !spent()) {
+      if (!suite_.take(request.label, key_of(request), row) && !spent() &&
+          suite_.measures(untimed(request))) {
         run_row(request, r, row);
         if (row.size() == run_.size()) PALPATE_TRY(suite_.keep(request.label, key_of(request), row));
       }
@@ -88,7 +89,7 @@ class StressRun {
 
  private:
   [[nodiscard]] bool spent() const {
-    return arguments_.budget_s > 0.0 && watch_.ms() > 1e3 * arguments_.budget_s;
+    return arguments_.budget_s > 0.0 && !suite_.partial() && watch_.ms() > 1e3 * arguments_.budget_s;
   }
 
   void run_row(const RendererRequest& request, std::size_t r, std::vector<StressCell>& row) {
@@ -152,6 +153,7 @@ Result<int> run_stress(const StressArguments& arguments, Context& context) {
   key.add(static_cast<std::uint64_t>(arguments.full)).add(static_cast<std::uint64_t>(arguments.quick));
   PALPATE_TRY(suite.begin(key));
   PALPATE_TRY(StressRun(arguments, registry, suite, matrix).all());
+  if (suite.partial()) return suite.leave();
   SuiteResults results{kStressFile, stress_json(matrix), {stress_table(matrix), stress_summary(matrix)}};
   Page page = stress_page(matrix);
   bool short_of = failures(matrix, render::Role::kOurs) > 0;

@@ -77,11 +77,11 @@ struct OutputFolder::State {
   std::string unfinished;      ///< key and record of an incomplete last run
   std::string record;          ///< a file that is a part from its first case on
   bool begun = false, resumed = false, completed = false;
-  bool amended = false;            ///< reopened
-  std::set<std::string> ours;      ///< files of this and earlier runs
-  std::set<std::string> claimed;   ///< files of this run
-  std::vector<std::string> since;  ///< claimed since the part started
-  std::set<std::string> parts;     ///< completed parts, and the record
+  bool amended = false;           ///< reopened
+  std::set<std::string> ours;     ///< files of this and earlier runs
+  std::set<std::string> claimed;  ///< files of this run
+  std::set<std::string> since;    ///< claimed since the part started
+  std::set<std::string> parts;    ///< completed parts, and the record
   StopCallback stop_callback;
 
   State() = default;
@@ -306,6 +306,38 @@ bool OutputFolder::take_over(const std::string& part, const std::string& key,
   return true;
 }
 
+bool OutputFolder::has_parts() const {
+  return !state_->parts.empty();
+}
+
+Status OutputFolder::adopt(const std::string& folder) const {
+  State& s = *state_;
+  State other;
+  other.root = folder;
+  other.read_mark();
+  if (other.unfinished.empty()) return Done{};  // stopped before it began
+  if (other.unfinished != s.unfinished)
+    return Error{"was measured by another program or kind of machine, or with other arguments",
+                 "measure and merge on machines of one kind, or remove the folder", folder};
+  for (const std::string& name : other.ours) {
+    if (!name.starts_with(kParts)) continue;
+    const nlohmann::json kept = nlohmann::json::parse(text_of(other.root / name), nullptr, false);
+    if (!kept.is_object() || !kept.contains("files") || !kept.contains("text")) continue;  // measured anew
+    start_part();
+    for (const auto& [file, hash] : kept["files"].items()) {
+      if (!is_inside(file)) continue;
+      PALPATE_ASSIGN(const std::string path, claim(file));
+      std::error_code code;
+      fs::create_directories(fs::path(path).parent_path(), code);
+      fs::copy_file(other.root / file, path, fs::copy_options::overwrite_existing, code);
+      if (code) return Error{"cannot be copied from " + folder + ": " + code.message(), {}, path};
+    }
+    PALPATE_TRY(keep(name.substr(std::strlen(kParts)), kept.value("key", ""), kept.value("text", "")));
+    s.resumed = true;
+  }
+  return Done{};
+}
+
 Status OutputFolder::complete() const {
   const auto hold = block_stop();
   State& s = *state_;
@@ -333,7 +365,8 @@ Result<std::string> OutputFolder::claim(const std::string& name) const {
     PALPATE_TRY(s.append(kFile + own));
     s.ours.insert(own);
   }
-  if (s.claimed.insert(own).second) s.since.push_back(own);
+  s.claimed.insert(own);
+  s.since.insert(own);  // again where a part is kept anew
   if (own == s.record) {
     const auto hold = block_stop();
     s.parts.insert(own);

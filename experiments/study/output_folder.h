@@ -51,6 +51,12 @@ class OutputFolder {
   [[nodiscard]] bool take_over(const std::string& part, const std::string& key,
                                const std::function<bool(const std::string& text)>& use) const;
 
+  /// Whether a part is complete, kept or taken from an incomplete run.
+  [[nodiscard]] bool has_parts() const;
+  /// Copies the parts that another folder's incomplete run has kept, with their files. Error: its key is not
+  /// that of begin().
+  [[nodiscard]] Status adopt(const std::string& folder) const;
+
   /// Completes the run: removes its parts and earlier runs' remains.
   [[nodiscard]] Status complete() const;
 

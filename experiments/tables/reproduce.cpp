@@ -317,6 +317,7 @@ int reproduce(const ReproduceArguments& arguments, Context& context) {
                     manifest.table > 0 ? fmt::format("table {}", manifest.table) : manifest.id()));
     do_step(r, manifest, [&] { reproduce_part(manifest, r); });
   }
+  if (suite.partial()) return exit_status(suite.leave(), context);
   r.steps.insert(r.steps.end(), waiting.begin(), waiting.end());
   return finish(r);
 }

@@ -132,6 +132,10 @@ void do_step(Reproduction& r, const Manifest& manifest, const std::function<void
     r.steps.push_back({manifest, std::move(r.part)});
     return;
   }
+  Case one;
+  one.name = name;
+  one.setting = manifest.table > 0 ? "table " + std::to_string(manifest.table) : name;
+  if (!r.suite.measures(one)) return;
   r.folder.start_part();
   work();
   const bool came = !r.part.sections.empty();  // else the next run retries

@@ -202,7 +202,6 @@ std::string to_json(const SweepDocument& document) {
   json["axes"] = document.axes;
   json["full"] = document.full;
   json["budget_s"] = document.budget_s > 0.0 ? DocumentJson(document.budget_s) : DocumentJson(nullptr);
-  json["shard"] = text_or_null(document.shard);
   json["warnings"] = document.warnings;
   json["notes"] = document.notes;
   json["machines"] = DocumentJson::array();

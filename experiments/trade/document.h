@@ -12,7 +12,7 @@ namespace palpate::experiments {
 
 inline constexpr const char* kSweepFile = "sweep.json";
 /// Increases when a key is redefined or removed.
-inline constexpr const char* kSweepSchema = "palpate-sweep/1";
+inline constexpr const char* kSweepSchema = "palpate-sweep/2";
 
 struct SweepDocument {
   metrics::DocumentHead head;
@@ -21,7 +21,6 @@ struct SweepDocument {
   std::vector<std::string> axes;
   bool full = false;
   double budget_s = 0.0;  ///< 0: none
-  std::string shard;      ///< "2/8"; empty: all
   std::vector<Row> rows;
   std::vector<std::string> not_measured;  ///< settings left for lack of time
   std::vector<std::string> warnings, notes;

@@ -1,4 +1,4 @@
-// Merges rows of several folders: shards of a sweep, from one or more machines.
+// Merges rows of several folders: sweeps of one scene, from one or more machines.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -53,7 +53,6 @@ Result<SweepDocument> merged(const MergeArguments& arguments) {
   for (const Row& row : whole.rows) measured.insert(row.setting);
   std::erase_if(whole.not_measured, [&](const std::string& text) { return measured.contains(text); });
   whole.budget_s = 0.0;
-  whole.shard.clear();
   return whole;
 }
 

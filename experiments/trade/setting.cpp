@@ -294,10 +294,4 @@ std::vector<Setting> settings_of(const SettingsRequest& request, const render::S
   return all;
 }
 
-std::vector<Setting> shard_of(std::vector<Setting> all, std::size_t shard, std::size_t count) {
-  std::vector<Setting> part;
-  for (std::size_t i = shard; i < all.size(); i += count) part.push_back(std::move(all[i]));
-  return part;
-}
-
 }  // namespace palpate::experiments

@@ -47,7 +47,4 @@ struct SettingsRequest {
                                                const render::SceneInput& scene,
                                                const render::Registry& registry);
 
-/// A shard's part, every `count`-th from `shard` (counted from 0).
-[[nodiscard]] std::vector<Setting> shard_of(std::vector<Setting> all, std::size_t shard, std::size_t count);
-
 }  // namespace palpate::experiments

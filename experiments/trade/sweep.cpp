@@ -8,6 +8,7 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
+#include "experiments/driver/jobs.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/messages.h"
@@ -22,24 +23,6 @@ constexpr double kMostPrepareS = 60.0, kLeastPrepareS = 2.0, kShareOfTheRest = 0
 constexpr double kFullPrepareS = 600.0;
 // Most settings of another precision or rate that a setting waits behind.
 constexpr std::size_t kLooksAhead = 64;
-constexpr std::size_t kMostShards = 100'000;
-
-struct Shard {
-  std::size_t index = 0, count = 1;
-};
-
-Result<Shard> parse_shard(const std::string& text) {
-  if (text.empty()) return Shard{};
-  const Error wrong{fmt::format("--shard {} is no part of a whole", shown(text)),
-                    "give a number of as many, such as 2/8"};
-  const std::size_t slash = text.find('/');
-  if (slash == std::string::npos) return wrong;
-  const NumberRange range{1, static_cast<double>(kMostShards)};
-  const Result<long long> index = read_integer(text.substr(0, slash), range);
-  const Result<long long> count = read_integer(text.substr(slash + 1), range);
-  if (!index || !count || *index > *count) return wrong;
-  return Shard{static_cast<std::size_t>(*index - 1), static_cast<std::size_t>(*count)};
-}
 
 /// Version and commit, which distinguish rows of different programs.
 std::string program_text() {
@@ -80,7 +63,6 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
                                             Context& context) {
   std::unique_ptr<Sweep> sweep(new Sweep(context));
   PALPATE_ASSIGN(const std::vector<std::string> turned, parse_axes(arguments.axes));
-  PALPATE_ASSIGN(const Shard shard, parse_shard(arguments.shard));
   PALPATE_ASSIGN(sweep->checked_, check_run(arguments.run, registry, context.progress));
   StageRequest& request = sweep->checked_.stage;
   request.usual_frames = kSweepFrames;
@@ -90,10 +72,16 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   if (std::error_code code; std::filesystem::exists(rows, code)) {
     PALPATE_ASSIGN(sweep->document_.rows, read_rows(rows));
   }
+  for (const std::string& file : suite.files_of_cases(kRowsFile)) {
+    PALPATE_ASSIGN(std::vector<Row> more, read_rows(file));
+    for (const Row& row : more) sweep->apart_.insert(row.setting);
+    sweep->take(std::move(more));
+  }
   PALPATE_ASSIGN(sweep->stage_, set_up(request, all_readers(), context.progress));
   PALPATE_ASSIGN(sweep->experiment_, experiment_on(sweep->stage_, program_text()));
   SweepDocument& document = sweep->document_;
-  if (!document.rows.empty() && document.rows.front().experiment != sweep->experiment_->hash)
+  if (std::any_of(document.rows.begin(), document.rows.end(),
+                  [&](const Row& row) { return row.experiment != sweep->experiment_->hash; }))
     return Error{"these rows are of another scene, path, truth or version of Palpate",
                  "give --out another folder, or take this one away", rows};
   SettingsRequest settings{sweep->checked_.renderers, turned, arguments.full,
@@ -101,12 +89,11 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   if (arguments.of_scene_only)
     std::erase_if(settings.axes,
                   [](const std::string& axis) { return axis == "rate" || axis == "precision"; });
-  std::vector<Setting> all = settings_of(settings, sweep->stage_.scene.input, registry);
-  if (all.empty())
+  sweep->settings_ = settings_of(settings, sweep->stage_.scene.input, registry);
+  if (sweep->settings_.empty())
     return Error{"no renderer can do what the scene asks for",
                  "`palpate list renderers` says what each supports"};
-  sweep->anchor_ = all.front();
-  sweep->settings_ = shard_of(std::move(all), shard.index, shard.count);
+  sweep->anchor_ = sweep->settings_.front();
   sweep->registry_ = &registry;
   sweep->machine_ = this_machine().hash;
   sweep->measure_.threads = arguments.run.load.threads;
@@ -119,7 +106,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   document.axes = settings.axes;
   document.full = arguments.full;
   document.budget_s = arguments.budget_s >= 0.0 ? arguments.budget_s : arguments.full ? 0.0 : kSweepBudgetS;
-  document.shard = arguments.shard;
+  if (suite.partial() || !sweep->apart_.empty()) document.budget_s = 0.0;  // every case is measured
   document.warnings = sweep->stage_.warnings;
   document.notes = sweep->stage_.notes;
   PALPATE_TRY(
@@ -128,7 +115,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
 }
 
 std::set<std::string> Sweep::done(double prepare_limit_s) const {
-  std::set<std::string> texts;
+  std::set<std::string> texts = apart_;
   for (const Row& row : document_.rows)
     // A setting out of time is retried when more time is allowed.
     if (row.machine.hash == machine_ &&
@@ -158,7 +145,26 @@ void Sweep::take(std::vector<Row> rows) {
   }
 }
 
+std::vector<Setting> Sweep::left_here() const {
+  const std::set<std::string> known = done(kFullPrepareS);
+  std::size_t points = 0;
+  for (const render::ModelInput& model : stage_.scene.input.models) points += model.cloud->size();
+  std::vector<Setting> left;
+  for (const Setting& setting : settings_) {
+    if (known.contains(setting.text)) continue;
+    // The anchor is stepped beside it.
+    const double frames = 2.0 * static_cast<double>(measure_.passes * stage_.path.size());
+    Case one = case_of(setting.request, *registry_->find(setting.request.name), document_.scene, points,
+                       frames, static_cast<double>(kPreparations));
+    one.name = one.setting = setting.text;
+    if (suite_.measures(one)) left.push_back(setting);
+  }
+  return left;
+}
+
 Status Sweep::measure_all() {
+  if (suite_.partial()) settings_ = left_here();
+  if (settings_.empty()) return Done{};
   const Stopwatch watch;
   const double budget_s = document_.budget_s;
   double longest_s = 0.0;
@@ -202,6 +208,7 @@ Result<int> run_sweep(const SweepArguments& arguments, Context& context) {
   const render::Registry registry = all_renderers();
   PALPATE_ASSIGN(const std::unique_ptr<Sweep> sweep, Sweep::begin(arguments, registry, context));
   PALPATE_TRY(sweep->measure_all());
+  if (sweep->suite().partial()) return sweep->suite().leave();
   PALPATE_TRY(publish_sweep(sweep->document(), sweep->suite(), arguments.run.json));
   const std::vector<Row>& rows = sweep->document().rows;
   return std::any_of(rows.begin(), rows.end(), [](const Row& r) { return r.ok(); }) ? kExitOk

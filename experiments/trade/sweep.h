@@ -22,7 +22,6 @@ inline constexpr int kSweepFrames = 6'000;
 struct SweepArguments {
   RunArguments run;        ///< scene, renderers, path, truth, folder, model, json
   std::string axes;        ///< empty: all
-  std::string shard;       ///< "2/8"
   double budget_s = -1.0;  ///< below 0: kSweepBudgetS, or none with `full`
   bool full = false;
   bool of_scene_only = false;  ///< without rates and precision, which a scene file cannot set (tune)
@@ -47,6 +46,8 @@ class Sweep {
   /// Texts of settings that need no further turn.
   [[nodiscard]] std::set<std::string> done(double prepare_limit_s) const;
   [[nodiscard]] std::vector<Setting> next_turn(double prepare_limit_s) const;
+  /// Settings that remain and are measured by this process; others are listed (Suite::measures).
+  [[nodiscard]] std::vector<Setting> left_here() const;
   void take(std::vector<Row> rows);
 
   CheckedRun checked_;
@@ -54,6 +55,7 @@ class Sweep {
   std::optional<Experiment> experiment_;
   Suite suite_;
   std::vector<Setting> settings_;
+  std::set<std::string> apart_;  ///< texts of settings that processes of one case measured, wherever
   std::optional<Setting> anchor_;
   SweepDocument document_;
   MeasureOptions measure_;

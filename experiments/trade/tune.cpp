@@ -217,6 +217,7 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   PALPATE_ASSIGN(const std::unique_ptr<Sweep> begun, Sweep::begin(sweep_arguments, registry, context));
   Sweep& sweep = *begun;
   PALPATE_TRY(sweep.measure_all());
+  if (sweep.suite().partial()) return sweep.suite().leave();
   const SweepDocument& document = sweep.document();
   const OutputFolder& folder = sweep.suite().folder();
   PALPATE_TRY(sweep.suite().write({kSweepFile, to_json(document), {}}, sweep_page(document, folder)));

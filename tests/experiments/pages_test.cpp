@@ -128,7 +128,7 @@ TEST_F(Shown, EveryCommandOfThePagesIsUnderstoodAndRuns) {
 
 TEST_F(Shown, EveryExampleOfTheHelpTextsIsUnderstoodAndRuns) {
   std::vector<Help> all = helps();
-  // Others read the recording and the shards that these make.
+  // Others read the recording and the sweeps that these make.
   for (const char* first : {"compare sweep", "compare merge", "live record"})
     std::stable_partition(all.begin(), all.end(),
                           [&](const Help& help) { return help.command.name == first; });
@@ -244,7 +244,7 @@ TEST_F(Completion, KnowsEveryVerbKindAndOptionAndNoFormerName) {
   };
   EXPECT_EQ(offered("com", 1), "compare\n");
   EXPECT_EQ(offered("compare sw", 2), "sweep\n");
-  EXPECT_EQ(offered("compare sweep x --sh", 4), "--shard\n");
+  EXPECT_EQ(offered("compare sweep x --em", 4), "--emit\n");
 }
 
 TEST_F(HelpTexts, EverySubcommandIsListedAndExplainsItself) {

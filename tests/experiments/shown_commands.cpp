@@ -285,7 +285,7 @@ std::string problem_in_prose(const ShownCommand& command) {
 std::string why_not_run(const ShownCommand& command) {
   if (command.program() == "echo") return {};
   if (command.program() != "palpate") return "builds, or is of the shell";
-  for (const char* slow : {"reproduce", "behaviours", "goals"})
+  for (const char* slow : {"reproduce", "behaviours", "goals", "bench"})
     if (is_of(command.words, slow)) return "takes minutes, and has tests of its own";
   for (const std::string& word : command.words)
     if (word == "--docs") return "writes the pages themselves";

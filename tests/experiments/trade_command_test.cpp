@@ -24,9 +24,11 @@ class Trade : public OnCommandLine {
   }
   template <class... More>
   Words sweep_of(const std::string& scene, const std::string& out, const More&... more) const {
-    return words("compare sweep", scene,
-                 "--renderers cloud,cloud-smooth --axes points,rate --passes 2 --path", kShort, "--out",
-                 in(out), more...);
+    Words line = words("compare sweep", scene, "--axes points,rate --passes 2 --path", kShort, "--out",
+                       in(out), more...);
+    if (std::find(line.begin(), line.end(), "--renderers") == line.end())
+      line.insert(line.end(), {"--renderers", "cloud,cloud-smooth"});
+    return line;
   }
   json document(const std::string& out, const std::string& file = "sweep.json") const {
     return json_in(out + "/" + file);
@@ -124,25 +126,24 @@ TEST_F(Trade, SweepStoppedBySignalKeepsItsRows) {
   expect_valid("sweep", text_in("out/sweep.json"));
 }
 
-TEST_F(Trade, ShardsAreTheWhole) {
+TEST_F(Trade, MergedPartsAreTheWhole) {
   succeeds(sweep("whole"));
-  for (const char* part : {"1", "2", "3"})
-    succeeds(sweep(std::string("shard-") + part, "--shard", std::string(part) + "/3"));
-  succeeds("compare merge @/shard-1 @/shard-2 @/shard-3 --out @/merged");
+  for (const char* part : {"cloud", "cloud-smooth"}) succeeds(sweep(part, "--renderers", std::string(part)));
+  succeeds("compare merge @/cloud @/cloud-smooth --out @/merged");
   EXPECT_EQ(exact("merged"), exact("whole"));
   expect_valid("sweep", text_in("merged/sweep.json"));
   // One folder twice is one.
-  succeeds("compare merge @/shard-1 @/shard-1 --out @/twice");
-  EXPECT_EQ(exact("twice"), exact("shard-1"));
+  succeeds("compare merge @/cloud @/cloud --out @/twice");
+  EXPECT_EQ(exact("twice"), exact("cloud"));
 }
 
 TEST_F(Trade, MergeKeepsMachinesApartAndScenesOut) {
-  succeeds(sweep("a", "--shard 1/2"));
-  succeeds(sweep("b", "--shard 2/2"));
-  succeeds(sweep_of("plane:points=961", "other", "--shard 1/2"));
+  succeeds(sweep("a", "--renderers cloud"));
+  succeeds(sweep("b", "--renderers cloud-smooth"));
+  succeeds(sweep_of("plane:points=961", "other", "--renderers cloud"));
   refuses("another scene", "compare merge @/a @/other --out @/merged");
   EXPECT_FALSE(exists("merged"));
-  // The second half as another machine has it.
+  // The second one as another machine has it.
   std::string rows = text_in("b/rows.jsonl");
   const std::string hash = json::parse(rows.substr(0, rows.find('\n')))["machine"]["hash"];
   for (std::size_t at = 0; (at = rows.find(hash, at)) != std::string::npos;)
@@ -184,10 +185,6 @@ TEST_F(Trade, HostileOptionsAreAnswered) {
              "[[model]]\ngenerate = \"plane\"\npoints = 441\n[model.surface]\nfriction = 0.5\n");
   for (const auto& [line, says] : std::vector<std::pair<const char*, const char*>>{
            {"compare sweep % --axes shadng", "did you mean 'shading'?"},
-           {"compare sweep % --shard 3/2", "--shard"},
-           {"compare sweep % --shard 1", "--shard"},
-           {"compare sweep % --shard 0/2", "--shard"},
-           {"compare sweep % --shard a/b", "--shard"},
            {"compare sweep % --budget -1", "--budget"},
            {"compare sweep % --budget nan", "--budget"},
            {"compare sweep % --passes 0", "--passes"},

@@ -239,17 +239,6 @@ TEST_F(Settings, AreOfTheirRenderersAlone) {
   }
 }
 
-TEST_F(Settings, OfAllShardsAreTheWhole) {
-  const std::vector<Setting> all = of("", "");
-  std::set<std::string> whole, joined;
-  for (const Setting& setting : all) whole.insert(setting.text);
-  std::size_t count = 0;
-  for (std::size_t k = 0; k < 7; ++k)
-    for (const Setting& setting : shard_of(all, k, 7)) joined.insert(setting.text), ++count;
-  EXPECT_EQ(joined, whole);
-  EXPECT_EQ(count, all.size());
-}
-
 TEST(Axes, UnknownAndDoubleOnesAreRefused) {
   EXPECT_EQ(parse_axes("")->size(), axes().size());
   EXPECT_THAT(parse_axes("shadng").error().message(), HasSubstr("shading"));

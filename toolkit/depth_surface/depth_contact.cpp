@@ -12,7 +12,7 @@ namespace {
 /// A move shorter than this share of a pixel is none: 2e-3 mm at 1 m, a thousandth of a newton at 0.5 N/mm.
 constexpr double kArrivedPixels = 0x1p-10;
 
-/// What is carried along the surface is at most this share of the depth, so that it ends with the contact.
+/// What is carried along the surface comes down to this share of the depth, so that it ends with the contact.
 constexpr double kMostAlong = 0.5;
 
 /// A god object moves as the HIP does, and up to twice as fast at a depth of half the surface's radius.
@@ -59,13 +59,16 @@ void DepthContact::swap(const DepthSheets& sheets, FrameStatus& status, FrameCou
   const double fastest = kFastestMmPerS * period_s_ * images;
   const Vec3 q = sheets.to_camera(last_);
   if (state_ != State::kFree) {
-    const Vec3 plane = god_, before = last_ + pull_ - carried_;
+    const Vec3 before = last_ + pull_ - carried_, plane = god_, outward = outward_;
     god_ = before;
-    if (descend(sheets, q, fastest, status, counters) != Descent::kNone) {
+    const bool found = descend(sheets, q, fastest, status, counters) != Descent::kNone;
+    // What lets go is caught again by a surface over the HIP only.
+    if (found && (state_ == State::kHeld || (god_ - last_).dot(outward_) > 0.0)) {
       state_ = State::kHeld;
       carry(god_ - before, 0.0, 0.0);
       return;
     }
+    outward_ = outward;
     god_ = plane;
     return leave();
   }
@@ -224,18 +227,23 @@ bool DepthContact::hold(const DepthSheets& sheets, const Vec3& hip, double dt_s,
       return false;
     }
     const Vec3 pull = god_ - hip + carried_, along = pull - outward_ * (depth + risen);
-    const double size = along.norm(), most = kMostAlong * (depth + risen);
+    const double size = along.norm(),
+                 most = std::max(kMostAlong * (depth + risen), size - most_mm_per_s_ * dt_s);
     pull_ = size > most ? Vec3(pull - along * (1.0 - most / size)) : pull;
     carried_ = pull_ - (god_ - hip);
     return true;
   }
-  pull_ = Vec3::Zero();
-  if (depth > 0.0) {
+  if (depth > 0.0 && pull_ == Vec3::Zero()) {
     // Behind a surface that came over the HIP, and faster out than it rises: it begins anew here.
     carried_ = hip - god_;
     return true;
   }
+  if (pull_.norm() > most_mm_per_s_ * dt_s + (hip - last_).norm()) {
+    leave();
+    return false;
+  }
   state_ = State::kFree;
+  pull_ = Vec3::Zero();
   sides_ = sides_at(sheets, q);
   return false;
 }

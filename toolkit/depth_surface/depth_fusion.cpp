@@ -39,8 +39,12 @@ constexpr int kLargestRadius = 3;
 const double kLeftOver = std::sqrt(kLeastGain / (2.0 - kLeastGain));
 /// Every so many pixels a sample of the noise; a prime, so that no pattern of the raster repeats.
 constexpr std::size_t kSampleStep = 61;
-/// Median of a normal's absolute values; and of a second difference's standard deviation over a value's.
-constexpr float kMedianShare = 0.6745F, kSecondDifference = 2.4495F;
+/// Share of the image away from edges; the mean of so many least absolute values of a normal; and a second
+/// difference's standard deviation over a value's.
+constexpr double kBelowEdges = 0.9;
+constexpr float kMeanBelow = 0.6573F, kSecondDifference = 2.4495F;
+/// Weight of an image's noise: over eight, its own scatter is nothing.
+constexpr float kNoiseGain = 0.125F;
 /// Pixels that the camera's motion may move an image between two frames, for a window: 3 degrees.
 constexpr int kWarpReach = 32;
 
@@ -84,6 +88,7 @@ std::size_t DepthFusion::bytes() const noexcept {
 
 void DepthFusion::forget() noexcept {
   any_ = false;
+  noise_far_ = 0.0F;
   for (Raster* raster : before_.rasters()) std::fill(raster->begin(), raster->end(), 0.0F);
 }
 
@@ -106,29 +111,34 @@ void DepthFusion::begin(const stream::DepthFrame& image, DepthSheets& sheets) no
   ++sheets.image;
 }
 
-/// The camera's word on its noise; without one, the median second difference along rows, which is 0 on
-/// planes.
+/// The camera's word on its noise; without one, second differences along rows, which are 0 on planes. The
+/// greatest tenth, at edges, is left out; a median would be 0 where depths are rounded.
 void DepthFusion::estimate_noise(const stream::DepthFrame& image) noexcept {
   const bool known = camera_.noise_mm > 0.0 || camera_.noise_per_mm > 0.0;
   const std::vector<float>& z = image.depth_mm;
-  const auto median = [this]() noexcept {
-    if (samples_.empty()) return 0.0F;
-    const auto middle = samples_.begin() + static_cast<std::ptrdiff_t>(samples_.size() / 2);
-    std::nth_element(samples_.begin(), middle, samples_.end());
-    return *middle;
+  // The mean of a share of the samples, the least ones.
+  const auto mean_of_least = [this](double share) noexcept {
+    const auto end =
+        samples_.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(samples_.size()));
+    if (end == samples_.begin()) return 0.0F;
+    std::nth_element(samples_.begin(), end - 1, samples_.end());
+    double sum = 0.0;
+    for (auto at = samples_.begin(); at != end; ++at) sum += static_cast<double>(*at);
+    return static_cast<float>(sum / static_cast<double>(end - samples_.begin()));
   };
   samples_.clear();
   for (std::size_t i = 1; i + 1 < z.size(); i += kSampleStep)
     if (is_measured(z[i])) samples_.push_back(1.0F / z[i]);
-  const float w = median();
+  const float w = mean_of_least(1.0);
   samples_.clear();
   for (std::size_t i = 1; i + 1 < z.size(); i += kSampleStep)
     if (is_measured(z[i - 1]) && is_measured(z[i]) && is_measured(z[i + 1]))
       samples_.push_back(std::abs(1.0F / z[i - 1] - 2.0F / z[i] + 1.0F / z[i + 1]));
   noise_near_ = static_cast<float>(camera_.noise_mm);
-  noise_far_ =
-      known ? static_cast<float>(camera_.noise_per_mm) : median() / (kMedianShare * kSecondDifference);
-  noise_far_ = std::max(noise_far_, kRounding * w);
+  const float found =
+      std::max(kRounding * w, known ? static_cast<float>(camera_.noise_per_mm)
+                                    : mean_of_least(kBelowEdges) / (kMeanBelow * kSecondDifference));
+  noise_far_ = noise_far_ > 0.0F ? noise_far_ + kNoiseGain * (found - noise_far_) : found;
   choose_radius(static_cast<double>(w));
 }
 
@@ -454,7 +464,13 @@ void DepthFusion::write(const PixelWindow& window, DepthSheets& sheets) const no
       const std::size_t i = first + static_cast<std::size_t>(k);
       sheets.links[i] =
           static_cast<std::uint8_t>(e | w << 1 | s << 2 | n << 3 | se << 4 | sw << 5 | ne << 6 | nw << 7);
-      sheets.front[i] = count >= kLeastLinks ? shown[k] : 0.0F;
+      // Between two others and of neither: the light of both, or a surface seen edge on.
+      const auto mixed = [shown, k](int low, int high, std::ptrdiff_t step) noexcept {
+        const float a = shown[k - step], b = shown[k + step];
+        return low + high == 0 && a > 0.0F && b > 0.0F && (shown[k] - a) * (b - shown[k]) > 0.0F;
+      };
+      const bool surface = count >= kLeastLinks && !mixed(w, e, 1) && !mixed(n, s, stride);
+      sheets.front[i] = surface ? shown[k] : 0.0F;
       sheets.hidden[i] = hidden[k];
     }
   }

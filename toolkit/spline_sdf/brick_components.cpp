@@ -92,19 +92,8 @@ constexpr std::size_t kMaxPieces = std::numeric_limits<std::uint16_t>::max();
 
 struct Piece {
   double cells = 0.0, beyond = 0.0;
-  std::uint16_t number = 0;
-  bool tight = false;
   std::vector<geometry::AreaElement> parts;
 };
-
-/// In voxels.
-geometry::AreaElement part_of(const BrickGrid& grid, const BuiltBrick& one, std::uint64_t code, int level) {
-  const double size = 1.0 / grid.per_voxel_of(level);
-  const BrickGrid::Coordinate c = search::coordinate_of_code(code);
-  const int count = std::popcount(one.brick.mask | one.beyond);
-  const Vec3 middle = (Vec3(c[0], c[1], c[2]) * kBrickCells + one.places / count) * size;
-  return {middle.cast<float>(), (one.normals * (kCellArea * size * size)).cast<float>()};
-}
 
 bool is_closed(const Piece& piece) {
   return piece.beyond <= std::max(kChanceShare * piece.cells, kChanceCells);
@@ -126,38 +115,46 @@ float outer_side_of(const Piece& piece, bool both_sides, int threads) {
 
 }  // namespace
 
-void find_closed_components(BrickGrid& grid, BuiltBricks& made, const LevelCodes& codes, std::size_t count,
-                            bool both_sides, int threads) {
+BrickSummary summary_of(const BuiltBrick& one, std::uint64_t code, int level, const BrickGrid& grid) {
+  BrickSummary out;
+  out.piece = one.piece;
+  out.smaller = one.smaller;
+  out.cells = static_cast<std::uint8_t>(std::popcount(one.brick.mask));
+  out.beyond = static_cast<std::uint8_t>(std::popcount(one.beyond));
+  const int count = std::popcount(one.brick.mask | one.beyond);
+  if (count == 0) return out;
+  const double size = 1.0 / grid.per_voxel_of(level);
+  const BrickGrid::Coordinate c = search::coordinate_of_code(code);
+  const Vec3 middle = (Vec3(c[0], c[1], c[2]) * kBrickCells + one.places / count) * size;
+  out.part = {middle.cast<float>(), (one.normals * (kCellArea * size * size)).cast<float>()};
+  return out;
+}
+
+std::vector<PieceClass> find_closed_components(BrickGrid& grid, std::size_t count,
+                                               const std::function<void(const VisitSummary&)>& each_brick,
+                                               bool both_sides, int threads) {
   std::vector<Piece> pieces(count);
-  const auto each_brick = [&](auto&& visit) {
-    for (int l = 0; l < grid.levels; ++l) {
-      const auto at = static_cast<std::size_t>(l);
-      for (std::size_t i = 0; i < made[at].size(); ++i) visit(made[at][i], codes[at][i], l);
-    }
-  };
-  each_brick([&](const BuiltBrick& one, std::uint64_t code, int level) {
-    const std::uint64_t crossed = one.brick.mask | one.beyond;
-    if (crossed == 0 || one.smaller) return;
+  each_brick([&](const BrickSummary& one, int level) {
+    if (one.cells + one.beyond == 0 || one.smaller) return;
     Piece& piece = pieces[one.piece];
     const double size = 1.0 / grid.per_voxel_of(level);
-    piece.cells += size * size * std::popcount(one.brick.mask);
-    piece.beyond += size * size * std::popcount(one.beyond);
-    piece.parts.push_back(part_of(grid, one, code, level));
+    piece.cells += size * size * one.cells;
+    piece.beyond += size * size * one.beyond;
+    piece.parts.push_back(one.part);
   });
-  for (Piece& piece : pieces) {
+  std::vector<PieceClass> classes(count);
+  for (std::size_t p = 0; p < count; ++p) {
+    Piece& piece = pieces[p];
     if (!(piece.cells > 0.0) || grid.closed_components.size() == kMaxPieces) continue;
     const float side = outer_side_of(piece, both_sides, threads);
     if (side == 0.0f) continue;
     const double mouth = geometry::opening_fraction(piece.parts);
     grid.min_enclosed = std::min(grid.min_enclosed, 1.0 - mouth);
-    piece.tight = is_closed(piece) || mouth <= geometry::kTightOpeningFraction;
-    grid.closed_components.push_back({side, piece.tight, std::move(piece.parts)});
-    piece.number = static_cast<std::uint16_t>(grid.closed_components.size());
+    classes[p].tight = is_closed(piece) || mouth <= geometry::kTightOpeningFraction;
+    grid.closed_components.push_back({side, classes[p].tight, std::move(piece.parts)});
+    classes[p].number = static_cast<std::uint16_t>(grid.closed_components.size());
   }
-  each_brick([&](BuiltBrick& one, std::uint64_t, int) {
-    one.brick.piece = pieces[one.piece].number;
-    if (pieces[one.piece].tight) one.brick.mask = ~std::uint64_t{0};
-  });
+  return classes;
 }
 
 }  // namespace palpate::render

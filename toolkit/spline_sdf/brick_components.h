@@ -30,11 +30,34 @@ struct BuiltBrick {
 using LevelCodes = std::array<std::vector<std::uint64_t>, BrickGrid::kMaxLevels>;
 using BuiltBricks = std::array<std::vector<BuiltBrick>, BrickGrid::kMaxLevels>;
 
-/// Numbers the pieces felt from one side in grid and bricks: those without a border, and (unless
-/// `both_sides`) those that enclose a volume despite holes. `pieces`: 1 + the largest BuiltBrick::piece.
-/// O(bricks).
-void find_closed_components(BrickGrid& grid, BuiltBricks& made, const LevelCodes& codes, std::size_t pieces,
-                            bool both_sides, int threads);
+/// What a brick adds to its piece.
+struct BrickSummary {
+  geometry::AreaElement part;  ///< of its surface, voxels
+  std::uint32_t piece = 0;
+  std::uint8_t cells = 0, beyond = 0;  ///< crossed cells with points around, and without
+  bool smaller = false;
+};
+[[nodiscard]] BrickSummary summary_of(const BuiltBrick& one, std::uint64_t code, int level,
+                                      const BrickGrid& grid);
+
+/// How a piece is felt.
+struct PieceClass {
+  std::uint16_t number = 0;  ///< Brick::piece
+  bool tight = false;
+
+  void put(Brick& brick) const noexcept {
+    brick.piece = number;
+    if (tight) brick.mask = ~std::uint64_t{0};
+  }
+};
+
+using VisitSummary = std::function<void(const BrickSummary& brick, int level)>;
+/// Finds the pieces felt from one side: those without a border, and (unless `both_sides`) those that enclose
+/// a volume despite holes; puts them in the grid and returns the class of each piece. `pieces`: 1 + the
+/// largest BrickSummary::piece. `each_brick` visits all, level after level by code. O(bricks).
+[[nodiscard]] std::vector<PieceClass> find_closed_components(
+    BrickGrid& grid, std::size_t pieces, const std::function<void(const VisitSummary&)>& each_brick,
+    bool both_sides, int threads);
 
 [[nodiscard]] inline std::uint64_t morton_code_of(const BrickGrid::Coordinate& c) {
   return search::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),

@@ -6,34 +6,8 @@
 #include <cstring>
 #include <utility>
 
-#include "toolkit/core/bytes.h"
-
 namespace palpate::render {
 namespace {
-
-struct PlacedBrick {
-  std::uint64_t first_code = 0;  ///< of its node
-  int depth = 0;
-  std::uint32_t brick = 0;
-};
-
-/// By place; a node before what lies in it.
-std::vector<PlacedBrick> placed_bricks(const BrickGrid& grid) {
-  std::vector<PlacedBrick> all;
-  all.reserve(grid.bricks.size());
-  for (int l = 0; l < grid.levels; ++l) {
-    const BrickGrid::Level& level = grid.level[static_cast<std::size_t>(l)];
-    const std::vector<std::uint64_t> codes = level.table.codes(level.brick.size());
-    const int depth = depth_of_level(grid, l);
-    for (std::size_t cell = 0; cell < codes.size(); ++cell)
-      all.push_back(
-          {TileKey{codes[cell], depth}.first_code(), depth, level.brick[cell] & ~BrickGrid::kRefined});
-  }
-  std::sort(all.begin(), all.end(), [](const PlacedBrick& a, const PlacedBrick& b) {
-    return std::pair(a.first_code, a.depth) < std::pair(b.first_code, b.depth);
-  });
-  return all;
-}
 
 class TileCutter {
  public:
@@ -45,7 +19,7 @@ class TileCutter {
       out.tiles.push_back(tile_of(node, first, past));
       return;
     }
-    if (all_[first].depth == node.depth) {
+    if (all_[first].key.depth == node.depth) {
       out.above.push_back(node);
       out.above_bricks.push_back(all_[first].brick);
       ++first;
@@ -61,7 +35,7 @@ class TileCutter {
       const TileKey child{node.code << 3 | k, node.depth + 1};
       const std::uint64_t next = TileKey{child.code + 1, child.depth}.first_code();
       std::size_t end = first;
-      while (end < past && all_[end].first_code < next) ++end;
+      while (end < past && all_[end].key.first_code() < next) ++end;
       visit(k, child, first, end);
       first = end;
     }
@@ -75,7 +49,7 @@ class TileCutter {
     return tile;
   }
   void fill(TileKey node, std::size_t at, std::size_t first, std::size_t past, BrickTile& tile) const {
-    if (all_[first].depth == node.depth) {
+    if (all_[first].key.depth == node.depth) {
       tile.nodes[at].brick = static_cast<std::uint32_t>(tile.bricks.size());
       tile.bricks.push_back(all_[first].brick);
       ++first;
@@ -129,14 +103,42 @@ class TileChecker {
 
 }  // namespace
 
-BrickTiles cut_into_tiles(const BrickGrid& grid) {
+BrickTiles cut_into_tiles(std::vector<PlacedBrick> bricks) {
   BrickTiles out;
-  const std::vector<PlacedBrick> all = placed_bricks(grid);
-  TileCutter(all).cut({}, 0, all.size(), out);
+  // A node before what lies in it.
+  std::sort(bricks.begin(), bricks.end(), [](const PlacedBrick& a, const PlacedBrick& b) {
+    return std::pair(a.key.first_code(), a.key.depth) < std::pair(b.key.first_code(), b.key.depth);
+  });
+  TileCutter(bricks).cut({}, 0, bricks.size(), out);
   return out;
 }
 
-std::vector<std::byte> tile_image(const BrickTile& tile, const BrickGrid& grid) {
+BrickTiles cut_into_tiles(const BrickGrid& grid) {
+  std::vector<PlacedBrick> all;
+  all.reserve(grid.bricks.size());
+  for (int l = 0; l < grid.levels; ++l) {
+    const BrickGrid::Level& level = grid.level[static_cast<std::size_t>(l)];
+    const std::vector<std::uint64_t> codes = level.table.codes(level.brick.size());
+    for (std::size_t cell = 0; cell < codes.size(); ++cell)
+      all.push_back({{codes[cell], depth_of_level(grid, l)}, level.brick[cell] & ~BrickGrid::kRefined});
+  }
+  return cut_into_tiles(std::move(all));
+}
+
+BrickSource bricks_of(const BrickGrid& grid) {
+  return [&grid](std::uint32_t number, Brick& brick) -> Status {
+    brick = grid.bricks[number];
+    return Done{};
+  };
+}
+
+void write_stored_brick(const Brick& brick, ByteWriter& to) noexcept {
+  for (const std::int16_t distance : brick.distance) to.u16(static_cast<std::uint16_t>(distance));
+  to.u16(brick.piece);
+  to.u64(brick.mask);
+}
+
+Result<std::vector<std::byte>> tile_image(const BrickTile& tile, const BrickSource& bricks) {
   std::vector<std::byte> image(kTileHeadBytes + tile.nodes.size() * kStoredNodeBytes +
                                tile.bricks.size() * kStoredBrickBytes);
   ByteWriter to{std::span(image)};
@@ -146,11 +148,10 @@ std::vector<std::byte> tile_image(const BrickTile& tile, const BrickGrid& grid) 
     to.u32(node.brick);
     to.u32(node.children);
   }
+  Brick brick;
   for (const std::uint32_t number : tile.bricks) {
-    const Brick& brick = grid.bricks[number];
-    for (const std::int16_t distance : brick.distance) to.u16(static_cast<std::uint16_t>(distance));
-    to.u16(brick.piece);
-    to.u64(brick.mask);
+    PALPATE_TRY(bricks(number, brick));
+    write_stored_brick(brick, to);
   }
   return image;
 }

@@ -4,10 +4,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
 #include <palpate/result.h>
+#include "toolkit/core/bytes.h"
 #include "toolkit/spline_sdf/brick_grid.h"
 
 namespace palpate::render {
@@ -59,11 +61,24 @@ struct BrickTiles {
   std::vector<std::uint32_t> above_bricks;
 };
 
-/// O(bricks log bricks). The same for any number of threads of the build.
+/// A brick by its place alone, for surfaces whose bricks are not in memory.
+struct PlacedBrick {
+  TileKey key;
+  std::uint32_t brick = 0;  ///< any number
+};
+/// O(bricks log bricks), in any order. The same for any number of threads of the build.
+[[nodiscard]] BrickTiles cut_into_tiles(std::vector<PlacedBrick> bricks);
 [[nodiscard]] BrickTiles cut_into_tiles(const BrickGrid& grid);
 
-/// A tile as stored: numbers of groups and bricks, the nodes, the bricks; little-endian.
-[[nodiscard]] std::vector<std::byte> tile_image(const BrickTile& tile, const BrickGrid& grid);
+/// Gives bricks by their numbers.
+using BrickSource = std::function<Status(std::uint32_t number, Brick& brick)>;
+/// Those of a grid, which outlives the source.
+[[nodiscard]] BrickSource bricks_of(const BrickGrid& grid);
+
+/// A tile as stored: numbers of groups and bricks, the nodes, the bricks; little-endian. Errors of the
+/// source.
+[[nodiscard]] Result<std::vector<std::byte>> tile_image(const BrickTile& tile, const BrickSource& bricks);
+void write_stored_brick(const Brick& brick, ByteWriter& to) noexcept;
 
 /// What a tile needs in memory, read from its image's first bytes.
 struct TileSize {

@@ -43,14 +43,17 @@ class BrickBuilder {
  public:
   BrickBuilder(const MortonPoints& points, std::span<const QuadricPatch> patches,
                std::span<const std::uint32_t> piece, std::span<const PointPatches> of,
-               const BrickBuildOptions& build, int threads, BrickGrid& grid)
+               const BrickBuildOptions& build, const BrickRegion* region, int threads, SampledBricks& out)
       : points_(points),
         patches_(patches),
         piece_(piece),
         of_(of),
         build_(build),
+        region_(region),
         threads_(threads),
-        grid_(grid) {}
+        grid_(out.grid),
+        codes_(out.codes),
+        made_(out.made) {}
 
   void run() {
     for (level_ = 0; level_ < last_level(); ++level_) {
@@ -67,14 +70,12 @@ class BrickBuilder {
       sample_tiles(codes);
       make_bricks(codes);
     }
-    find_closed_components(grid_, made_, codes_, patches_.size(), build_.both_sides, threads_);
-    collect();
   }
 
  private:
-  /// True if smaller cubes replace the cube around this one.
+  /// True if the cube is in the region, or smaller cubes replace the one around it.
   [[nodiscard]] bool has_smaller(std::uint64_t code) const {
-    if (level_ == 0) return true;
+    if (level_ == 0) return region_ == nullptr || region_->contains(search::coordinate_of_code(code));
     const auto above = static_cast<std::size_t>(level_ - 1);
     const std::uint32_t parent = grid_.level[above].table.find(code >> 3);
     return parent != search::MortonCellTable::kNone && made_[above][parent].smaller;
@@ -354,33 +355,18 @@ class BrickBuilder {
     }
   }
 
-  void collect() {
-    std::size_t count = 0;
-    for (const std::vector<BuiltBrick>& made : made_) count += made.size();
-    grid_.bricks.reserve(count);
-    for (int l = 0; l < grid_.levels; ++l) {
-      const auto at = static_cast<std::size_t>(l);
-      BrickGrid::Level& level = grid_.level[at];
-      level.brick.reserve(codes_[at].size());
-      for (const BuiltBrick& one : made_[at]) {
-        level.brick.push_back(static_cast<std::uint32_t>(grid_.bricks.size()) |
-                              (one.smaller ? BrickGrid::kRefined : 0u));
-        grid_.bricks.push_back(one.brick);
-      }
-    }
-  }
-
   const MortonPoints& points_;
   std::span<const QuadricPatch> patches_;
   std::span<const std::uint32_t> piece_;
   std::span<const PointPatches> of_;
   const BrickBuildOptions& build_;
+  const BrickRegion* region_;
   int threads_;
   BrickGrid& grid_;
   int level_ = 0;
   double voxel_mm_ = 1.0;  ///< of this level
-  LevelCodes codes_;
-  BuiltBricks made_;
+  LevelCodes& codes_;
+  BuiltBricks& made_;
   search::MortonCellTable tile_table_;
   LargePageVector<Tile> tiles_;
   TilePatches near_;
@@ -402,23 +388,74 @@ std::vector<BrickGrid::BrickRef> BrickGrid::places() const {
   return out;
 }
 
+BrickGrid brick_lattice(const geometry::Aabb& box_mm, double voxel_mm, int coarser) {
+  BrickGrid grid;
+  grid.coarser = coarser;
+  const double brick_mm = kBrickCells * std::ldexp(voxel_mm, coarser);
+  grid.voxel_mm = voxel_mm;
+  grid.per_voxel = 1.0 / voxel_mm;
+  grid.box_mm = box_mm;
+  grid.low_mm = box_mm.low_mm - Vec3::Constant(kLatticeShift * brick_mm);
+  const double bricks = (box_mm.high_mm - grid.low_mm).maxCoeff() / brick_mm + 2.0;
+  // Codes must hold the smallest bricks and one tile beyond them.
+  const std::int64_t most = (std::int64_t{1} << (search::kMortonBits - coarser - BrickGrid::kFineLevels)) - 1;
+  grid.last_brick = std::min(static_cast<std::int64_t>(std::min(bricks, 1e15)), most);
+  return grid;
+}
+
+geometry::Aabb BrickRegion::cubes_mm(const BrickGrid& grid) const noexcept {
+  const double edge_mm = grid.cube_edge() * grid.voxel_mm;
+  return {grid.low_mm + Vec3(low[0], low[1], low[2]) * edge_mm,
+          grid.low_mm + Vec3(past[0], past[1], past[2]) * edge_mm};
+}
+
+void SampledBricks::collect() {
+  std::size_t count = 0;
+  for (const std::vector<BuiltBrick>& of : made) count += of.size();
+  grid.bricks.reserve(count);
+  for (int l = 0; l < grid.levels; ++l) {
+    const auto at = static_cast<std::size_t>(l);
+    grid.level[at].brick.reserve(codes[at].size());
+    for (const BuiltBrick& one : made[at]) {
+      grid.level[at].brick.push_back(static_cast<std::uint32_t>(grid.bricks.size()) |
+                                     (one.smaller ? BrickGrid::kRefined : 0u));
+      grid.bricks.push_back(one.brick);
+    }
+  }
+}
+
+SampledBricks sample_bricks(const MortonPoints& points, std::span<const QuadricPatch> patches,
+                            std::span<const std::uint32_t> piece, std::span<const PointPatches> of_points,
+                            const BrickBuildOptions& build, const BrickRegion* region, int threads) {
+  SampledBricks out;
+  out.grid = region != nullptr
+                 ? brick_lattice(region->box_mm, build.voxel_mm, region->coarser)
+                 : brick_lattice(points.box_mm(), build.voxel_mm, coarser_levels(points, of_points));
+  if (!patches.empty()) BrickBuilder(points, patches, piece, of_points, build, region, threads, out).run();
+  return out;
+}
+
 BrickGrid build_bricks(const MortonPoints& points, std::span<const QuadricPatch> patches,
                        std::span<const std::uint32_t> piece, std::span<const PointPatches> of_points,
                        const BrickBuildOptions& build, int threads) {
-  BrickGrid grid;
-  grid.coarser = coarser_levels(points, of_points);
-  const double brick_mm = kBrickCells * std::ldexp(build.voxel_mm, grid.coarser);
-  grid.voxel_mm = build.voxel_mm;
-  grid.per_voxel = 1.0 / build.voxel_mm;
-  grid.box_mm = points.box_mm();
-  grid.low_mm = grid.box_mm.low_mm - Vec3::Constant(kLatticeShift * brick_mm);
-  const double bricks = (grid.box_mm.high_mm - grid.low_mm).maxCoeff() / brick_mm + 2.0;
-  // Codes must hold the smallest bricks and one tile beyond them.
-  const std::int64_t most =
-      (std::int64_t{1} << (search::kMortonBits - grid.coarser - BrickGrid::kFineLevels)) - 1;
-  grid.last_brick = std::min(static_cast<std::int64_t>(std::min(bricks, 1e15)), most);
-  if (!patches.empty()) BrickBuilder(points, patches, piece, of_points, build, threads, grid).run();
-  return grid;
+  SampledBricks out = sample_bricks(points, patches, piece, of_points, build, nullptr, threads);
+  const auto each_brick = [&](const auto& visit) {
+    for (int l = 0; l < out.grid.levels; ++l) {
+      const auto at = static_cast<std::size_t>(l);
+      for (std::size_t i = 0; i < out.made[at].size(); ++i) visit(out.made[at][i], out.codes[at][i], l);
+    }
+  };
+  const std::vector<PieceClass> classes = find_closed_components(
+      out.grid, patches.size(),
+      [&](const VisitSummary& visit) {
+        each_brick([&](const BuiltBrick& one, std::uint64_t code, int level) {
+          visit(summary_of(one, code, level, out.grid), level);
+        });
+      },
+      build.both_sides, threads);
+  each_brick([&](BuiltBrick& one, std::uint64_t, int) { classes[one.piece].put(one.brick); });
+  out.collect();
+  return std::move(out.grid);
 }
 
 }  // namespace palpate::render

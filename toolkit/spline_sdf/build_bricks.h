@@ -4,6 +4,7 @@
 
 #include <span>
 
+#include "toolkit/spline_sdf/brick_components.h"
 #include "toolkit/spline_sdf/brick_grid.h"
 #include "toolkit/spline_sdf/fit_patches.h"
 
@@ -22,5 +23,47 @@ struct BrickBuildOptions {
                                      std::span<const std::uint32_t> piece,
                                      std::span<const PointPatches> of_points, const BrickBuildOptions& build,
                                      int threads);
+
+/// A part of a surface: what all decide, and which bricks are made.
+struct BrickRegion {
+  geometry::Aabb box_mm;                ///< of all points
+  int coarser = 0;                      ///< BrickGrid::coarser
+  BrickGrid::Coordinate low{}, past{};  ///< cubes of level 0
+
+  [[nodiscard]] bool contains(const BrickGrid::Coordinate& cube, int level = 0) const noexcept {
+    for (std::size_t a = 0; a < 3; ++a)
+      if (cube[a] >> level < low[a] || cube[a] >> level >= past[a]) return false;
+    return true;
+  }
+  [[nodiscard]] BrickRegion grown(std::int32_t cubes) const noexcept {
+    BrickRegion out = *this;
+    for (std::size_t a = 0; a < 3; ++a) out.low[a] -= cubes, out.past[a] += cubes;
+    return out;
+  }
+  /// Of its cubes, on the lattice of `grid`.
+  [[nodiscard]] geometry::Aabb cubes_mm(const BrickGrid& grid) const noexcept;
+};
+/// A brick is the same in every region that holds it with this many cubes around: two whose nodes its own
+/// need, and at each level two more of half the size.
+inline constexpr std::int32_t kRegionMargin = 4;
+
+/// A grid without bricks over the points' box.
+[[nodiscard]] BrickGrid brick_lattice(const geometry::Aabb& box_mm, double voxel_mm, int coarser);
+
+/// Bricks before the pieces that they belong to are classified: `grid` has none yet.
+struct SampledBricks {
+  BrickGrid grid;
+  LevelCodes codes;
+  BuiltBricks made;
+
+  /// Moves the bricks to the grid, level after level by code. O(bricks).
+  void collect();
+};
+/// As build_bricks(); `region`: null for all.
+[[nodiscard]] SampledBricks sample_bricks(const MortonPoints& points, std::span<const QuadricPatch> patches,
+                                          std::span<const std::uint32_t> piece,
+                                          std::span<const PointPatches> of_points,
+                                          const BrickBuildOptions& build, const BrickRegion* region,
+                                          int threads);
 
 }  // namespace palpate::render

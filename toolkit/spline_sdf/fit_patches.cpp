@@ -13,8 +13,6 @@
 namespace palpate::render {
 namespace {
 
-/// Points covered by one chunk: about 64 spacings square, several of the largest patches.
-constexpr std::size_t kChunk = 4096;
 /// The area doubles each step, seven sizes: up to 17.6 spacings, 970 points.
 constexpr std::size_t kSizes = 7;
 constexpr double kGrowth = std::numbers::sqrt2;
@@ -67,9 +65,9 @@ constexpr double kScattered = 0.2;
 
 enum State : std::uint8_t { kUncovered, kDeferred, kCoveredState };
 
-class ChunkPatchFitter {
+class BlockPatchFitter {
  public:
-  ChunkPatchFitter(const MortonPoints& points, const PatchFitOptions& rule, std::size_t begin,
+  BlockPatchFitter(const MortonPoints& points, const PatchFitOptions& rule, std::size_t begin,
                    std::size_t end)
       : points_(points),
         rule_(rule),
@@ -357,18 +355,25 @@ class ChunkPatchFitter {
 
 }  // namespace
 
-FittedPatches fit_patches(const MortonPoints& points, const PatchFitOptions& rule, int threads) {
-  const std::size_t chunks = (points.size() + kChunk - 1) / kChunk;
-  std::vector<std::vector<QuadricPatch>> found(chunks);
-  std::vector<std::size_t> left(chunks, 0);
-  parallel_chunks(points.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    ChunkPatchFitter cover(points, rule, begin, end);
-    cover.run(found[begin / kChunk], left[begin / kChunk]);
+FittedPatches fit_patches(const MortonPoints& points, const PatchFitOptions& rule, int threads,
+                          const geometry::Aabb* where) {
+  const std::span<const std::uint32_t> blocks = points.blocks();
+  const std::size_t count = blocks.size() - 1;
+  std::vector<std::vector<QuadricPatch>> found(count);
+  std::vector<std::size_t> left(count, 0);
+  const auto is_wanted = [&](std::size_t b) {
+    if (where == nullptr) return true;
+    for (std::uint32_t i = blocks[b]; i < blocks[b + 1]; ++i)
+      if (where->contains(points[i])) return true;
+    return false;
+  };
+  parallel_each(count, 1, threads, [&](std::size_t b) {
+    if (is_wanted(b)) BlockPatchFitter(points, rule, blocks[b], blocks[b + 1]).run(found[b], left[b]);
   });
   FittedPatches out;
-  for (std::size_t c = 0; c < chunks; ++c) {
-    out.patches.insert(out.patches.end(), found[c].begin(), found[c].end());
-    out.isolated_points += left[c];
+  for (std::size_t b = 0; b < count; ++b) {
+    out.patches.insert(out.patches.end(), found[b].begin(), found[b].end());
+    out.isolated_points += left[b];
   }
   return out;
 }

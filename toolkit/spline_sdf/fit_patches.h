@@ -46,8 +46,9 @@ struct FittedPatches {
   return rest * rest * rest;
 }
 
-/// Independent of the number of threads. O(points).
-[[nodiscard]] FittedPatches fit_patches(const MortonPoints& points, const PatchFitOptions& rule, int threads);
+/// Fits those blocks of points of which one is in `where`. Independent of the number of threads. O(points).
+[[nodiscard]] FittedPatches fit_patches(const MortonPoints& points, const PatchFitOptions& rule, int threads,
+                                        const geometry::Aabb* where = nullptr);
 
 /// Most patches that a point follows.
 inline constexpr std::size_t kPatchesOfPoint = 2;

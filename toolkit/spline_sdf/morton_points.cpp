@@ -31,11 +31,21 @@ constexpr int kMaxWiderLooks = 24;
 constexpr std::uint32_t kMinInBlock = 12;
 constexpr double kBlockCells = 3.0, kSparseArea = 1.2;
 constexpr std::size_t kCellGrain = 1024;
+/// Edge of the finest cells in spacings where they are not chosen by the points: holds kPointsPerCell on a
+/// sheet.
+constexpr double kFinestSpacings = 2.4;
+
+/// Bits of a coordinate within the smallest cubes of at least this edge.
+int bits_of_edge(double edge_mm, double unit_mm) {
+  int bits = 0;
+  while (bits < search::kMortonBits - 1 && std::ldexp(unit_mm, bits) < edge_mm) ++bits;
+  return bits;
+}
 
 }  // namespace
 
-MortonPoints::MortonPoints(const cloud::Cloud& cloud, int threads) {
-  box_mm_ = search::local_box(cloud, threads);
+MortonPoints::MortonPoints(const cloud::Cloud& cloud, const PointFrame* frame, int threads) {
+  box_mm_ = frame != nullptr ? frame->box_mm : search::local_box(cloud, threads);
   const double extent = (box_mm_.high_mm - box_mm_.low_mm).maxCoeff();
   lattice_ = search::Lattice::over(box_mm_, extent > 0.0 ? extent / kLatticeCubes : 1.0);
   search::MortonOrder sorted = search::sort_by_morton(cloud, lattice_, threads);
@@ -47,8 +57,14 @@ MortonPoints::MortonPoints(const cloud::Cloud& cloud, int threads) {
   });
   order_ = std::move(sorted.order);
   remove_duplicates(sorted.codes);
-  build_levels(sorted.codes, threads);
-  measure_spacing();
+  int bits = -1;
+  if (frame != nullptr) bits = bits_of_edge(kFinestSpacings * frame->spacing_mm, lattice_.unit_mm);
+  build_levels(sorted.codes, bits, threads);
+  cut_blocks(sorted.codes, frame);
+  if (frame != nullptr)
+    spacing_mm_ = frame->spacing_mm;
+  else
+    measure_spacing();
   measure_spacing_near(threads);
 }
 
@@ -80,15 +96,29 @@ void MortonPoints::remove_duplicates(std::vector<std::uint64_t>& codes) {
   codes.resize(kept);
 }
 
-void MortonPoints::build_levels(const std::vector<std::uint64_t>& codes, int threads) {
+void MortonPoints::cut_blocks(const std::vector<std::uint64_t>& codes, const PointFrame* frame) {
+  if (frame == nullptr) {
+    for (std::size_t i = 0; i < codes.size(); i += kBlockPoints)
+      blocks_.push_back(static_cast<std::uint32_t>(i));
+  } else {
+    const int shift = 3 * bits_of_edge(frame->block_spacings * frame->spacing_mm, lattice_.unit_mm);
+    for (std::size_t i = 0; i < codes.size(); ++i)
+      if (i == 0 || codes[i] >> shift != codes[i - 1] >> shift)
+        blocks_.push_back(static_cast<std::uint32_t>(i));
+  }
+  blocks_.push_back(static_cast<std::uint32_t>(codes.size()));
+}
+
+void MortonPoints::build_levels(const std::vector<std::uint64_t>& codes, int bits, int threads) {
   const std::size_t n = codes.size();
   // Points that begin a cube, up to the size at which their codes first differ.
   std::array<std::size_t, search::kMortonBits + 1> begins{};
   for (std::size_t i = 1; i < n; ++i)
     ++begins[static_cast<std::size_t>((std::bit_width(codes[i] ^ codes[i - 1]) + 2) / 3)];
-  int bits = 0;
+  const bool chosen = bits >= 0;
+  bits = std::max(bits, 0);
   std::size_t cells_now = n == 0 ? 0 : n - begins[0];
-  while (bits < search::kMortonBits - 1 && cells_now * kPointsPerCell > n)
+  while (!chosen && bits < search::kMortonBits - 1 && cells_now * kPointsPerCell > n)
     cells_now -= begins[static_cast<std::size_t>(++bits)];
   levels_.resize(static_cast<std::size_t>(std::min(kLevels, search::kMortonBits - bits)));
   parallel_each(levels_.size(), 1, threads, [&](std::size_t l) {

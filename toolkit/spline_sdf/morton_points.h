@@ -16,18 +16,34 @@
 
 namespace palpate::render {
 
+/// Makes points of a part of a cloud the same, and in the same order, as among all points: what the whole
+/// cloud decides. Lengths in mm, relative to the cloud's origin.
+struct PointFrame {
+  geometry::Aabb box_mm;       ///< of all points
+  double spacing_mm = 0.0;     ///< MortonPoints::spacing_mm() of all
+  double block_spacings = 32;  ///< edge of a block, at least; less than twice as much
+};
+
 /// Immutable; thread-safe. Lengths in mm, relative to the cloud's origin.
 class MortonPoints {
  public:
+  /// Points of a block: about 64 spacings square, several of the largest patches.
+  static constexpr std::size_t kBlockPoints = 4096;
+
   /// O(n), parallel. Independent of the number of threads and of the points' order, except for points nearer
   /// than 2^-20 of the extent.
-  MortonPoints(const cloud::Cloud& cloud, int threads);
+  MortonPoints(const cloud::Cloud& cloud, int threads) : MortonPoints(cloud, nullptr, threads) {}
+  /// `frame`: null where `cloud` is all.
+  MortonPoints(const cloud::Cloud& cloud, const PointFrame* frame, int threads);
 
   [[nodiscard]] std::size_t size() const noexcept { return at_.size(); }
   [[nodiscard]] Vec3 operator[](std::size_t i) const noexcept { return at_[i].cast<double>(); }
   /// Index in the cloud.
   [[nodiscard]] std::uint32_t index(std::size_t i) const noexcept { return order_[i]; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return box_mm_; }
+  /// First points of the blocks that patches are fitted in, each without regard to the others, and the number
+  /// of points. A frame's blocks are the same in every part that holds them.
+  [[nodiscard]] std::span<const std::uint32_t> blocks() const noexcept { return blocks_; }
   /// Median over the points of sqrt(area per point); 0 if no area is found.
   [[nodiscard]] double spacing_mm() const noexcept { return spacing_mm_; }
   /// The approximate spacing around one point, from 27 cells.
@@ -118,7 +134,9 @@ class MortonPoints {
   [[nodiscard]] static std::uint32_t points_around_cell(const Level& level, std::uint64_t code) noexcept;
   /// Sorts within lattice cells and removes duplicates.
   void remove_duplicates(std::vector<std::uint64_t>& codes);
-  void build_levels(const std::vector<std::uint64_t>& codes, int threads);
+  /// `bits`: of the finest level; negative: by the points.
+  void build_levels(const std::vector<std::uint64_t>& codes, int bits, int threads);
+  void cut_blocks(const std::vector<std::uint64_t>& codes, const PointFrame* frame);
   void measure_spacing();
   void measure_spacing_near(int threads);
 
@@ -128,6 +146,7 @@ class MortonPoints {
   std::vector<std::uint32_t> order_;
   std::vector<Level> levels_;
   std::vector<float> spacing_near_;
+  std::vector<std::uint32_t> blocks_;
   double spacing_mm_ = 0.0;
 };
 

@@ -43,10 +43,8 @@ constexpr std::size_t kGrain = 512;
 constexpr double kStrayPoints = 45.0, kStrayShare = 0.05;
 /// Meeting patches within 20 degrees form one face.
 constexpr double kSmoothCosine = 0.94;
-/// Rays start this many spacings or standard deviations above a patch, clear of its points. Balls of this
-/// radius, in spacings, meet nearly every sheet on the ray (92 % for random points); they grow by this share
-/// of the way.
-constexpr double kWayBegins = 1.25, kWayBeginsSigmas = 4.0, kWayRadius = 0.9, kWayWidens = 0.25;
+/// Rays start this many spacings or standard deviations above a patch, clear of its points.
+constexpr double kWayBegins = 1.25, kWayBeginsSigmas = 4.0;
 /// Balls grow by a quarter per step: this many reach 10^9 spacings.
 constexpr int kMaxWaySteps = 96;
 /// Rays at 45 degrees, besides the one along the normal.
@@ -61,6 +59,8 @@ constexpr double kClearlyOpen = 0.1, kByChance = 1.2;
 /// distance from the middle; a half would reach the sheets themselves.
 constexpr double kFacing = 0.7, kBetween = 0.35;
 constexpr std::size_t kAskGrain = 16;
+/// Least support in spacings that is told from smaller ones where the points are a part of all.
+constexpr double kLeastOfPart = 1.0 / 256.0;
 
 /// True if two patches that meet are of one face.
 bool continue_smoothly(const QuadricPatch& a, const QuadricPatch& b) {
@@ -145,9 +145,13 @@ struct Links {
   std::vector<Link> on, across;
 };
 
-Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patches, int threads) {
+/// `part`: the points are a part of all.
+Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patches, bool part, int threads) {
   if (patches.empty()) return {};
-  const PatchHashGrid cells(patches);
+  const PatchHashGrid cells =
+      part ? PatchHashGrid(patches, points.box_mm().low_mm - Vec3::Constant(points.spacing_mm()),
+                           kLeastOfPart * points.spacing_mm())
+           : PatchHashGrid(patches);
   const auto look = [&](std::size_t begin, std::size_t end, Links& found) {
     std::vector<std::pair<double, Link>> mine;
     for (std::size_t i = begin; i < end; ++i) {
@@ -205,14 +209,16 @@ std::vector<std::uint32_t> order_by_agreement(std::span<const Link> links) {
 }
 
 /// True if balls growing along the ray meet no points.
-bool ray_escapes(const MortonPoints& points, const Vec3& from, const Vec3& way, double spacing) {
+bool ray_escapes(const MortonPoints& points, const MortonPoints* far, const Vec3& from, const Vec3& way,
+                 double spacing) {
   const double least = kWayRadius * spacing;
   Vec3 at = from;
   double gone = 0.0;
   for (int step = 0; step < kMaxWaySteps; ++step) {
     if (points.box_mm().distance_sq_mm2(at) > least * least) return true;
     const double radius = std::max(least, kWayWidens * gone);
-    if (points.any_in_ball(at, radius)) return false;
+    const bool sampled = far != nullptr && gone >= kFarReach * far->spacing_mm();
+    if ((sampled ? *far : points).any_in_ball(at, radius)) return false;
     gone += radius;
     at += way * radius;
   }
@@ -220,14 +226,15 @@ bool ray_escapes(const MortonPoints& points, const Vec3& from, const Vec3& way, 
 }
 
 /// From -1 to 1: the share of directions that escape above a patch minus that below.
-double visibility_difference(const MortonPoints& points, const QuadricPatch& patch) {
+double visibility_difference(const MortonPoints& points, const MortonPoints* far, const QuadricPatch& patch) {
   const Quadric& q = patch.quadric;
   const double off =
       std::max(kWayBegins * patch.spacing, kWayBeginsSigmas * std::max(patch.sigma, patch.noise));
   int above = 0, below = 0;
   const auto ask = [&](const Vec3& way) {
-    above += ray_escapes(points, q.at + q.n * off, way, patch.spacing) ? 1 : 0;
-    below += ray_escapes(points, q.at - q.n * off, way - 2.0 * way.dot(q.n) * q.n, patch.spacing) ? 1 : 0;
+    above += ray_escapes(points, far, q.at + q.n * off, way, patch.spacing) ? 1 : 0;
+    below +=
+        ray_escapes(points, far, q.at - q.n * off, way - 2.0 * way.dot(q.n) * q.n, patch.spacing) ? 1 : 0;
   };
   ask(q.n);
   for (int k = 0; k < kSlantedWays; ++k) {
@@ -238,8 +245,9 @@ double visibility_difference(const MortonPoints& points, const QuadricPatch& pat
 }
 
 /// Orients whole faces by visibility.
-void orient_by_visibility(const MortonPoints& points, std::span<const QuadricPatch> patches,
-                          std::uint32_t outside, OrientedDisjointSets& sides, int threads) {
+void orient_by_visibility(const MortonPoints& points, const MortonPoints* far,
+                          std::span<const QuadricPatch> patches, std::uint32_t outside,
+                          OrientedDisjointSets& sides, int threads) {
   // Samples patches of each face at a stride.
   std::vector<std::uint32_t> count(patches.size(), 0), seen(patches.size(), 0), asked;
   for (std::uint32_t i = 0; i < patches.size(); ++i) ++count[sides.find(i).set];
@@ -249,7 +257,7 @@ void orient_by_visibility(const MortonPoints& points, std::span<const QuadricPat
   }
   std::vector<double> open(asked.size(), 0.0);
   parallel_each(asked.size(), kAskGrain, threads,
-                [&](std::size_t k) { open[k] = visibility_difference(points, patches[asked[k]]); });
+                [&](std::size_t k) { open[k] = visibility_difference(points, far, patches[asked[k]]); });
   std::vector<double> sum(patches.size(), 0.0), weights(patches.size(), 0.0), ways(patches.size(), 0.0);
   for (std::size_t k = 0; k < asked.size(); ++k) {
     const auto [face, turned] = sides.find(asked[k]);
@@ -301,7 +309,8 @@ void turn(Quadric& q) {
 }
 
 /// Drops the patches of pieces too small to be surface, and of pieces without a reliable patch.
-void drop_small_pieces(std::vector<QuadricPatch>& patches, std::vector<std::uint32_t>& piece) {
+void drop_small_pieces(std::vector<QuadricPatch>& patches, OrientedPieces& of) {
+  std::vector<std::uint32_t>& piece = of.piece;
   const bool any_sure =
       std::any_of(patches.begin(), patches.end(), [](const QuadricPatch& p) { return p.reliable; });
   std::vector<double> points(patches.size(), 0.0);
@@ -318,37 +327,49 @@ void drop_small_pieces(std::vector<QuadricPatch>& patches, std::vector<std::uint
     if (points[piece[i]] < least) continue;
     now[i] = kept;  // a piece's number is its first patch
     patches[kept] = patches[i];
+    of.group[kept] = of.group[i];
     piece[kept++] = now[piece[i]];
   }
   patches.resize(kept);
   piece.resize(kept);
+  of.group.resize(kept);
 }
 
 }  // namespace
 
-std::vector<std::uint32_t> orient_outwards(const MortonPoints& points, std::vector<QuadricPatch>& patches,
-                                           int threads) {
-  auto [links, across] = find_links(points, patches, threads);
+OrientedPieces orient_outwards(const MortonPoints& points, std::vector<QuadricPatch>& patches, int threads,
+                               const MortonPoints* far) {
+  auto [links, across] = find_links(points, patches, far != nullptr, threads);
   const auto outside = static_cast<std::uint32_t>(patches.size());  // one virtual node beyond the patches
   OrientedDisjointSets pieces(patches.size()), sides(patches.size() + 1);
   for (const Link& link : links) pieces.join(link.a, link.b);
   for (const std::uint32_t i : order_by_agreement(links))
     if (continue_smoothly(patches[links[i].a], patches[links[i].b]))
       sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f ? 1 : 0);
-  orient_by_visibility(points, patches, outside, sides, threads);
+  orient_by_visibility(points, far, patches, outside, sides, threads);
   links.insert(links.end(), across.begin(), across.end());
   join_faces(links, sides, pieces);
   // Pieces joined to the outside are oriented relative to it.
   const bool upside_down = sides.find(outside).turned != 0;
   const std::uint32_t with_outside = sides.find(outside).set;
+  std::vector<Vec3> areas(far != nullptr ? patches.size() + 1 : 0, Vec3::Zero());
+  for (std::uint32_t i = 0; i < patches.size() && far != nullptr; ++i) {
+    const auto [root, turned] = sides.find(i);
+    areas[root] +=
+        (turned != 0 ? -1.0 : 1.0) * patches[i].support * patches[i].support * patches[i].quadric.n;
+  }
+  const auto is_root_down = [&](std::uint32_t root) {
+    return root == with_outside ? upside_down : far != nullptr && looks_down(areas[root]);
+  };
+  OrientedPieces out;
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
     const auto [root, turned] = sides.find(i);
-    if ((turned != 0) != (root == with_outside && upside_down)) turn(patches[i].quadric);
+    out.piece.push_back(pieces.find(i).set);
+    out.group.push_back(root == with_outside ? OrientedPieces::kOutward : root);
+    if ((turned != 0) != is_root_down(root)) turn(patches[i].quadric);
   }
-  std::vector<std::uint32_t> piece(patches.size());
-  for (std::uint32_t i = 0; i < patches.size(); ++i) piece[i] = pieces.find(i).set;
-  drop_small_pieces(patches, piece);
-  return piece;
+  drop_small_pieces(patches, out);
+  return out;
 }
 
 namespace {

@@ -28,21 +28,12 @@ class PatchHashGrid {
       least_ = least_ > 0.0 ? std::min(least_, p.support) : p.support;
       low_ = low_.cwiseMin(p.quadric.at);
     }
-    for (std::uint32_t i = 0; i < patches.size(); ++i) {
-      const int s = scale_of(patches[i].support);
-      scales_[static_cast<std::size_t>(s)].keys.push_back({code(patches[i].quadric.at, s), i});
-    }
-    for (Scale& scale : scales_) {
-      std::sort(scale.keys.begin(), scale.keys.end());
-      std::vector<std::uint64_t> cells;
-      for (std::uint32_t i = 0; i < scale.keys.size(); ++i) {
-        if (!cells.empty() && cells.back() == scale.keys[i].first) continue;
-        cells.push_back(scale.keys[i].first);
-        scale.begin.push_back(i);
-      }
-      scale.begin.push_back(static_cast<std::uint32_t>(scale.keys.size()));
-      scale.table.build(cells);
-    }
+    sort(patches);
+  }
+  /// Visits patches in the same order as a grid of more of them does, if both begin at `low` and `least`.
+  PatchHashGrid(std::span<const QuadricPatch> patches, const Vec3& low, double least)
+      : least_(least), low_(low) {
+    sort(patches);
   }
   [[nodiscard]] int scale_of(double support) const {
     return std::clamp(std::ilogb(support / least_), 0, kPatchScales - 1);
@@ -72,6 +63,23 @@ class PatchHashGrid {
     std::vector<std::uint32_t> begin;
     search::MortonCellTable table;
   };
+  void sort(std::span<const QuadricPatch> patches) {
+    for (std::uint32_t i = 0; i < patches.size(); ++i) {
+      const int s = scale_of(patches[i].support);
+      scales_[static_cast<std::size_t>(s)].keys.push_back({code(patches[i].quadric.at, s), i});
+    }
+    for (Scale& scale : scales_) {
+      std::sort(scale.keys.begin(), scale.keys.end());
+      std::vector<std::uint64_t> cells;
+      for (std::uint32_t i = 0; i < scale.keys.size(); ++i) {
+        if (!cells.empty() && cells.back() == scale.keys[i].first) continue;
+        cells.push_back(scale.keys[i].first);
+        scale.begin.push_back(i);
+      }
+      scale.begin.push_back(static_cast<std::uint32_t>(scale.keys.size()));
+      scale.table.build(cells);
+    }
+  }
   [[nodiscard]] std::array<std::int64_t, 3> cell(const Vec3& at, int s) const {
     // Two patches of supports below 2^(s+1) are at most 2 x kPatchReach x 2^(s+1) apart.
     const double per = 1.0 / (2.0 * kPatchReach * std::ldexp(least_, s + 1));

@@ -152,26 +152,40 @@ constexpr std::size_t kFieldGrain = 16;
 
 }  // namespace
 
-NoiseField::NoiseField(const MortonPoints& points, int threads, bool everywhere)
-    : median_(estimate_noise(points, threads)) {
-  if (everywhere || !(median_ > kNoisySpacings * points.spacing_mm())) return;
-  const std::size_t count = (points.size() + kStride - 1) / kStride;
-  const auto place_of = [&](std::size_t k) { return std::min(k * kStride + kStride / 2, points.size() - 1); };
-  std::vector<double> seen(count, -1.0), spacing(count, 0.0);
-  parallel_chunks(count, kFieldGrain, threads, [&](std::size_t begin, std::size_t end) {
+NoiseField::NoiseField(const MortonPoints& points, int threads, bool everywhere) {
+  const double median = estimate_noise(points, threads);
+  if (everywhere)
+    median_ = median;
+  else
+    *this = NoiseField(points, median, threads);
+}
+
+NoiseField::NoiseField(const MortonPoints& points, double median_mm, int threads) : median_(median_mm) {
+  if (!(median_ > kNoisySpacings * points.spacing_mm())) return;
+  blocks_.assign(points.blocks().begin(), points.blocks().end());
+  std::vector<std::uint32_t> places;
+  for (std::size_t b = 0; b + 1 < blocks_.size(); ++b) {
+    firsts_.push_back(static_cast<std::uint32_t>(places.size()));
+    for (std::uint32_t i = blocks_[b]; i < blocks_[b + 1]; i += kStride)
+      places.push_back(std::min<std::uint32_t>(i + kStride / 2, blocks_[b + 1] - 1));
+  }
+  constexpr float kNotSeen = -1.0f;
+  std::vector<float> seen(points.size(), kNotSeen);
+  std::vector<double> spacing(places.size(), 0.0);
+  parallel_chunks(places.size(), kFieldGrain, threads, [&](std::size_t begin, std::size_t end) {
     NoiseEstimator probe;
-    for (std::size_t k = begin; k < end; ++k) seen[k] = probe.noise_at(points, place_of(k), spacing[k]);
+    for (std::size_t k = begin; k < end; ++k)
+      seen[places[k]] = static_cast<float>(probe.noise_at(points, places[k], spacing[k]));
   });
-  around_.assign(count, static_cast<float>(median_));
-  parallel_chunks(count, kFieldGrain, threads, [&](std::size_t begin, std::size_t end) {
+  around_.assign(places.size(), static_cast<float>(median_));
+  parallel_chunks(places.size(), kFieldGrain, threads, [&](std::size_t begin, std::size_t end) {
     std::vector<double> near;
     for (std::size_t k = begin; k < end; ++k) {
-      if (seen[k] < 0.0) continue;
+      if (seen[places[k]] < 0.0f) continue;
       near.clear();
-      points.in_ball(points[place_of(k)], kAroundSpacings * spacing[k],
+      points.in_ball(points[places[k]], kAroundSpacings * spacing[k],
                      [&](std::uint32_t i, const Vec3&, double) {
-                       if (place_of(i / kStride) == i && seen[i / kStride] >= 0.0)
-                         near.push_back(seen[i / kStride]);
+                       if (seen[i] >= 0.0f) near.push_back(static_cast<double>(seen[i]));
                      });
       const double here = upper_median(near);
       if (here > kMoreByChance * median_) around_[k] = static_cast<float>(here);

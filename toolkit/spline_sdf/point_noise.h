@@ -2,7 +2,9 @@
 // any surface fits them at all.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "toolkit/spline_sdf/morton_points.h"
@@ -40,18 +42,24 @@ class NoiseField {
   /// Parallel; independent of the number of threads and of the points' order. O(n / 64) fits if the points
   /// are noisy. `everywhere`: one value for all places.
   NoiseField(const MortonPoints& points, int threads, bool everywhere = false);
+  /// The same with a median that is known.
+  NoiseField(const MortonPoints& points, double median_mm, int threads);
 
   /// The median over some hundred samples.
   [[nodiscard]] double median() const noexcept { return median_; }
   /// Around point i; at least the median.
   [[nodiscard]] double at(std::size_t i) const noexcept {
-    return around_.empty() ? median_ : static_cast<double>(around_[i / kStride]);
+    if (around_.empty()) return median_;
+    const auto next = std::upper_bound(blocks_.begin(), blocks_.end(), i);
+    const auto block = static_cast<std::size_t>(next - blocks_.begin()) - 1;
+    return static_cast<double>(around_[firsts_[block] + (i - blocks_[block]) / kStride]);
   }
 
  private:
   static constexpr std::size_t kStride = 64;
   double median_ = 0.0;
-  std::vector<float> around_;  ///< per kStride points; empty: the same everywhere
+  std::vector<float> around_;                   ///< per kStride points of a block; empty: the same everywhere
+  std::vector<std::uint32_t> blocks_, firsts_;  ///< MortonPoints::blocks(), and the first of each in around_
 };
 
 // Detects points that no smooth two-sided surface fits.

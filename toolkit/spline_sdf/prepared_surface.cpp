@@ -13,18 +13,27 @@
 namespace palpate::render {
 namespace {
 
-/// A coarser surface has a sixteenth of the points: four times the spacing.
-constexpr std::size_t kCoarserShare = 16;
 /// The coarsest surface is whole in memory: its bricks take less than this.
 constexpr std::size_t kSmallSurfaceBytes = std::size_t{16} << 20;
 /// Points without which there is no coarser surface worth feeling.
 constexpr std::size_t kLeastPoints = 2000;
-/// Points of the sample, at most: paths, boxes and a mesh for comparison need no more.
-constexpr std::size_t kSamplePoints = 200'000;
 /// Name of the renderer's levels in messages.
 constexpr const char* kSurfaceList = "`palpate info FILE` lists its surfaces";
 
-/// Every `step`-th point along the Morton curve: as even as the points are.
+Status check_prepared(const ModelInput& input, std::size_t level) {
+  const SurfaceFile& file = *input.prepared;
+  if (level >= file.surfaces().size())
+    return Error{fmt::format("level {} is not in the prepared file, which has {} surfaces", level,
+                             file.surfaces().size()),
+                 kSurfaceList, file.path()};
+  if (input.surface.per_point != nullptr)
+    return Error{"a prepared file has no values by point", "feel the scan itself, or leave them out",
+                 file.path()};
+  return Done{};
+}
+
+}  // namespace
+
 std::shared_ptr<const cloud::Cloud> thinned(const MortonPoints& points, const cloud::Cloud& cloud,
                                             std::size_t count) {
   std::vector<std::uint32_t> kept;
@@ -41,44 +50,39 @@ std::shared_ptr<const cloud::Cloud> thinned(const MortonPoints& points, const cl
   return out;
 }
 
-Status check_prepared(const ModelInput& input, std::size_t level) {
-  const SurfaceFile& file = *input.prepared;
-  if (level >= file.surfaces().size())
-    return Error{fmt::format("level {} is not in the prepared file, which has {} surfaces", level,
-                             file.surfaces().size()),
-                 kSurfaceList, file.path()};
-  if (input.surface.per_point != nullptr)
-    return Error{"a prepared file has no values by point", "feel the scan itself, or leave them out",
-                 file.path()};
-  return Done{};
+Status add_coarser_surfaces(const cloud::Cloud& cloud, const MortonPoints& points, std::size_t count,
+                            const SplineSdfOptions& build, const PrepareContext& context,
+                            SurfaceFileWriter& writer) {
+  for (;; count /= kCoarserShare) {
+    count = std::max(count, std::min(points.size(), kLeastPoints));
+    PrepareReport unread;
+    PALPATE_ASSIGN(const std::shared_ptr<const SplineSdf> coarse,
+                   build_spline_sdf(*thinned(points, cloud, count), build, context, unread));
+    PALPATE_TRY(writer.add(*coarse));
+    if (coarse->grid.bytes() <= kSmallSurfaceBytes || count <= kLeastPoints) return Done{};
+  }
 }
-
-}  // namespace
 
 Status prepare_surface_file(const std::shared_ptr<const cloud::Cloud>& cloud, const SplineSdfOptions& build,
                             const PrepareContext& context, PrepareReport& report, const std::string& path) {
-  SurfaceFileContent content;
-  content.cloud = cloud;
   PALPATE_ASSIGN(std::shared_ptr<const SplineSdf> surface, build_spline_sdf(*cloud, build, context, report));
-  if (surface->grid.bricks.empty())
-    return Error{"the points make no surface, so there is nothing to prepare", "check the file and its unit"};
-  content.surfaces.push_back(std::move(surface));
+  if (surface->grid.bricks.empty()) return no_surface();
   const MortonPoints points(*cloud, context.threads);
-  content.sample = thinned(points, *cloud, kSamplePoints);
-  std::size_t count = points.size();
-  do {
-    count = std::max(count / kCoarserShare, std::min(points.size(), kLeastPoints));
-    const std::shared_ptr<const cloud::Cloud> fewer = thinned(points, *cloud, count);
-    PrepareReport coarser;
-    PALPATE_ASSIGN(std::shared_ptr<const SplineSdf> coarse,
-                   build_spline_sdf(*fewer, build, context, coarser));
-    content.surfaces.push_back(std::move(coarse));
-  } while (content.surfaces.back()->grid.bytes() > kSmallSurfaceBytes && count > kLeastPoints);
+  PALPATE_ASSIGN(SurfaceFileWriter writer,
+                 SurfaceFileWriter::create(path, cloud->size(), thinned(points, *cloud, kSamplePoints)));
   PreparePhases phases(report, context);
   phases.begin("write");
-  PALPATE_TRY(write_surface_file(path, content));
+  PALPATE_TRY(writer.add(*surface));
+  surface.reset();
   phases.end();
-  return Done{};
+  phases.begin("coarser surfaces");
+  PALPATE_TRY(add_coarser_surfaces(*cloud, points, points.size() / kCoarserShare, build, context, writer));
+  phases.end();
+  return writer.finish();
+}
+
+Error no_surface() {
+  return {"the points make no surface, so there is nothing to prepare", "check the file and its unit"};
 }
 
 Result<SplineSdfDecision> decide_prepared(const ModelInput& input, std::size_t level) {

@@ -5,7 +5,9 @@
 #include <memory>
 #include <string>
 
+#include "toolkit/spline_sdf/morton_points.h"
 #include "toolkit/spline_sdf/paged_contact.h"
+#include "toolkit/spline_sdf/surface_writer.h"
 
 namespace palpate::render {
 
@@ -13,6 +15,21 @@ namespace palpate::render {
 /// to `path`. Properties of points are not kept. O(n), parallel.
 Status prepare_surface_file(const std::shared_ptr<const cloud::Cloud>& cloud, const SplineSdfOptions& build,
                             const PrepareContext& context, PrepareReport& report, const std::string& path);
+
+/// A coarser surface has a sixteenth of the points: four times the spacing.
+inline constexpr std::size_t kCoarserShare = 16;
+/// Points of the sample, at most: paths, boxes and a mesh for comparison need no more.
+inline constexpr std::size_t kSamplePoints = 200'000;
+
+/// Every so-many-th point along the Morton curve, some `count`: as even as the points are.
+[[nodiscard]] std::shared_ptr<const cloud::Cloud> thinned(const MortonPoints& points,
+                                                          const cloud::Cloud& cloud, std::size_t count);
+/// Adds surfaces of `count` of the points and of fewer, until one is small.
+[[nodiscard]] Status add_coarser_surfaces(const cloud::Cloud& cloud, const MortonPoints& points,
+                                          std::size_t count, const SplineSdfOptions& build,
+                                          const PrepareContext& context, SurfaceFileWriter& writer);
+/// What is said where no surface is found.
+[[nodiscard]] Error no_surface();
 
 struct PagedOptions {
   std::size_t level = 0;           ///< which of the file's surfaces

@@ -161,17 +161,13 @@ Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud
   drop_outlier_patches(cover.patches, context.threads);
   phases.end();
   phases.begin("sides");
-  const std::vector<std::uint32_t> piece = orient_outwards(points, cover.patches, context.threads);
+  const std::vector<std::uint32_t> piece = orient_outwards(points, cover.patches, context.threads).piece;
   out->patches = cover.patches.size();
   phases.end();
   phases.begin("bricks");
   const std::vector<PointPatches> of_points = assign_patches(points, cover.patches, context.threads);
-  BrickBuildOptions field;
-  field.voxel_mm = measured.voxel_mm;
-  field.noise_mm = measured.noise_mm;
-  field.tolerance_mm = kFieldTolerance * measured.spacing_mm;
-  field.both_sides = build.both_sides;
-  out->grid = build_bricks(points, cover.patches, piece, of_points, field, context.threads);
+  out->grid =
+      build_bricks(points, cover.patches, piece, of_points, brick_options(measured, build), context.threads);
   phases.end();
   out->isolated_points = cover.isolated_points;
   report.bytes += out->grid.bytes();
@@ -287,6 +283,15 @@ Status prepare_properties(const ModelInput& input, SplineSdfBody& body, const Pr
 }
 
 }  // namespace
+
+BrickBuildOptions brick_options(const SplineSdfDecision& measured, const SplineSdfOptions& build) {
+  BrickBuildOptions out;
+  out.voxel_mm = measured.voxel_mm;
+  out.noise_mm = measured.noise_mm;
+  out.tolerance_mm = kFieldTolerance * measured.spacing_mm;
+  out.both_sides = build.both_sides;
+  return out;
+}
 
 Result<SplineSdfDecision> decide_spline_sdf(const ModelInput& input, const SplineSdfOptions& build,
                                             const PrepareContext& context) {

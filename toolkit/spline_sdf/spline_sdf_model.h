@@ -31,6 +31,11 @@ struct SplineSdfDecision {
   SurfaceDecision surface;
 };
 
+struct BrickBuildOptions;
+/// How bricks follow what was measured.
+[[nodiscard]] BrickBuildOptions brick_options(const SplineSdfDecision& measured,
+                                              const SplineSdfOptions& build);
+
 /// O(n), parallel. Errors: no stiffness.
 [[nodiscard]] Result<SplineSdfDecision> decide_spline_sdf(const ModelInput& input,
                                                           const SplineSdfOptions& build,

@@ -10,26 +10,14 @@
 #include <utility>
 
 #include "toolkit/core/bytes.h"
-#include "toolkit/core/hash.h"
-#include "toolkit/spline_sdf/spline.h"
+#include "toolkit/spline_sdf/surface_layout.h"
 
 namespace palpate::render {
 namespace {
 
-constexpr std::array<char, 8> kMagic{'P', 'A', 'L', 'P', 'S', 'U', 'R', 'F'};
-constexpr std::uint32_t kVersion = 1;
-constexpr std::size_t kFileHeadBytes = 16;   // magic, version, a spare number
-constexpr std::size_t kFileEndBytes = 32;    // the index's offset, bytes and checksum; the magic
-constexpr std::size_t kTileRowBytes = 40;    // code, depth, a spare number, offset, checksum, bytes, bricks
-constexpr std::size_t kGeometryBytes = 200;  // of a surface, with room for more numbers
-constexpr std::size_t kPartBytes = 24;
-constexpr const char* kPrepareAgain = "prepare the scan again: palpate prepare SCAN --out FILE";
+using namespace surface_layout;
 
-std::uint64_t checksum_of(std::span<const std::byte> bytes) noexcept {
-  Hash64 hash;
-  hash.bytes(bytes);
-  return hash.value();
-}
+constexpr const char* kPrepareAgain = "prepare the scan again: palpate prepare SCAN --out FILE";
 
 /// Fuzzing gets past checksums.
 bool is_right(std::uint64_t checksum, std::uint64_t stored) noexcept {
@@ -40,43 +28,6 @@ bool is_right(std::uint64_t checksum, std::uint64_t stored) noexcept {
 #else
   return checksum == stored;
 #endif
-}
-
-/// A ByteWriter over memory that grows.
-class Index {
- public:
-  template <class Write>
-  void put(std::size_t bytes, Write&& write) {
-    const std::size_t at = bytes_.size();
-    bytes_.resize(at + bytes);
-    ByteWriter to(std::span<std::byte>(bytes_).subspan(at));
-    write(to);
-  }
-  [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return bytes_; }
-
- private:
-  std::vector<std::byte> bytes_;
-};
-
-void put_geometry(const SplineSdf& surface, double rms_mm, Index& index) {
-  const BrickGrid& grid = surface.grid;
-  index.put(kGeometryBytes, [&](ByteWriter& to) {
-    to.vec(grid.low_mm);
-    to.vec(grid.box_mm.low_mm);
-    to.vec(grid.box_mm.high_mm);
-    to.real(grid.voxel_mm);
-    to.real(grid.min_enclosed);
-    to.real(surface.spacing_mm);
-    to.real(surface.noise_mm);
-    to.real(rms_mm);
-    to.i32(grid.coarser);
-    to.i32(grid.levels);
-    to.i64(grid.last_brick);
-    to.u64(surface.cubes);
-    to.u64(surface.patches);
-    to.u64(surface.isolated_points);
-    while (to.size() < kGeometryBytes) to.u64(0);
-  });
 }
 
 bool get_geometry(ByteReader& from, StoredSurface& out) {
@@ -108,45 +59,6 @@ bool get_geometry(ByteReader& from, StoredSurface& out) {
          std::isfinite(grid.per_voxel) && surface.spacing_mm >= 0.0 && std::isfinite(surface.spacing_mm) &&
          grid.levels >= 1 && grid.levels <= grid.coarser + BrickGrid::kFineLevels && grid.last_brick >= 0 &&
          grid.last_brick <= most;
-}
-
-/// Largest bricks along the edge of a cube whose parts of a piece are joined: so near that a start a few
-/// voxels off the surface still sees its side.
-constexpr int kJoinedBits = 2;
-
-/// The pieces, with their parts joined within cubes: seen from afar the same, and a twentieth of the bytes.
-void put_pieces(const BrickGrid& grid, Index& index) {
-  index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(grid.closed_components.size())); });
-  const double per = 1.0 / std::ldexp(grid.cube_edge(), kJoinedBits);
-  for (const ClosedComponent& piece : grid.closed_components) {
-    struct Sum {
-      Vec3 area = Vec3::Zero(), middle = Vec3::Zero();
-      double weight = 0.0;
-    };
-    std::map<std::uint64_t, Sum> by_cube;
-    for (const geometry::AreaElement& part : piece.parts) {
-      std::array<std::uint32_t, 3> cube{};
-      for (std::size_t a = 0; a < 3; ++a)
-        cube[a] = static_cast<std::uint32_t>(std::clamp(
-            static_cast<double>(part.middle[static_cast<Eigen::Index>(a)]) * per, 0.0, 0x1p21 - 1.0));
-      Sum& sum = by_cube[search::morton_code(cube[0], cube[1], cube[2])];
-      const Vec3 area = part.area.cast<double>();
-      const double weight = area.norm();
-      sum.area += area;
-      sum.middle += weight * part.middle.cast<double>();
-      sum.weight += weight;
-    }
-    index.put(9 + by_cube.size() * kPartBytes, [&](ByteWriter& to) {
-      to.single(piece.normal_orientation);
-      to.u8(piece.tight ? 1 : 0);
-      to.u32(static_cast<std::uint32_t>(by_cube.size()));
-      for (const auto& [code, sum] : by_cube) {
-        const Vec3 middle = sum.weight > 0.0 ? Vec3(sum.middle / sum.weight) : Vec3(Vec3::Zero());
-        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(middle[a]));
-        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(sum.area[a]));
-      }
-    });
-  }
 }
 
 bool get_pieces(ByteReader& from, BrickGrid& grid) {
@@ -192,64 +104,6 @@ void build_tables(std::span<const NumberedBrick> bricks, BrickGrid& grid) {
 
 Error damaged(const std::string& path, std::string_view what) {
   return {fmt::format("the prepared file is damaged: {}", what), kPrepareAgain, path};
-}
-
-/// RMS distance of the sample's points from a surface: values of the field, where it has one.
-double rms_of(const SplineSdf& surface, const cloud::Cloud& sample) {
-  double sum = 0.0;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < sample.size(); ++i) {
-    const Vec3 at = surface.grid.in_voxels(sample.local_mm(i));
-    const BrickGrid::BrickRef place = surface.grid.find(at);
-    if (place.brick == BrickGrid::kNone) continue;
-    const double per = surface.grid.per_voxel_of(place.level);
-    BrickPosition in;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const double cells =
-          at[static_cast<Eigen::Index>(a)] * per - kBrickCells * static_cast<double>(place.cube[a]);
-      in.cell[a] = std::clamp(static_cast<int>(std::floor(cells)), 0, kBrickCells - 1);
-      in.t[a] = static_cast<float>(cells - in.cell[a]);
-    }
-    const double mm =
-        static_cast<double>(spline_value(surface.grid.bricks[place.brick], in)) / per * surface.grid.voxel_mm;
-    sum += mm * mm;
-    ++count;
-  }
-  return count == 0 ? 0.0 : std::sqrt(sum / static_cast<double>(count));
-}
-
-Status write_surface(AtomicFile& file, std::uint64_t& at, const SplineSdf& surface,
-                     const cloud::Cloud& sample, Index& index) {
-  const BrickTiles cut = cut_into_tiles(surface.grid);
-  put_geometry(surface, rms_of(surface, sample), index);
-  put_pieces(surface.grid, index);
-  index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(cut.tiles.size())); });
-  for (const BrickTile& tile : cut.tiles) {
-    const std::vector<std::byte> image = tile_image(tile, surface.grid);
-    PALPATE_TRY(file.write(image));
-    index.put(kTileRowBytes, [&](ByteWriter& to) {
-      to.u64(tile.key.code);
-      to.i32(tile.key.depth);
-      to.u32(0);
-      to.u64(at);
-      to.u64(checksum_of(image));
-      to.u32(static_cast<std::uint32_t>(image.size()));
-      to.u32(static_cast<std::uint32_t>(tile.bricks.size()));
-    });
-    at += image.size();
-  }
-  index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(cut.above.size())); });
-  for (std::size_t i = 0; i < cut.above.size(); ++i) {
-    BrickTile one;
-    one.bricks = {cut.above_bricks[i]};
-    const std::vector<std::byte> image = tile_image(one, surface.grid);
-    index.put(12 + kStoredBrickBytes, [&](ByteWriter& to) {
-      to.u64(cut.above[i].code);
-      to.i32(cut.above[i].depth);
-      to.raw(std::span(image).subspan(kTileHeadBytes));
-    });
-  }
-  return Done{};
 }
 
 /// The index's part on one surface, whose tiles begin at `tiles_at`; false where it makes no sense.
@@ -313,41 +167,6 @@ void collect_bricks(std::span<const TileNode> nodes, std::size_t at, TileKey key
 }
 
 }  // namespace
-
-Status write_surface_file(const std::string& path, const SurfaceFileContent& content) {
-  PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
-  std::array<std::byte, kFileHeadBytes> head{};
-  ByteWriter to{std::span<std::byte>(head)};
-  to.raw(std::as_bytes(std::span(kMagic)));
-  to.u32(kVersion);
-  to.u32(0);
-  PALPATE_TRY(file.write(head));
-  std::uint64_t at = kFileHeadBytes;
-  Index index;
-  const cloud::Cloud& sample = *content.sample;
-  index.put(36 + sample.size() * 12, [&](ByteWriter& out) {
-    out.u64(content.cloud->size());
-    out.vec(sample.origin_mm);
-    out.u32(static_cast<std::uint32_t>(sample.size()));
-    for (std::size_t i = 0; i < sample.size(); ++i) {
-      out.single(sample.x_mm[i]);
-      out.single(sample.y_mm[i]);
-      out.single(sample.z_mm[i]);
-    }
-  });
-  index.put(4, [&](ByteWriter& out) { out.u32(static_cast<std::uint32_t>(content.surfaces.size())); });
-  for (const std::shared_ptr<const SplineSdf>& surface : content.surfaces)
-    PALPATE_TRY(write_surface(file, at, *surface, sample, index));
-  PALPATE_TRY(file.write(index.bytes()));
-  std::array<std::byte, kFileEndBytes> end{};
-  ByteWriter last{std::span<std::byte>(end)};
-  last.u64(at);
-  last.u64(index.bytes().size());
-  last.u64(checksum_of(index.bytes()));
-  last.raw(std::as_bytes(std::span(kMagic)));
-  PALPATE_TRY(file.write(end));
-  return file.commit();
-}
 
 bool SurfaceFile::begins_as_one(std::span<const std::byte> first_bytes) noexcept {
   return first_bytes.size() >= kMagic.size() &&

@@ -37,16 +37,6 @@ struct StoredSurface {
   std::uint64_t tile_bytes = 0;  ///< of all tiles
 };
 
-/// What a file is made of; shared, not copied.
-struct SurfaceFileContent {
-  std::vector<std::shared_ptr<const SplineSdf>> surfaces;  ///< the finest first; at least one
-  std::shared_ptr<const cloud::Cloud> cloud;               ///< the points of the finest
-  std::shared_ptr<const cloud::Cloud> sample;              ///< some of them, in the same origin
-};
-
-/// Replaces `path` when all is written, and only then. Thread-safe but for the path. O(bricks).
-Status write_surface_file(const std::string& path, const SurfaceFileContent& content);
-
 /// Immutable once opened; thread-safe.
 class SurfaceFile {
  public:

@@ -23,8 +23,8 @@ constexpr std::size_t kMostImages = 4;
 /// zlib's lowest level. Longer matches than runs take half as much time again and save little.
 constexpr int kPackLevel = 1, kStoreLevel = 0;
 /// Bits of a byte by its plane's histogram. Below the first, runs pay; between, Huffman's codes alone take a
-/// third less time for the same bytes; beyond the second they save a fifth of the image for half its time, and
-/// the plane is stored.
+/// third less time for the same bytes; beyond the second they save a fifth of the image for half its time,
+/// and the plane is stored.
 constexpr double kRunsBits = 1.2, kStoreBits = 5.0;
 /// Every eighth byte gives the histogram.
 constexpr std::size_t kHistogramStep = 8;

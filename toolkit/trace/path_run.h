@@ -26,7 +26,7 @@ inline constexpr std::int64_t kNsPerS = 1'000'000'000;
 /// A renderer along a path and its simulation; the models advance first.
 class PathRun {
  public:
-  PathRun(render::HapticRenderer& renderer, const ProbePath& path, render::Simulation* simulation)
+  PathRun(render::HapticRenderer& renderer, const PathView& path, render::Simulation* simulation)
       : renderer_(renderer), path_(path), simulation_(simulation) {}
 
   /// Back to one step before the first sample's time.
@@ -57,7 +57,7 @@ class PathRun {
  private:
   static constexpr double kNominalDtS = 1e-3;  // dt of a path with one sample
   render::HapticRenderer& renderer_;
-  const ProbePath& path_;
+  PathView path_;
   render::Simulation* simulation_;
 };
 

@@ -42,9 +42,9 @@ Status time_once(TimedPasses& passes, ReplayReport& report) {
 
 }  // namespace
 
-Status check_path(const ProbePath& path) {
+Status check_path(const PathView& path) {
   const auto wrong = [&](std::size_t sample, std::string what, std::string remedy) {
-    return Error{std::move(what), std::move(remedy), path.name,
+    return Error{std::move(what), std::move(remedy), std::string(path.name),
                  kFirstPathLine + static_cast<std::int64_t>(sample)};
   };
   if (path.t_s.empty() || path.t_s.size() != path.hip_mm.size())
@@ -119,7 +119,7 @@ std::size_t densest_contact_stretch(std::span<const std::uint8_t> contact, std::
   return best_start;
 }
 
-Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, render::Simulation* simulation) {
+Result<ForceTrace> replay(HapticRenderer& renderer, const PathView& path, render::Simulation* simulation) {
   PALPATE_TRY(check_path(path));
   ForceTrace trace;
   trace.label = renderer.describe().name;

@@ -233,18 +233,6 @@ TEST_F(Prepared, AnOutlierFarAwayCostsPassesOnly) {
   EXPECT_FALSE(std::filesystem::exists(in("fine")));
 }
 
-/// Ends its process at a report, as a kill does: nothing is destroyed or flushed.
-class Death final : public Progress {
- public:
-  explicit Death(int at) : left_(at) {}
-  void report(std::string_view, double) override {
-    if (--left_ == 0) ::_exit(9);
-  }
-
- private:
-  int left_;
-};
-
 struct Words final : Progress {
   std::vector<std::string> said;
   void report(std::string_view what, double) override { said.emplace_back(what); }

@@ -29,7 +29,7 @@ struct Prepared {
       : cloud(cloud_of(at).models[0].cloud), points(*cloud, threads) {
     const NoiseField noise(points, threads);
     patches = fit_patches(points, {2.0, noise}, threads).patches;
-    piece = orient_outwards(points, patches, threads);
+    piece = orient_outwards(points, patches, threads).piece;
     of_points = assign_patches(points, patches, threads);
   }
   [[nodiscard]] Vec3 place(std::size_t patch) const { return cloud->origin_mm + patches[patch].quadric.at; }

@@ -131,7 +131,7 @@ TEST(BrickTiles, HoldEveryBrickOnce) {
     EXPECT_GE(tile.key.first_code(), past);
     past = TileKey{tile.key.code + 1, tile.key.depth}.first_code();
     seen.insert(tile.bricks.begin(), tile.bricks.end());
-    const std::vector<std::byte> image = tile_image(tile, surface->grid);
+    const std::vector<std::byte> image = tile_image(tile, bricks_of(surface->grid)).value();
     EXPECT_TRUE(check_tile_image(image, tile.key, surface->grid));
   }
   EXPECT_GT(cut.tiles.size(), 3u);

@@ -103,13 +103,13 @@ struct ReplayReport {
 
 /// An Error for no samples or times that do not increase (file = the path's name, line = the sample's in a
 /// CSV file with a header).
-[[nodiscard]] Status check_path(const ProbePath& path);
+[[nodiscard]] Status check_path(const PathView& path);
 
 /// One untimed pass: restarts one step before the first sample's time (the step of the second sample, or 1
 /// ms), then steps at every sample. `simulation` may be null; it advances before each frame, outside the
 /// timing. Errors as of check_path(). Contact at the first sample is not an Error: only the true surface
 /// knows whether a path starts inside (check_path_starts_free), and some renderers feel a surface from afar.
-[[nodiscard]] Result<ForceTrace> replay(render::HapticRenderer& renderer, const ProbePath& path,
+[[nodiscard]] Result<ForceTrace> replay(render::HapticRenderer& renderer, const PathView& path,
                                         render::Simulation* simulation = nullptr);
 
 /// The untimed pass, one timed pass of each kind, and the passes that `options` add. Memory: the trace and 8

@@ -9,7 +9,9 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <palpate/renderer.h>
@@ -23,6 +25,18 @@ struct ProbePath {
   std::string name;  ///< the file or the generator with its parameters
   std::vector<double> t_s;
   std::vector<Vec3> hip_mm;
+  [[nodiscard]] std::size_t size() const noexcept { return t_s.size(); }
+};
+
+/// A path in somebody else's memory: `t_s` is as long as `hip_mm`.
+struct PathView {
+  std::string_view name;
+  std::span<const double> t_s;
+  std::span<const Vec3> hip_mm;
+
+  PathView(const ProbePath& path) : name(path.name), t_s(path.t_s), hip_mm(path.hip_mm) {}  // NOLINT: a view
+  PathView(std::string_view of, std::span<const double> times_s, std::span<const Vec3> hips_mm)
+      : name(of), t_s(times_s), hip_mm(hips_mm) {}
   [[nodiscard]] std::size_t size() const noexcept { return t_s.size(); }
 };
 

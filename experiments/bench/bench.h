@@ -1,0 +1,35 @@
+// Palpate Bench: renderers, plug-ins and recorded traces on public or hidden cases, ranked.
+#pragma once
+
+#include <string>
+
+#include <palpate/registry.h>
+#include <palpate/result.h>
+#include "experiments/session/session.h"
+
+namespace palpate::experiments {
+
+/// Ours, and the rivals that are entered beside them.
+inline constexpr const char* kUsualEntries =
+    "cloud,cloud-smooth,heightfield,mls-proxy,mesh-godobject:mesh=advancing-front,sdf-godobject";
+
+struct BenchArguments {
+  std::string entries;  ///< renderers with options, and folders of traces, by commas; empty: kUsualEntries
+  std::string seed;     ///< read_seed()
+  std::string out;
+  std::string emit;     ///< a folder for the cases' files: nothing is run
+  std::string check;    ///< a bench.json whose numbers are made again
+  std::string against;  ///< a bench.json of another seed: what is tuned to one of them
+  bool quick = false;   ///< few points and frames
+  int threads = 0;      ///< of preparation; 0: all
+  bool json = false;
+};
+
+/// Runs, writes bench.json and its page, prints the ranks. Exit status kExitFellShort: an entry did not
+/// finish a case, or what was checked differs.
+[[nodiscard]] Result<int> run_bench(const BenchArguments& arguments, Context& context);
+/// The same with renderers of the caller's: a class in another language enters so.
+[[nodiscard]] Result<int> run_bench_with(const render::Registry& registry, const BenchArguments& arguments,
+                                         Context& context);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,85 @@
+// What the bench has measured, as a document that others can check, and who stands where.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <palpate/interval.h>
+#include <palpate/result.h>
+#include "experiments/bench/cases.h"
+#include "experiments/report/tables.h"
+#include "toolkit/metrics/result_json.h"
+
+namespace palpate::experiments {
+
+inline constexpr const char* kBenchSchema = "palpate-bench/1";
+inline constexpr const char* kBenchFile = "bench.json";
+
+/// What takes part.
+struct BenchEntry {
+  std::string label;
+  std::string kind;     ///< "renderer" of the registry, plug-ins among them, or "traces"
+  std::string request;  ///< as on the command line; of traces the folder's name alone
+};
+
+/// One entry on one case. A number that was not measured is empty.
+struct BenchRow {
+  std::string entry, name, shape;  ///< name: of the case
+  std::string reason;              ///< why it did not finish; empty: it did
+  std::string trace_hash;
+  std::optional<double> caught, lost, kicks, force_rms_percent, direction_mean_deg, force_peak_excess_percent;
+  std::optional<double> frame_mean_us, frame_p999_us, prepare_ms, bytes_per_point;
+};
+
+struct BenchDocument {
+  metrics::DocumentHead head;
+  bool quick = false;
+  int threads = 0;  ///< of preparation
+  std::string seed, seed_sha256;
+  std::vector<CaseInputs> cases;
+  std::vector<BenchEntry> entries;
+  std::vector<BenchRow> rows;
+};
+
+/// A number of every row and how cases are put together.
+struct BenchMeasure {
+  std::string_view key, title, group;  ///< group: "right", "fast", "ready" or "small"
+  std::optional<double> BenchRow::*value;
+  bool sum;  ///< over cases; else the median
+};
+[[nodiscard]] std::span<const BenchMeasure> bench_measures();
+
+/// One entry by one measure; less is better in all.
+struct Standing {
+  std::optional<double> value;
+  std::optional<Interval> interval;  ///< 95 %, bootstrap over shapes
+  int rank = 0;  ///< 1 + entries that are surely better: whose interval ends before this one begins; 0: none
+};
+/// By entry and measure. Only entries that finished every case have ranks: nobody gains by failing a hard
+/// one.
+[[nodiscard]] std::vector<std::vector<Standing>> standings_of(const BenchDocument& document);
+/// Cases that the entry finished.
+[[nodiscard]] std::size_t finished_by(const BenchDocument& document, const std::string& entry);
+
+/// A table for each group, the smallest of its first median on top; last of all every case.
+[[nodiscard]] std::vector<Table> bench_tables(const BenchDocument& document);
+/// What each entry has less of in `document` than in `other`, another seed's, case by case: tuning to the
+/// cases of one seed shows here.
+[[nodiscard]] Table tuning_table(const BenchDocument& document, const BenchDocument& other);
+
+[[nodiscard]] std::string to_json(const BenchDocument& document);
+/// Errors: no JSON, another schema or version of the bench, a key that is missing; standings that its rows do
+/// not have.
+[[nodiscard]] Result<BenchDocument> read_bench(const std::string& file);
+/// Of one case, as one line and back.
+struct CaseResult {
+  CaseInputs inputs;
+  std::vector<BenchRow> rows;
+};
+[[nodiscard]] std::string to_text(const CaseResult& result);
+[[nodiscard]] bool from_text(const std::string& text, CaseResult& result);
+
+}  // namespace palpate::experiments

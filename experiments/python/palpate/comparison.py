@@ -1,0 +1,70 @@
+"""A comparison as rows, as a table, as a picture."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, Dict, List, Mapping, Optional, Sequence
+
+from ._palpate import Path, Trace
+
+COLUMNS = (
+    "label", "status", "prepare.total_ms", "memory.bytes", "frame_all.mean_us", "frame_all.p999_us",
+    "accuracy.force_rms_n", "accuracy.force_rms_percent", "accuracy.missed_contact_frames",
+    "accuracy.false_contact_frames",
+)
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> Dict[str, Any]:
+    row: Dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            row.update(_flat(value, prefix + key + "."))
+        else:
+            row[prefix + key] = value
+    return row
+
+
+class Comparison:
+    """Results of compare().
+
+    document: as result.json. rows: a dict for each renderer, keys with dots ("accuracy.force_rms_n"), units in
+    the keys, None where nothing applies. path, traces: what was walked, and what each label answered.
+    """
+
+    def __init__(self, document: Dict[str, Any], path: Path, traces: Dict[str, Trace]) -> None:
+        self.document = document
+        self.path = path
+        self.traces = traces
+        self.rows: List[Dict[str, Any]] = [_flat(row) for row in document["renderers"]]
+
+    def table(self, columns: Sequence[str] = COLUMNS) -> Any:
+        """A pandas.DataFrame with a row for each renderer; a list of dicts without pandas."""
+        chosen = [{name: row.get(name) for name in columns} for row in self.rows]
+        try:
+            return importlib.import_module("pandas").DataFrame(chosen, columns=list(columns))
+        except ImportError:
+            return chosen
+
+    def plot(self, x: str = "frame_all.mean_us", y: str = "accuracy.force_rms_percent",
+             ax: Optional[Any] = None) -> Any:
+        """Draws one column over another, a point for each renderer that has both; matplotlib's Axes."""
+        if ax is None:
+            ax = importlib.import_module("matplotlib.pyplot").subplots()[1]
+        drawn = [row for row in self.rows if row.get(x) is not None and row.get(y) is not None]
+        for row in drawn:
+            ax.plot(row[x], row[y], "o")
+            ax.annotate(row["label"], (row[x], row[y]), textcoords="offset points", xytext=(5, 5))
+        # A logarithm needs numbers above 0.
+        for name, set_scale in ((x, ax.set_xscale), (y, ax.set_yscale)):
+            if drawn and all(row[name] > 0 for row in drawn):
+                set_scale("log")
+        ax.set_xlabel(x)
+        ax.set_ylabel(y)
+        return ax
+
+    def __repr__(self) -> str:
+        return repr(self.table())
+
+    def _repr_html_(self) -> Optional[str]:
+        table = self.table()
+        return str(table._repr_html_()) if hasattr(table, "_repr_html_") else None

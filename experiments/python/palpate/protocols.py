@@ -1,0 +1,28 @@
+"""Types of what users hand in."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, Optional, Protocol, Sequence, Tuple, Union
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from ._palpate import Cloud, Scene
+
+    Places = Union[npt.NDArray[Any], Sequence[Sequence[float]]]
+    Vector = Union[npt.NDArray[Any], Sequence[float]]
+    SceneLike = Union[Scene, Cloud, str, "os.PathLike[str]", Places]
+    Answer = Optional[Union[Vector, Tuple[Vector, Vector]]]
+else:
+    Places = Vector = SceneLike = Answer = Any
+
+
+class PythonRenderer(Protocol):
+    """A renderer written in Python. A method restart(hip, t_s) is called before the first frame, if there."""
+
+    def prepare(self, scene: "Scene") -> None:
+        """Called once, before the first frame; scene.clouds holds the points, mm."""
+
+    def step(self, hip: Tuple[float, float, float], t_s: float) -> "Answer":
+        """One frame. hip: mm. None: free; else the force, N; or (force, god object in mm)."""

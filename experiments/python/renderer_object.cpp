@@ -1,0 +1,218 @@
+#include "experiments/python/renderer_object.h"
+
+#include <fmt/format.h>
+#include <pybind11/stl.h>
+
+#include <palpate/control.h>
+#include <palpate/replay.h>
+
+namespace palpate::python {
+namespace {
+
+constexpr double kStepS = 1e-3;  // of the classic haptic loop
+
+render::Simulation* simulation_of(const Scene& scene) {
+  return scene.loaded.input.simulation.get();
+}
+
+}  // namespace
+
+/// The renderer while somebody uses it.
+class Renderer::Use {
+ public:
+  explicit Use(Renderer& renderer) : renderer_(renderer) {
+    if (renderer.closed()) raise({"the renderer is closed", "make another one"});
+    if (renderer.in_use_)
+      raise({"the renderer is at work for another caller", "give each thread a renderer of its own"});
+    if (renderer.scene_->moving)
+      raise({"a replay in another thread moves the scene's models", "load the scene once for each thread"});
+    renderer.in_use_ = true;
+  }
+  ~Use() { renderer_.in_use_ = false; }
+  Use(const Use&) = delete;
+  Use& operator=(const Use&) = delete;
+
+ private:
+  Renderer& renderer_;
+};
+
+Renderer::Renderer(ScenePtr scene, std::string name, Options options, PythonClassPtr python, int threads)
+    : scene_(std::move(scene)),
+      name_(std::move(name)),
+      options_(std::move(options)),
+      python_(std::move(python)) {
+  check_unchanged(*scene_);
+  render::Registry registry = our_renderers();
+  if (python_ != nullptr) add_python_renderer(registry, python_, scene_);
+  renderer_ = value_of(registry.make(name_, options_));
+  check(registry.check_supports(*registry.find(name_), scene_->loaded.input));
+  if (scene_->loaded.control.any()) renderer_ = control::wrap(std::move(renderer_), scene_->loaded.control);
+  if (python_ != nullptr) python_->forget_failure();
+  try {
+    report_ = without_lock([&](Progress& progress) {
+      return renderer_->prepare(scene_->loaded.input, {.threads = threads, .progress = &progress});
+    });
+  } catch (py::error_already_set&) {
+    raise_failure();  // with the place in Python
+    throw;
+  }
+}
+
+void Renderer::raise_failure() {
+  if (python_ != nullptr && python_->failure()) raise(*python_->failure());
+}
+
+void Renderer::restart_at(const Vec3& hip_mm, double t_s) {
+  if (!is_finite(hip_mm)) raise({"the first place of the HIP is not finite", "begin in free space"});
+  if (render::Simulation* const simulation = simulation_of(*scene_)) {
+    simulation->reset();
+    simulation->advance(t_s);
+  }
+  if (python_ != nullptr) python_->forget_failure();
+  renderer_->restart(hip_mm, t_s);
+  last_s_ = t_s;
+}
+
+void Renderer::restart(py::handle hip, double t_s) {
+  const Use use(*this);
+  if (!std::isfinite(t_s)) raise({"the time is not finite", "give seconds"});
+  restart_at(vec3_of(hip), t_s);
+  raise_failure();
+}
+
+py::object Renderer::step(py::handle hip, py::handle t_s) {
+  const Use use(*this);
+  const Vec3 hip_mm = vec3_of(hip);
+  const double now_s = t_s.is_none() ? last_s_.value_or(-kStepS) + kStepS : number_of(t_s, "the time");
+  if (!last_s_) restart_at(hip_mm, now_s - kStepS);
+  if (!(now_s > *last_s_))
+    raise({fmt::format("time does not increase: {} s after {} s", now_s, *last_s_), "restart to go back"});
+  if (render::Simulation* const simulation = simulation_of(*scene_)) simulation->advance(now_s);
+  last_s_ = now_s;
+  const render::Frame frame = renderer_->step(hip_mm, now_s);
+  raise_failure();
+  return frame_object(frame);
+}
+
+Trace Renderer::replay(py::handle path, double rate_hz) {
+  const Use use(*this);
+  // An array is read where it lies; `rows` and `given` keep the samples.
+  Path given;
+  py::array_t<double, py::array::c_style> rows;
+  std::vector<double> t_s;
+  const trace::PathView samples = [&]() -> trace::PathView {
+    if (py::isinstance<Path>(path)) {
+      given = path.cast<const Path&>();
+      return *given.path;
+    }
+    rows = rows_of_three(path, "places of the HIP");
+    t_s = times_at(rate_hz, static_cast<std::size_t>(rows.shape(0)));
+    return {"array", t_s, vectors_of(rows)};
+  }();
+  check(trace::check_path(samples));
+  if (!is_finite(samples.hip_mm.front()))
+    raise({"the first place of the HIP is not finite", "begin in free space"});
+  if (python_ != nullptr) python_->forget_failure();
+  render::Simulation* const simulation = simulation_of(*scene_);
+  scene_->moving = simulation != nullptr;
+  double seconds = 0.0;
+  Result<trace::ForceTrace> replayed = [&] {
+    const Unlocked unlocked;
+    const Stopwatch watch;
+    Result<trace::ForceTrace> frames = trace::replay(*renderer_, samples, simulation);
+    constexpr double kSPerMs = 1e-3;
+    seconds = kSPerMs * watch.ms();
+    return frames;
+  }();
+  scene_->moving = false;
+  last_s_.reset();
+  raise_failure();
+  return {std::make_shared<const trace::ForceTrace>(value_of(std::move(replayed))), seconds};
+}
+
+void Renderer::close() {
+  if (closed()) return;
+  const Use use(*this);
+  renderer_.reset();
+}
+
+py::dict Renderer::counters() {
+  const Use use(*this);
+  const render::FrameCounters counted = renderer_->counters();
+  py::dict all;
+  all["frames"] = counted.frames;
+  all["bound_hits"] = counted.bound_hits;
+  all["walk_steps"] = counted.walk_steps;
+  all["late_frames"] = counted.late_frames;
+  all["coarse_frames"] = counted.coarse_frames;
+  all["damaged_tiles"] = counted.damaged_tiles;
+  return all;
+}
+
+void add_renderer(py::module_& module) {
+  py::class_<Renderer>(
+      module, "Renderer",
+      "A prepared renderer: places of the HIP in, forces out. One caller at a time.\n\n"
+      "step(hip, t_s=None): a Frame; hip: mm, world frame; t_s: s, None: 1 ms after the last.\n"
+      "replay(path, rate_hz=1000): a Trace; a Path, or an (n, 3) array in mm; other threads run meanwhile.\n"
+      "restart(hip, t_s=0): begins anew with the HIP free at hip. close(): frees what it holds.\n"
+      "prepare_ms, bytes, notes, warnings: of its preparation. counters(): sums since the last restart.")
+      .def("step", &Renderer::step, py::arg("hip"), py::arg("t_s") = py::none())
+      .def("replay", &Renderer::replay, py::arg("path"), py::arg("rate_hz") = kPathHz)
+      .def("restart", &Renderer::restart, py::arg("hip"), py::arg("t_s") = 0.0)
+      .def("close", &Renderer::close)
+      .def_property_readonly("closed", &Renderer::closed)
+      .def_property_readonly("name", &Renderer::name)
+      .def_property_readonly(
+          "scene", [](const Renderer& self) { return std::const_pointer_cast<Scene>(self.scene()); })
+      .def_property_readonly("options",
+                             [](const Renderer& self) {
+                               py::dict all;
+                               for (const auto& [key, value] : self.options().all())
+                                 all[py::str(key)] = value;
+                               return all;
+                             })
+      .def_property_readonly("prepare_ms", [](const Renderer& self) { return self.report().total_ms; })
+      .def_property_readonly("bytes", [](const Renderer& self) { return self.report().bytes; })
+      .def_property_readonly("notes", [](const Renderer& self) { return self.report().notes; })
+      .def_property_readonly("warnings", [](const Renderer& self) { return self.report().warnings; })
+      .def("counters", &Renderer::counters)
+      .def("__enter__", [](const py::object& self) { return self; })
+      .def("__exit__", [](Renderer& self, const py::args&) { self.close(); })
+      .def("__repr__", [](const Renderer& self) {
+        return fmt::format("<palpate.Renderer {} on {}{}>", self.name(), self.scene()->name,
+                           self.closed() ? ", closed" : "");
+      });
+
+  module.def(
+      "renderer",
+      [](const py::object& name, const py::object& source, int threads, const py::kwargs& options) {
+        py::dict rest(**options);
+        const ScenePtr scene = with_surface(scene_of(source), rest);
+        if (py::isinstance<py::str>(name))
+          return std::make_unique<Renderer>(scene, name.cast<std::string>(), options_of(rest), nullptr,
+                                            threads);
+        auto python = std::make_shared<PythonClass>(name);
+        if (rest.size() > 0)
+          raise({"a renderer written in Python takes no options", "give them to its class"});
+        return std::make_unique<Renderer>(scene, python->name(), Options(), python, threads);
+      },
+      py::arg("name"), py::arg("scene"), py::kw_only(), py::arg("threads") = 0);
+  module.def("renderers", [] {
+    py::dict all;
+    for (const render::RendererInfo& info : our_renderers().all()) {
+      py::dict options;
+      for (const OptionSpec& option : info.options)
+        options[py::str(option.key)] = py::make_tuple(option.default_value, option.help);
+      py::dict one;
+      one["summary"] = info.summary;
+      one["source"] = info.source;
+      one["role"] = std::string(render::name_of(info.role));
+      one["options"] = options;
+      all[py::str(info.name)] = one;
+    }
+    return all;
+  });
+}
+
+}  // namespace palpate::python

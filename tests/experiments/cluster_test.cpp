@@ -1,0 +1,201 @@
+// Cases of a command as processes of their own: what is listed, what a process leaves, and that the command
+// then only draws.
+#include <fmt/format.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "experiments/driver/jobs.h"
+#include "tests/experiments/program.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+const char* const kSmallScene =
+    "sinusoid:points=961:extent_mm=20:wavelength_mm=20:amplitude_mm=1:sampling=random:noise=0.05:seed=3";
+const char* const kSmallPath = "weave:frames=900:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+
+class Cluster : public OnCommandLine {
+ protected:
+  Words on_scene(const char* command, const std::string& out, const char* renderers) const {
+    return words(command, kSmallScene, "--renderers", std::string(renderers), "--passes 2 --path", kSmallPath,
+                 "--out", in(out));
+  }
+  Words sweep(const std::string& out) const {
+    return words(on_scene("compare sweep", out, "cloud,cloud-smooth"), "--axes points,rate");
+  }
+  /// Rows of the table, by id.
+  std::map<std::string, Words> jobs(const std::string& out) const {
+    std::map<std::string, Words> rows;
+    std::istringstream lines(text_in(out + "/jobs/jobs.tsv"));
+    for (std::string line; std::getline(lines, line);) {
+      std::istringstream fields(line);
+      Words row;
+      for (std::string field; std::getline(fields, field, '\t');) row.push_back(field);
+      EXPECT_EQ(row.size(), 8u) << line;
+      EXPECT_TRUE(rows.emplace(row.front(), row).second) << "twice: " << line;
+    }
+    EXPECT_EQ(rows.erase("id"), 1u);
+    return rows;
+  }
+  /// What no clock has a say in, by setting.
+  std::map<std::string, std::string> exact(const std::string& out) const {
+    std::map<std::string, std::string> all;
+    const json document = json_in(out + "/sweep.json");
+    for (const json& row : document["rows"])
+      all[row["setting"]] =
+          fmt::format("{} {} {} {}", row["trace_hash"].dump(), row["error_p95_percent"].dump(),
+                      row["bytes"].dump(), row["status"].dump());
+    return all;
+  }
+};
+
+TEST_F(Cluster, CasesOfASweepOneByOneAreTheSweep) {
+  succeeds(sweep("whole"), "--budget 0");
+  const ProcessOutcome listed = succeeds(sweep("out"), "--emit snakemake");
+  EXPECT_THAT(listed.err, HasSubstr("profiles/slurm"));
+  const std::map<std::string, Words> rows = jobs("out");
+  EXPECT_EQ(rows.size(), exact("whole").size());
+  EXPECT_FALSE(exists("out/rows.jsonl")) << "nothing is measured";
+  std::set<std::string> settings;
+  for (const auto& [id, row] : rows) {
+    settings.insert(row[3]);
+    EXPECT_EQ(row[4], "3") << "the seed";
+    EXPECT_GT(std::stod(row[5]), 0.0);
+    EXPECT_GT(std::stod(row[6]), 0.0);
+    succeeds(sweep("out"), "--case", id);
+    // A job that is given again measures nothing again.
+    const std::string kept = text_in("out/jobs/cases/" + id + "/rows.jsonl");
+    EXPECT_EQ(count_of(kept, "\n"), 1u);
+    succeeds(sweep("out"), "--case", id);
+    EXPECT_EQ(text_in("out/jobs/cases/" + id + "/rows.jsonl"), kept);
+  }
+  EXPECT_FALSE(exists("out/sweep.json"));
+  succeeds(sweep("out"));
+  EXPECT_EQ(exact("out"), exact("whole"));
+  for (const auto& [setting, text] : exact("out")) EXPECT_TRUE(settings.contains(setting)) << setting;
+  const std::string merged = text_in("out/rows.jsonl");
+  for (const auto& [id, row] : rows)
+    EXPECT_THAT(merged, HasSubstr(text_in("out/jobs/cases/" + id + "/rows.jsonl"))) << "measured again";
+  EXPECT_TRUE(exists("out/report.html"));
+}
+
+TEST_F(Cluster, RowsOfAnotherMachineAreNotMeasuredAgain) {
+  succeeds(sweep("out"), "--emit snakemake");
+  const std::string id = jobs("out").begin()->first, file = "out/jobs/cases/" + id + "/rows.jsonl";
+  succeeds(sweep("out"), "--case", id);
+  json row = json::parse(text_in(file));
+  row["machine"]["hash"] = "feedfacefeedface";
+  write_text(in(file), row.dump() + "\n");
+  succeeds(sweep("out"));
+  EXPECT_EQ(json_in("out/sweep.json")["machines"].size(), 2u);
+  EXPECT_EQ(count_of(text_in("out/rows.jsonl"), "\n"), jobs("out").size());
+}
+
+TEST_F(Cluster, CasesOfAComparisonAreTheComparison) {
+  const char* const both = "cloud,cloud-smooth:label=smooth";
+  succeeds(on_scene("compare", "whole", both));
+  succeeds(on_scene("compare", "out", both), "--emit snakemake");
+  EXPECT_FALSE(exists("out/result.json"));
+  for (const auto& [id, row] : jobs("out")) succeeds(on_scene("compare", "out", both), "--case", id);
+  EXPECT_FALSE(exists("out/result.json"));
+  succeeds(on_scene("compare", "out", both));
+  const json whole = json_in("whole/result.json"), merged = json_in("out/result.json");
+  ASSERT_EQ(merged["renderers"].size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i)
+    for (const char* key : {"label", "status", "trace_hash", "accuracy", "memory"})
+      EXPECT_EQ(merged["renderers"][i][key], whole["renderers"][i][key]) << key;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const std::string id = whole["renderers"][i]["label"];
+    EXPECT_EQ(merged["renderers"][i]["frame"],
+              json_in("out/jobs/cases/" + id + "/result.json")["renderers"][i]["frame"])
+        << "measured again";
+  }
+  EXPECT_EQ(text_in("out/path.csv"), text_in("whole/path.csv"));
+  EXPECT_TRUE(exists("out/trace-smooth.csv"));
+}
+
+TEST_F(Cluster, CasesOfOtherArgumentsAreRefused) {
+  succeeds(on_scene("compare", "out", "cloud,cloud-smooth"), "--emit snakemake");
+  succeeds(on_scene("compare", "out", "cloud,cloud-smooth"), "--case cloud");
+  const ProcessOutcome other =
+      palpate("compare", kSmallScene, "--renderers cloud --passes 3 --path", kSmallPath, "--out @/out");
+  EXPECT_NE(other.exit_code, 0);
+  EXPECT_THAT(other.err, HasSubstr("other arguments"));
+  EXPECT_TRUE(exists("out/jobs/cases/cloud"));
+}
+
+TEST_F(Cluster, EveryCommandOfManyCasesListsThem) {
+  for (const auto& [line, least] : std::vector<std::pair<const char*, std::size_t>>{
+           {"tune plane:points=441 --path tap:frames=300 --max-error 5 --renderers cloud", 2},
+           {"test stress --renderers cloud,penalty-grid --cases one-point", 2},
+           {"test stability plane:points=441 --path tap:frames=300 --renderers cloud", 2},
+           {"test behaviours --renderers cloud,penalty-grid --only ridge", 2},
+           {"test goals --quick", 9},
+           {"reproduce --quick --tables 6,10", 2}}) {
+    succeeds(line, "--emit snakemake --out @/out");
+    EXPECT_GE(jobs("out").size(), least) << line;
+    EXPECT_FALSE(exists("out/report.html")) << line;
+    std::filesystem::remove_all(in("out"));
+  }
+}
+
+TEST_F(Cluster, OneCaseOfAMatrixIsTakenOver) {
+  const auto line = [&](const Words& more) {
+    return words("test stress --renderers cloud,penalty-grid --cases one-point --out @/out", more);
+  };
+  succeeds(line({"--emit", "snakemake"}));
+  for (const auto& [id, row] : jobs("out")) {
+    EXPECT_EQ(row[7], "0") << "counted, not timed";
+    succeeds(line({"--case", id}));
+  }
+  // A result that no measurement gives: the command takes it over.
+  const std::string part = "out/jobs/cases/penalty-grid/.palpate-parts/penalty-grid";
+  std::string kept = text_in(part);
+  const std::string key = "\"trace_hash\\\":\\\"";
+  const std::size_t at = kept.find(key.substr(1));
+  ASSERT_NE(at, std::string::npos) << kept;
+  kept.replace(at + key.size() - 1, 16, "feedfacefeedface");
+  write_text(in(part), kept);
+  palpate(line({}));
+  EXPECT_THAT(text_in("out/stress.json"), HasSubstr("feedfacefeedface"));
+}
+
+TEST_F(Cluster, SnakemakeRunsWhatIsWritten) {
+  if (!program_exists("snakemake")) GTEST_SKIP() << "Snakemake is not installed";
+  apart_ = true;
+  const auto line = [&](const char* more) {
+    return words("compare", kSmallScene, "--renderers cloud,cloud-smooth --passes 2 --path", kSmallPath,
+                 "--out @/out", more);
+  };
+  succeeds(line("--engine snakemake"));
+  EXPECT_EQ(json_in("out/result.json")["renderers"].size(), 2u);
+  EXPECT_TRUE(exists("out/jobs/done/report"));
+  EXPECT_TRUE(exists("out/report.html"));
+}
+
+TEST_F(Cluster, OptionsExcludeEachOther) {
+  refuses("--engine", "compare plane:points=441 --emit snakemake --engine snakemake --out @/out");
+  refuses("snakemake", "compare plane:points=441 --emit make --out @/out");
+  EXPECT_THAT(succeeds("compare --help-all").out, Not(HasSubstr("--case")));
+  EXPECT_FALSE(exists("out"));
+}
+
+TEST(CaseId, IsAFileNameAndTellsNamesApart) {
+  EXPECT_EQ(case_id("cloud-smooth"), "cloud-smooth");
+  std::set<std::string> ids;
+  for (const char* name : {"a/b", "a:b", "a_b", "../a", ".", "", "none", "a b", "a'b"}) {
+    const std::string id = case_id(name);
+    EXPECT_TRUE(ids.insert(id).second) << name;
+    EXPECT_EQ(id.find_first_of("/: '"), std::string::npos) << id;
+    EXPECT_FALSE(id.empty() || id.starts_with('.') || id == kNoCase) << name;
+  }
+  EXPECT_LT(case_id(std::string(300, 'x')).size(), 100u);
+}
+
+}  // namespace
+}  // namespace palpate::experiments

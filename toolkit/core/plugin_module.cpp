@@ -1,0 +1,81 @@
+#include "toolkit/core/plugin_module.h"
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <system_error>
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kModuleEnding = ".so";
+
+}  // namespace
+
+std::vector<fs::path> plugin_folders() {
+  std::vector<fs::path> folders;
+  if (const char* named = std::getenv("PALPATE_PLUGINS")) {
+    const std::string text = named;
+    for (std::size_t at = 0; at <= text.size();) {
+      const std::size_t end = std::min(text.find(':', at), text.size());
+      if (end > at) folders.emplace_back(text.substr(at, end - at));
+      at = end + 1;
+    }
+  }
+  std::error_code none;
+  const fs::path program = fs::read_symlink("/proc/self/exe", none);
+  if (!none) folders.push_back(program.parent_path().parent_path() / "lib/palpate/plugins");
+  return folders;
+}
+
+std::vector<PluginFile> plugin_files(std::string_view prefix) {
+  std::map<std::string, fs::path> files;
+  std::error_code none, unreadable;
+  for (const fs::path& folder : plugin_folders()) {
+    fs::directory_iterator it(folder, none);
+    for (const fs::directory_iterator end; !none && it != end; it.increment(none)) {
+      const std::string file = it->path().filename().string();
+      if (file.size() <= prefix.size() + kModuleEnding.size() || !file.starts_with(prefix) ||
+          !file.ends_with(kModuleEnding) || !fs::is_regular_file(it->path(), unreadable))
+        continue;
+      files.try_emplace(file.substr(prefix.size(), file.size() - prefix.size() - kModuleEnding.size()),
+                        it->path());
+    }
+    none.clear();
+  }
+  std::vector<PluginFile> found;
+  for (auto& [name, file] : files) found.push_back({name, file});
+  return found;
+}
+
+Error not_of_this_version(const fs::path& file) {
+  return {"is no plug-in of this version", "build it again with this version of Palpate", file.string()};
+}
+
+Result<std::shared_ptr<const void>> load_plugin_table(const fs::path& file, const char* entry,
+                                                      std::uint32_t abi, std::size_t size) {
+  const std::shared_ptr<void> module(::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL), [](void* handle) {
+    if (handle != nullptr) ::dlclose(handle);
+  });
+  if (module == nullptr) {
+    const char* const why = ::dlerror();
+    return Error{std::string("the plug-in cannot be loaded: ") + (why != nullptr ? why : "no reason told"),
+                 "install the library that it names, or tell the loader where it is (LD_LIBRARY_PATH)",
+                 file.string()};
+  }
+  using EntryFunction = const void* (*)();
+  auto* const function = reinterpret_cast<EntryFunction>(::dlsym(module.get(), entry));
+  const void* const table = function != nullptr ? function() : nullptr;
+  std::array<std::uint32_t, 2> head{};  // version, size
+  if (table != nullptr) std::memcpy(head.data(), table, sizeof(head));
+  if (head[0] != abi || head[1] < size) return not_of_this_version(file);
+  return std::shared_ptr<const void>(module, table);
+}
+
+}  // namespace palpate

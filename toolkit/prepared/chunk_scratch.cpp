@@ -1,0 +1,153 @@
+#include "toolkit/prepared/chunk_scratch.h"
+
+#include <array>
+#include <span>
+#include <utility>
+
+#include "toolkit/core/bytes.h"
+#include "toolkit/core/hash.h"
+
+namespace palpate::prepared {
+namespace {
+
+using render::ChunkBrick;
+using render::SurfaceChunk;
+
+/// First code, numbers of own and seam bricks and of pieces, sums of distances, patches.
+constexpr std::size_t kChunkHeadBytes = 7 * sizeof(std::uint64_t);
+constexpr std::size_t kChunkBrickBytes = 8 + 4 + 4 + 6 * 4;
+/// The length before a record and the hash after it.
+constexpr std::size_t kRecordEdgeBytes = sizeof(std::uint64_t);
+
+void write_chunk_brick(const ChunkBrick& one, ByteWriter& to) {
+  to.u64(one.code);
+  to.u8(static_cast<std::uint8_t>(one.level));
+  to.u8(one.summary.cells);
+  to.u8(one.summary.beyond);
+  to.u8(one.summary.smaller ? 1 : 0);
+  to.u32(one.summary.piece);
+  for (int a = 0; a < 3; ++a) to.single(one.summary.part.middle[a]);
+  for (int a = 0; a < 3; ++a) to.single(one.summary.part.area[a]);
+}
+
+void read_chunk_brick(ByteReader& from, ChunkBrick& one) {
+  one.code = from.u64();
+  one.level = from.u8();
+  one.summary.cells = from.u8();
+  one.summary.beyond = from.u8();
+  one.summary.smaller = from.u8() != 0;
+  one.summary.piece = from.u32();
+  for (int a = 0; a < 3; ++a) one.summary.part.middle[a] = from.single();
+  for (int a = 0; a < 3; ++a) one.summary.part.area[a] = from.single();
+}
+
+std::uint64_t hash_of_record(std::span<const std::byte> bytes) noexcept {
+  Hash64 hash;
+  hash.bytes(bytes);
+  return hash.value();
+}
+
+std::vector<std::byte> encode_chunk(const SurfaceChunk& chunk) {
+  std::vector<std::byte> bytes(kChunkHeadBytes + chunk.groups.size() * sizeof(std::uint32_t) +
+                               (chunk.own.size() + chunk.seam.size()) * kChunkBrickBytes +
+                               chunk.bricks.size() * render::kStoredBrickBytes);
+  ByteWriter to{std::span(bytes)};
+  to.u64(chunk.first_code);
+  to.u64(chunk.own.size());
+  to.u64(chunk.seam.size());
+  to.u64(chunk.groups.size());
+  to.u64(chunk.distances.squares);
+  to.u64(chunk.distances.count);
+  to.u64(chunk.patches);
+  for (const std::uint32_t group : chunk.groups) to.u32(group);
+  for (const ChunkBrick& one : chunk.own) write_chunk_brick(one, to);
+  for (const ChunkBrick& one : chunk.seam) write_chunk_brick(one, to);
+  for (const render::Brick& brick : chunk.bricks) render::write_stored_brick(brick, to);
+  return bytes;
+}
+
+/// All but the bricks, whose hash was right.
+SurfaceChunk decode_chunk(std::span<const std::byte> bytes) {
+  ByteReader from(bytes);
+  SurfaceChunk chunk;
+  chunk.first_code = from.u64();
+  chunk.own.resize(static_cast<std::size_t>(from.u64()));
+  chunk.seam.resize(static_cast<std::size_t>(from.u64()));
+  chunk.groups.resize(static_cast<std::size_t>(from.u64()));
+  chunk.distances.squares = from.u64();
+  chunk.distances.count = from.u64();
+  chunk.patches = from.u64();
+  for (std::uint32_t& group : chunk.groups) group = from.u32();
+  for (ChunkBrick& one : chunk.own) read_chunk_brick(from, one);
+  for (ChunkBrick& one : chunk.seam) read_chunk_brick(from, one);
+  return chunk;
+}
+
+}  // namespace
+
+Result<ChunkScratch> ChunkScratch::open(const std::string& path, std::uint64_t key) {
+  PALPATE_ASSIGN(PartFile file, PartFile::open(path));
+  PALPATE_ASSIGN(const std::uint64_t size, file.size());
+  ChunkScratch out(std::move(file));
+  std::array<std::byte, sizeof(std::uint64_t)> first{};
+  if (size >= first.size()) PALPATE_TRY(out.file_.read_at(0, first));
+  if (size < first.size() || ByteReader{std::span<const std::byte>(first)}.u64() != key) {
+    PALPATE_TRY(out.begin_anew(key));
+    return out;
+  }
+  out.end_ = first.size();
+  for (bool more = true; more;) {
+    PALPATE_ASSIGN(more, out.read_record(size));
+  }
+  PALPATE_TRY(out.file_.resize(out.end_));
+  return out;
+}
+
+Status ChunkScratch::begin_anew(std::uint64_t key) {
+  PALPATE_TRY(file_.resize(0));
+  std::array<std::byte, sizeof(std::uint64_t)> first{};
+  ByteWriter{std::span<std::byte>(first)}.u64(key);
+  PALPATE_TRY(file_.write_at(0, first));
+  end_ = first.size();
+  return Done{};
+}
+
+Result<bool> ChunkScratch::read_record(std::uint64_t file_size) {
+  if (file_size - end_ < 2 * kRecordEdgeBytes) return false;
+  std::array<std::byte, kRecordEdgeBytes> edge{};
+  PALPATE_TRY(file_.read_at(end_, edge));
+  const std::uint64_t length = ByteReader{std::span<const std::byte>(edge)}.u64();
+  if (length > file_size - end_ - 2 * kRecordEdgeBytes) return false;
+  std::vector<std::byte> bytes(static_cast<std::size_t>(length));
+  PALPATE_TRY(file_.read_at(end_ + kRecordEdgeBytes, bytes));
+  PALPATE_TRY(file_.read_at(end_ + kRecordEdgeBytes + length, edge));
+  if (ByteReader{std::span<const std::byte>(edge)}.u64() != hash_of_record(bytes)) return false;
+  chunks_.push_back(decode_chunk(bytes));
+  end_ += 2 * kRecordEdgeBytes + length;
+  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunks_.back().own.size() * render::kStoredBrickBytes);
+  return true;
+}
+
+Status ChunkScratch::add(SurfaceChunk chunk) {
+  const std::vector<std::byte> bytes = encode_chunk(chunk);
+  std::array<std::byte, kRecordEdgeBytes> edge{};
+  ByteWriter{std::span<std::byte>(edge)}.u64(bytes.size());
+  PALPATE_TRY(file_.write_at(end_, edge));
+  PALPATE_TRY(file_.write_at(end_ + kRecordEdgeBytes, bytes));
+  ByteWriter{std::span<std::byte>(edge)}.u64(hash_of_record(bytes));
+  PALPATE_TRY(file_.write_at(end_ + kRecordEdgeBytes + bytes.size(), edge));
+  end_ += 2 * kRecordEdgeBytes + bytes.size();
+  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunk.bricks.size() * render::kStoredBrickBytes);
+  chunk.bricks = {};
+  chunks_.push_back(std::move(chunk));
+  return Done{};
+}
+
+Status ChunkScratch::read_brick(std::size_t chunk, std::size_t brick, render::Brick& out) const {
+  std::array<std::byte, render::kStoredBrickBytes> bytes;
+  PALPATE_TRY(file_.read_at(bricks_at_[chunk] + brick * bytes.size(), bytes));
+  render::read_stored_brick(bytes, out);
+  return Done{};
+}
+
+}  // namespace palpate::prepared

@@ -1,0 +1,279 @@
+#include "toolkit/prepared/prepare_surface.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "toolkit/core/hash.h"
+#include "toolkit/core/messages.h"
+#include "toolkit/prepared/chunk_scratch.h"
+#include "toolkit/spline_sdf/join_chunks.h"
+#include "toolkit/spline_sdf/point_noise.h"
+#include "toolkit/spline_sdf/prepared_surface.h"
+
+namespace palpate::prepared {
+namespace {
+
+using render::BrickGrid;
+using render::BrickRegion;
+using render::MortonPoints;
+
+/// The program itself and buffers.
+constexpr std::uint64_t kFixedSurfaceBytes = std::uint64_t{96} << 20;
+/// The table of cells, the sample and its points for rays, and what joins the bricks: some 25 points each,
+/// and 130 bytes with its place and tile.
+constexpr std::uint64_t kJoinBytesPerPoint = 8;
+/// Runs of adjacent cells that tell spacing and noise, and cells of a run: a run's rim is a fiftieth of it.
+constexpr std::size_t kProbeRuns = 16, kCellsOfRun = 16;
+/// Largest rounding of a coordinate, in spacings: what a clean fit calls exact is five times as much.
+constexpr double kMostRounding = 0.01;
+/// Points for rays: a 64th of all, of eight times the spacing.
+constexpr std::uint64_t kFarShare = 64;
+/// Every file has it in its key: chunks of another kind are not gone on with.
+constexpr std::uint64_t kChunkVersion = 1;
+
+class SurfacePreparation {
+ public:
+  SurfacePreparation(const CellFile& cells, const PrepareSurfaceOptions& options, const std::string& path,
+                     Progress& progress)
+      : cells_(cells), options_(options), path_(path), progress_(progress) {
+    const geometry::Aabb& box = cells.info().bounds_mm;
+    origin_mm_ = 0.5 * (box.low_mm + box.high_mm);
+  }
+
+  Result<PrepareSurfaceReport> run() {
+    PALPATE_TRY(decide());
+    PALPATE_TRY(choose_regions());
+    PALPATE_ASSIGN(ChunkScratch scratch, ChunkScratch::open(path_ + ".chunks", key()));
+    report_.resumed = scratch.chunks().size();
+    for (std::size_t r = scratch.chunks().size(); r < regions_.size(); ++r) {
+      if (progress_.cancelled()) return Error{"preparing was stopped", "run it again to go on"};
+      progress_.report("making the surface", static_cast<double>(r) / static_cast<double>(regions_.size()));
+      PALPATE_ASSIGN(const cloud::Cloud points, points_in(region_mm(regions_[r]).grown(frame_.margin_mm())));
+      PALPATE_TRY(scratch.add(render::build_surface_chunk(points, regions_[r], frame_, options_.threads)));
+    }
+    if (std::all_of(scratch.chunks().begin(), scratch.chunks().end(),
+                    [](const render::SurfaceChunk& chunk) { return chunk.own.empty(); })) {
+      scratch.remove();
+      return render::no_surface();
+    }
+    PALPATE_TRY(write(scratch));
+    scratch.remove();
+    report_.chunks = regions_.size();
+    return report_;
+  }
+
+ private:
+  /// Of all that chunks depend on: cells made again from the same scan are the same.
+  [[nodiscard]] std::uint64_t key() const {
+    Hash64 hash;
+    hash.u64(kChunkVersion);
+    hash.real(options_.build.detail);
+    hash.real(options_.build.voxel_spacings);
+    hash.real(cells_.info().lattice.unit_mm());
+    for (int axis = 0; axis < 3; ++axis) hash.real(origin_mm_[axis]);
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell) {
+      const CellEntry& entry = cells_.entry(cell);
+      for (const std::uint64_t base : entry.base) hash.u64(base);
+      hash.u64(entry.shift);
+      hash.u64(entry.hash);
+    }
+    for (const BrickRegion& region : regions_) hash.u64(render::morton_code_of(region.low));
+    hash.u64(coarse_->size());
+    return hash.value();
+  }
+  [[nodiscard]] std::uint64_t most_points() const noexcept {
+    const std::uint64_t fixed = kFixedSurfaceBytes + cells_.info().points * kJoinBytesPerPoint;
+    const std::uint64_t work = options_.memory_bytes > fixed ? options_.memory_bytes - fixed : 0;
+    return std::min(options_.most_chunk_points, work / kSurfaceBytesPerPoint);
+  }
+  [[nodiscard]] geometry::Aabb region_mm(const BrickRegion& region) const {
+    return region.cubes_mm(frame_.lattice());
+  }
+  [[nodiscard]] geometry::Aabb cell_box_mm(std::size_t cell) const {
+    const geometry::Aabb box = cells_.box_mm(cell);
+    return {box.low_mm - origin_mm_, box.high_mm - origin_mm_};
+  }
+
+  /// Adds the own points of a cell that `wanted(its number among all, place)` takes.
+  template <class Wanted>
+  Status add_points(std::size_t cell, cloud::Cloud& into, Wanted&& wanted) {
+    PALPATE_TRY(cells_.read_cell(cell, bytes_, read_));
+    for (std::size_t i = 0; i < read_.own; ++i) {
+      const Vec3 at = read_.points_mm[i] - origin_mm_;
+      if (!wanted(i, at)) continue;
+      into.x_mm.push_back(static_cast<float>(at.x()));
+      into.y_mm.push_back(static_cast<float>(at.y()));
+      into.z_mm.push_back(static_cast<float>(at.z()));
+    }
+    return Done{};
+  }
+  [[nodiscard]] cloud::Cloud empty_cloud() const {
+    cloud::Cloud out;
+    out.origin_mm = origin_mm_;
+    return out;
+  }
+  Result<cloud::Cloud> points_in(const geometry::Aabb& box) {
+    cloud::Cloud out = empty_cloud();
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell)
+      if (cell_box_mm(cell).overlaps(box))
+        PALPATE_TRY(add_points(cell, out, [&](std::size_t, const Vec3& at) { return box.contains(at); }));
+    return out;
+  }
+
+  /// Measures what all regions share, and samples the points.
+  Status decide() {
+    cloud::Cloud probe = empty_cloud();
+    const std::size_t run = std::max(cells_.size() / kProbeRuns, kCellsOfRun);
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell)
+      if (cell % run < kCellsOfRun)
+        PALPATE_TRY(add_points(cell, probe, [](std::size_t, const Vec3&) { return true; }));
+    const MortonPoints probed(probe, options_.threads);
+    render::SplineSdfDecision& measured = frame_.measured;
+    measured.spacing_mm = probed.spacing_mm();
+    if (!(measured.spacing_mm > 0.0)) return render::no_surface();
+    measured.noise_mm = render::estimate_noise(probed, options_.threads);
+    measured.voxel_mm = options_.build.voxel_spacings * measured.spacing_mm;
+    render::PointPatches any;
+    any.patch[0] = 0;
+    frame_.coarser = render::coarser_levels(probed, std::vector<render::PointPatches>(probed.size(), any));
+    frame_.build = options_.build;
+    const CellFileInfo& info = cells_.info();
+    frame_.points.box_mm =
+        geometry::Aabb{info.bounds_mm.low_mm - origin_mm_, info.bounds_mm.high_mm - origin_mm_}.grown(
+            info.quantum_mm);
+    frame_.points.spacing_mm = measured.spacing_mm;
+    const double farthest = frame_.points.box_mm.high_mm.maxCoeff();
+    if (farthest * kUnitRoundoffFloat > kMostRounding * measured.spacing_mm)
+      return Error{fmt::format("points over {} mm, {} mm apart, are too many for one surface",
+                               format_number(2.0 * farthest), format_number(measured.spacing_mm)),
+                   "prepare the scan in parts, or remove points far away", cells_.path()};
+    report_.spacing_mm = measured.spacing_mm;
+    report_.noise_mm = measured.noise_mm;
+    std::uint64_t step = render::kCoarserShare;
+    while (info.points / step > most_points()) step *= render::kCoarserShare;
+    auto coarse = std::make_shared<cloud::Cloud>(empty_cloud());
+    std::uint64_t first = 0;
+    for (std::size_t cell = 0; cell < cells_.size(); first += cells_.entry(cell++).points)
+      PALPATE_TRY(add_points(cell, *coarse,
+                             [&](std::size_t i, const Vec3&) { return (first + i) % step == step / 2; }));
+    coarse_ = std::move(coarse);
+    const MortonPoints sorted(*coarse_, options_.threads);
+    frame_.sample = render::thinned(sorted, *coarse_, render::kSamplePoints);
+    frame_.far = std::make_shared<const MortonPoints>(
+        *render::thinned(sorted, *coarse_, static_cast<std::size_t>(info.points / kFarShare)),
+        options_.threads);
+    return Done{};
+  }
+
+  /// Halves the lattice's cube along its Morton curve until each part and what is around it fits.
+  Status choose_regions() {
+    const auto cubes = static_cast<std::uint64_t>(frame_.lattice().last_brick) + 1;
+    const int bits = 3 * static_cast<int>(std::bit_width(cubes - 1));
+    std::vector<std::size_t> all(cells_.size());
+    for (std::size_t cell = 0; cell < all.size(); ++cell) all[cell] = cell;
+    return divide(0, bits, all);
+  }
+  Status divide(std::uint64_t first_code, int bits, const std::vector<std::size_t>& among) {
+    BrickRegion region;
+    region.box_mm = frame_.points.box_mm;
+    region.coarser = frame_.coarser;
+    region.low = search::coordinate_of_code(first_code);
+    region.past = search::coordinate_of_code(first_code | ((std::uint64_t{1} << bits) - 1));
+    for (std::int32_t& past : region.past) ++past;
+    // A point's cubes are its own and those beside it.
+    const geometry::Aabb box = region_mm(region), beside = region_mm(region.grown(1)),
+                         around = box.grown(frame_.margin_mm());
+    std::vector<std::size_t> near;
+    std::uint64_t points = 0;
+    bool any = false;
+    for (const std::size_t cell : among) {
+      const geometry::Aabb of = cell_box_mm(cell);
+      if (!of.overlaps(around)) continue;
+      near.push_back(cell);
+      points += cells_.entry(cell).points;
+      any = any || of.overlaps(beside);
+    }
+    if (!any) return Done{};
+    if (points <= most_points()) {
+      regions_.push_back(region);
+      return Done{};
+    }
+    // A smaller part would have as much around it.
+    if (box.extent_mm().maxCoeff() < 0.5 * frame_.margin_mm() || bits == 0)
+      return over_memory_limit(fmt::format("the surface of {} points around one place", format_count(points)),
+                               options_.memory_bytes);
+    PALPATE_TRY(divide(first_code, bits - 1, near));
+    return divide(first_code | std::uint64_t{1} << (bits - 1), bits - 1, near);
+  }
+
+  Status write(const ChunkScratch& scratch) {
+    progress_.report("joining", 1.0);
+    const std::vector<render::SurfaceChunk>& chunks = scratch.chunks();
+    render::SplineSdf surface;
+    surface.grid = frame_.lattice();
+    BrickGrid& grid = surface.grid;
+    const render::JoinedChunks joined =
+        render::join_chunks(chunks, grid, options_.build.both_sides, options_.threads);
+    std::vector<render::PlacedBrick> placed;
+    std::vector<std::uint32_t> firsts;
+    render::SampleDistances distances;
+    for (const render::SurfaceChunk& chunk : chunks) {
+      firsts.push_back(static_cast<std::uint32_t>(placed.size()));
+      for (const render::ChunkBrick& one : chunk.own) {
+        placed.push_back(
+            {{one.code, render::depth_of_level(grid, one.level)}, static_cast<std::uint32_t>(placed.size())});
+        surface.cubes += one.level == grid.coarser ? 1 : 0;
+      }
+      surface.patches += chunk.patches;
+      distances.squares += chunk.distances.squares;
+      distances.count += chunk.distances.count;
+    }
+    surface.spacing_mm = frame_.measured.spacing_mm;
+    surface.noise_mm = frame_.measured.noise_mm;
+    report_.contradicted = joined.contradicted;
+    report_.patches = surface.patches;
+    report_.bricks = placed.size();
+    const auto brick = [&](std::uint32_t number, render::Brick& out) -> Status {
+      const auto after = std::upper_bound(firsts.begin(), firsts.end(), number);
+      const auto chunk = static_cast<std::size_t>(after - firsts.begin()) - 1;
+      const std::size_t at = number - firsts[chunk];
+      PALPATE_TRY(scratch.read_brick(chunk, at, out));
+      joined.pieces[chunk][chunks[chunk].own[at].summary.piece].put(out);
+      return Done{};
+    };
+    PALPATE_ASSIGN(render::SurfaceFileWriter writer,
+                   render::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
+    PALPATE_TRY(writer.add(surface, render::cut_into_tiles(std::move(placed)), brick, distances));
+    const render::PrepareContext context{options_.threads, &progress_};
+    PALPATE_TRY(render::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
+                                             coarse_->size(), options_.build, context, writer));
+    return writer.finish();
+  }
+
+  const CellFile& cells_;
+  const PrepareSurfaceOptions& options_;
+  std::string path_;
+  Progress& progress_;
+  Vec3 origin_mm_;
+  render::SurfaceFrame frame_;
+  std::shared_ptr<const cloud::Cloud> coarse_;  ///< a share of the points: of the next surface
+  std::vector<BrickRegion> regions_;            ///< in Morton order
+  PrepareSurfaceReport report_;
+  std::vector<std::byte> bytes_;
+  CellPoints read_;
+};
+
+}  // namespace
+
+Result<PrepareSurfaceReport> prepare_surface(const CellFile& cells, const PrepareSurfaceOptions& options,
+                                             const std::string& path, Progress& progress) {
+  return SurfacePreparation(cells, options, path, progress).run();
+}
+
+}  // namespace palpate::prepared

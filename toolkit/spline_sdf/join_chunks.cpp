@@ -1,0 +1,160 @@
+#include "toolkit/spline_sdf/join_chunks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "toolkit/core/disjoint_sets.h"
+#include "toolkit/spline_sdf/orient_patches.h"
+
+namespace palpate::render {
+namespace {
+
+/// Numbers of groups and pieces over all chunks.
+class ChunkNumbers {
+ public:
+  explicit ChunkNumbers(const std::vector<SurfaceChunk>& chunks) : chunks_(chunks) {
+    for (const SurfaceChunk& chunk : chunks) {
+      first_piece_.push_back(pieces_);
+      first_group_.push_back(groups_);
+      pieces_ += static_cast<std::uint32_t>(chunk.groups.size());
+      std::uint32_t groups = 0;
+      for (const std::uint32_t group : chunk.groups)
+        if (group != OrientedPieces::kOutward) groups = std::max(groups, group + 1);
+      groups_ += groups;
+    }
+  }
+  [[nodiscard]] std::uint32_t piece(std::size_t chunk, std::uint32_t piece) const {
+    return first_piece_[chunk] + piece;
+  }
+  /// Groups that visibility has oriented are one.
+  [[nodiscard]] std::uint32_t group(std::size_t chunk, std::uint32_t piece) const {
+    const std::uint32_t group = chunks_[chunk].groups[piece];
+    return group == OrientedPieces::kOutward ? outward() : first_group_[chunk] + group;
+  }
+  [[nodiscard]] std::uint32_t outward() const { return groups_; }
+  [[nodiscard]] std::uint32_t pieces() const { return pieces_; }
+
+ private:
+  const std::vector<SurfaceChunk>& chunks_;
+  std::vector<std::uint32_t> first_piece_, first_group_;
+  std::uint32_t pieces_ = 0, groups_ = 0;
+};
+
+/// The chunk that has a brick, and the brick in it; null where none has.
+const ChunkBrick* find_owner(const std::vector<SurfaceChunk>& chunks, const ChunkBrick& brick,
+                             std::size_t& chunk) {
+  const std::uint64_t at = brick.code >> (3 * brick.level);
+  const auto after =
+      std::upper_bound(chunks.begin(), chunks.end(), at,
+                       [](std::uint64_t code, const SurfaceChunk& c) { return code < c.first_code; });
+  if (after == chunks.begin()) return nullptr;
+  chunk = static_cast<std::size_t>(after - chunks.begin()) - 1;
+  const auto key = [](const ChunkBrick& one) { return std::pair(one.level, one.code); };
+  const std::vector<ChunkBrick>& own = chunks[chunk].own;
+  const auto found =
+      std::lower_bound(own.begin(), own.end(), brick,
+                       [&](const ChunkBrick& a, const ChunkBrick& b) { return key(a) < key(b); });
+  return found != own.end() && key(*found) == key(brick) ? &*found : nullptr;
+}
+
+/// Visits all own bricks, level after level by code.
+template <class Visit>
+void each_own(const std::vector<SurfaceChunk>& chunks, int levels, Visit&& visit) {
+  std::vector<std::size_t> next(chunks.size(), 0);
+  for (int level = 0; level < levels; ++level)
+    for (std::size_t c = 0; c < chunks.size(); ++c)
+      for (; next[c] < chunks[c].own.size() && chunks[c].own[next[c]].level == level; ++next[c])
+        visit(c, chunks[c].own[next[c]]);
+}
+
+/// Agreement of the areas that two chunks give one brick.
+double agreement_of(const BrickSummary& a, const BrickSummary& b) {
+  const Vec3 x = a.part.area.cast<double>(), y = b.part.area.cast<double>();
+  const double most = std::max(x.norm(), y.norm());
+  return most > 0.0 ? x.dot(y) / most : 0.0;
+}
+
+struct SeamVote {
+  std::uint32_t a = 0, b = 0;
+  double sum = 0.0;
+};
+
+}  // namespace
+
+void JoinedPiece::put(Brick& brick) const noexcept {
+  if (turned)
+    for (std::int16_t& distance : brick.distance) distance = static_cast<std::int16_t>(-distance);
+  felt.put(brick);
+}
+
+JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& grid, bool both_sides,
+                         int threads) {
+  const ChunkNumbers number(chunks);
+  OrientedDisjointSets groups(number.outward() + 1), pieces(number.pieces());
+  std::map<std::pair<std::uint32_t, std::uint32_t>, double> sums;
+  grid.levels = 1;
+  for (std::size_t c = 0; c < chunks.size(); ++c) {
+    if (!chunks[c].own.empty()) grid.levels = std::max(grid.levels, chunks[c].own.back().level + 1);
+    for (const ChunkBrick& brick : chunks[c].seam) {
+      std::size_t owner = 0;
+      const ChunkBrick* other = find_owner(chunks, brick, owner);
+      if (other == nullptr || other->summary.smaller) continue;
+      const std::uint32_t a = brick.summary.piece, b = other->summary.piece;
+      pieces.join(number.piece(c, a), number.piece(owner, b));
+      sums[std::minmax(number.group(c, a), number.group(owner, b))] +=
+          agreement_of(brick.summary, other->summary);
+    }
+  }
+  std::vector<SeamVote> votes;
+  for (const auto& [pair, sum] : sums) votes.push_back({pair.first, pair.second, sum});
+  std::stable_sort(votes.begin(), votes.end(),
+                   [](const SeamVote& x, const SeamVote& y) { return std::abs(x.sum) > std::abs(y.sum); });
+  double all = 0.0, against = 0.0;
+  for (const SeamVote& vote : votes) {
+    all += std::abs(vote.sum);
+    if (groups.join(vote.a, vote.b, vote.sum < 0.0 ? 1 : 0) == OrientedDisjointSets::Joined::kBeforeOtherwise)
+      against += std::abs(vote.sum);
+  }
+  JoinedChunks out;
+  out.contradicted = all > 0.0 ? against / all : 0.0;
+  std::vector<Vec3> areas(number.outward() + 1, Vec3::Zero());  // by root
+  constexpr std::uint32_t kUnmet = 0xffffffffu;
+  std::vector<std::uint32_t> dense(number.pieces(), kUnmet);
+  std::uint32_t count = 0;
+  each_own(chunks, grid.levels, [&](std::size_t c, const ChunkBrick& brick) {
+    std::uint32_t& met = dense[pieces.find(number.piece(c, brick.summary.piece)).set];
+    if (met == kUnmet) met = count++;
+    const auto in = groups.find(number.group(c, brick.summary.piece));
+    if (!brick.summary.smaller)
+      areas[in.set] += (in.turned != 0 ? -1.0 : 1.0) * brick.summary.part.area.cast<double>();
+  });
+  const auto outward = groups.find(number.outward());
+  const auto is_turned = [&](std::size_t c, std::uint32_t piece) {
+    const auto in = groups.find(number.group(c, piece));
+    return (in.turned != 0) != (in.set == outward.set ? outward.turned != 0 : looks_down(areas[in.set]));
+  };
+  const std::vector<PieceClass> classes = find_closed_components(
+      grid, count,
+      [&](const VisitSummary& visit) {
+        each_own(chunks, grid.levels, [&](std::size_t c, const ChunkBrick& brick) {
+          BrickSummary one = brick.summary;
+          if (is_turned(c, one.piece)) one.part.area = -one.part.area;
+          one.piece = dense[pieces.find(number.piece(c, one.piece)).set];
+          visit(one, brick.level);
+        });
+      },
+      both_sides, threads);
+  for (std::size_t c = 0; c < chunks.size(); ++c) {
+    std::vector<JoinedPiece>& of = out.pieces.emplace_back(chunks[c].groups.size());
+    for (std::uint32_t p = 0; p < of.size(); ++p) {
+      of[p].turned = is_turned(c, p);
+      const std::uint32_t met = dense[pieces.find(number.piece(c, p)).set];
+      if (met != kUnmet) of[p].felt = classes[met];
+    }
+  }
+  return out;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,51 @@
+// A part of a surface larger than memory: the bricks of one region, made from the points in and around it,
+// the same in every division into regions but for their side, which is decided when all parts are joined.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <palpate/cloud.h>
+#include "toolkit/spline_sdf/build_bricks.h"
+#include "toolkit/spline_sdf/morton_points.h"
+#include "toolkit/spline_sdf/spline_sdf_model.h"
+#include "toolkit/spline_sdf/surface_writer.h"
+
+namespace palpate::render {
+
+/// What all parts share.
+struct SurfaceFrame {
+  PointFrame points;
+  SplineSdfDecision measured;
+  int coarser = 0;  ///< BrickGrid::coarser
+  SplineSdfOptions build;
+  std::shared_ptr<const MortonPoints> far;     ///< a sample of all points, for rays
+  std::shared_ptr<const cloud::Cloud> sample;  ///< for distances
+  [[nodiscard]] BrickGrid lattice() const { return brick_lattice(points.box_mm, measured.voxel_mm, coarser); }
+  /// How far around a region points inform its bricks, mm.
+  [[nodiscard]] double margin_mm() const noexcept;
+};
+
+/// A brick by what joins it to others.
+struct ChunkBrick {
+  std::uint64_t code = 0;
+  int level = 0;
+  BrickSummary summary;  ///< its piece: of the chunk
+};
+
+struct SurfaceChunk {
+  std::uint64_t first_code = 0;       ///< least code of the region, at level 0
+  std::vector<ChunkBrick> own;        ///< in the region, level after level by code
+  std::vector<ChunkBrick> seam;       ///< of other regions beside it, as made here
+  std::vector<std::uint32_t> groups;  ///< OrientedPieces::group by piece; the others from 0
+  SampleDistances distances;          ///< of the sample's points in the region
+  std::uint64_t patches = 0;          ///< with their middle in the region
+  std::vector<Brick> bricks;          ///< parallel to `own`
+};
+
+/// `points`: all within margin_mm() of the region. Independent of the number of threads. O(points).
+[[nodiscard]] SurfaceChunk build_surface_chunk(const cloud::Cloud& points, const BrickRegion& region,
+                                               const SurfaceFrame& frame, int threads);
+
+}  // namespace palpate::render

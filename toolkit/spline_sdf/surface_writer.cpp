@@ -1,0 +1,196 @@
+#include "toolkit/spline_sdf/surface_writer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <span>
+
+#include "toolkit/core/bytes.h"
+#include "toolkit/spline_sdf/spline.h"
+#include "toolkit/spline_sdf/surface_layout.h"
+
+namespace palpate::render {
+namespace {
+
+using namespace surface_layout;
+
+/// Steps a voxel in which distances are summed. A square of the largest distance is 2^44, and samples
+/// are below 2^18: sums fit.
+constexpr double kDistanceSteps = 0x1p19;
+static_assert(kMaxBrickDistance * kDistanceSteps <= 0x1p22);
+
+void put_geometry(const SplineSdf& surface, double rms_mm, IndexBytes& index) {
+  const BrickGrid& grid = surface.grid;
+  index.put(kGeometryBytes, [&](ByteWriter& to) {
+    to.vec(grid.low_mm);
+    to.vec(grid.box_mm.low_mm);
+    to.vec(grid.box_mm.high_mm);
+    to.real(grid.voxel_mm);
+    to.real(grid.min_enclosed);
+    to.real(surface.spacing_mm);
+    to.real(surface.noise_mm);
+    to.real(rms_mm);
+    to.i32(grid.coarser);
+    to.i32(grid.levels);
+    to.i64(grid.last_brick);
+    to.u64(surface.cubes);
+    to.u64(surface.patches);
+    to.u64(surface.isolated_points);
+    while (to.size() < kGeometryBytes) to.u64(0);
+  });
+}
+
+/// Largest bricks along the edge of a cube whose parts of a piece are joined: so near that a start a few
+/// voxels off the surface still sees its side.
+constexpr int kJoinedBits = 2;
+
+/// The pieces, with their parts joined within cubes: seen from afar the same, and a twentieth of the bytes.
+void put_pieces(const BrickGrid& grid, IndexBytes& index) {
+  index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(grid.closed_components.size())); });
+  const double per = 1.0 / std::ldexp(grid.cube_edge(), kJoinedBits);
+  for (const ClosedComponent& piece : grid.closed_components) {
+    struct Sum {
+      Vec3 area = Vec3::Zero(), middle = Vec3::Zero();
+      double weight = 0.0;
+    };
+    std::map<std::uint64_t, Sum> by_cube;
+    for (const geometry::AreaElement& part : piece.parts) {
+      std::array<std::uint32_t, 3> cube{};
+      for (std::size_t a = 0; a < 3; ++a)
+        cube[a] = static_cast<std::uint32_t>(std::clamp(
+            static_cast<double>(part.middle[static_cast<Eigen::Index>(a)]) * per, 0.0, 0x1p21 - 1.0));
+      Sum& sum = by_cube[search::morton_code(cube[0], cube[1], cube[2])];
+      const Vec3 area = part.area.cast<double>();
+      const double weight = area.norm();
+      sum.area += area;
+      sum.middle += weight * part.middle.cast<double>();
+      sum.weight += weight;
+    }
+    index.put(9 + by_cube.size() * kPartBytes, [&](ByteWriter& to) {
+      to.single(piece.normal_orientation);
+      to.u8(piece.tight ? 1 : 0);
+      to.u32(static_cast<std::uint32_t>(by_cube.size()));
+      for (const auto& [code, sum] : by_cube) {
+        const Vec3 middle = sum.weight > 0.0 ? Vec3(sum.middle / sum.weight) : Vec3(Vec3::Zero());
+        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(middle[a]));
+        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(sum.area[a]));
+      }
+    });
+  }
+}
+
+}  // namespace
+
+double SampleDistances::rms_voxels() const noexcept {
+  return count == 0 ? 0.0
+                    : std::sqrt(static_cast<double>(squares) / static_cast<double>(count)) / kDistanceSteps;
+}
+
+void add_distances(const BrickGrid& grid, const cloud::Cloud& points, const BrickRegion* region,
+                   SampleDistances& into) {
+  const double per_edge = 1.0 / grid.cube_edge();
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec3 at = grid.in_voxels(points.local_mm(i));
+    const Vec3 cube = (at * per_edge).array().floor();
+    if (region != nullptr &&
+        !region->contains({static_cast<std::int32_t>(cube.x()), static_cast<std::int32_t>(cube.y()),
+                           static_cast<std::int32_t>(cube.z())}))
+      continue;
+    const BrickGrid::BrickRef place = grid.find(at);
+    if (place.brick == BrickGrid::kNone) continue;
+    const double per = grid.per_voxel_of(place.level);
+    BrickPosition in;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double cells =
+          at[static_cast<Eigen::Index>(a)] * per - kBrickCells * static_cast<double>(place.cube[a]);
+      in.cell[a] = std::clamp(static_cast<int>(std::floor(cells)), 0, kBrickCells - 1);
+      in.t[a] = static_cast<float>(cells - in.cell[a]);
+    }
+    const double voxels = static_cast<double>(spline_value(grid.bricks[place.brick], in)) / per;
+    const auto steps = static_cast<std::int64_t>(std::llround(voxels * kDistanceSteps));
+    into.squares += static_cast<std::uint64_t>(steps * steps);
+    ++into.count;
+  }
+}
+
+Result<SurfaceFileWriter> SurfaceFileWriter::create(const std::string& path, std::uint64_t points,
+                                                    std::shared_ptr<const cloud::Cloud> sample) {
+  PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
+  SurfaceFileWriter out(std::move(file), points, std::move(sample));
+  std::array<std::byte, kFileHeadBytes> head{};
+  ByteWriter to{std::span<std::byte>(head)};
+  to.raw(std::as_bytes(std::span(kMagic)));
+  to.u32(kVersion);
+  to.u32(0);
+  PALPATE_TRY(out.file_.write(head));
+  out.at_ = kFileHeadBytes;
+  return out;
+}
+
+Status SurfaceFileWriter::add(const SplineSdf& surface) {
+  SampleDistances distances;
+  add_distances(surface.grid, *sample_, nullptr, distances);
+  return add(surface, cut_into_tiles(surface.grid), bricks_of(surface.grid), distances);
+}
+
+Status SurfaceFileWriter::add(const SplineSdf& surface, const BrickTiles& tiles, const BrickSource& bricks,
+                              const SampleDistances& distances) {
+  ++surfaces_;
+  put_geometry(surface, distances.rms_voxels() * surface.grid.voxel_mm, index_);
+  put_pieces(surface.grid, index_);
+  index_.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(tiles.tiles.size())); });
+  for (const BrickTile& tile : tiles.tiles) {
+    PALPATE_ASSIGN(const std::vector<std::byte> image, tile_image(tile, bricks));
+    PALPATE_TRY(file_.write(image));
+    index_.put(kTileRowBytes, [&](ByteWriter& to) {
+      to.u64(tile.key.code);
+      to.i32(tile.key.depth);
+      to.u32(0);
+      to.u64(at_);
+      to.u64(checksum_of(image));
+      to.u32(static_cast<std::uint32_t>(image.size()));
+      to.u32(static_cast<std::uint32_t>(tile.bricks.size()));
+    });
+    at_ += image.size();
+  }
+  index_.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(tiles.above.size())); });
+  Brick brick;
+  for (std::size_t i = 0; i < tiles.above.size(); ++i) {
+    PALPATE_TRY(bricks(tiles.above_bricks[i], brick));
+    index_.put(12 + kStoredBrickBytes, [&](ByteWriter& to) {
+      to.u64(tiles.above[i].code);
+      to.i32(tiles.above[i].depth);
+      write_stored_brick(brick, to);
+    });
+  }
+  return Done{};
+}
+
+Status SurfaceFileWriter::finish() {
+  const cloud::Cloud& sample = *sample_;
+  IndexBytes index;
+  index.put(40 + sample.size() * 12 + index_.bytes().size(), [&](ByteWriter& out) {
+    out.u64(points_);
+    out.vec(sample.origin_mm);
+    out.u32(static_cast<std::uint32_t>(sample.size()));
+    for (std::size_t i = 0; i < sample.size(); ++i) {
+      out.single(sample.x_mm[i]);
+      out.single(sample.y_mm[i]);
+      out.single(sample.z_mm[i]);
+    }
+    out.u32(surfaces_);
+    out.raw(index_.bytes());
+  });
+  PALPATE_TRY(file_.write(index.bytes()));
+  std::array<std::byte, kFileEndBytes> end{};
+  ByteWriter last{std::span<std::byte>(end)};
+  last.u64(at_);
+  last.u64(index.bytes().size());
+  last.u64(checksum_of(index.bytes()));
+  last.raw(std::as_bytes(std::span(kMagic)));
+  PALPATE_TRY(file_.write(end));
+  return file_.commit();
+}
+
+}  // namespace palpate::render
