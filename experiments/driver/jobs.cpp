@@ -9,7 +9,6 @@
 #include <csignal>
 #include <cstring>
 
-#include <palpate/scene.h>
 #include "experiments/study/output_folder.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
@@ -112,7 +111,7 @@ rule merge:
 
 // One job that is timed at a time. Times of files decide alone what is to be done again. What says that a job
 // has ended is whole where it is there: a Snakemake that was killed finds its jobs in the queue again.
-constexpr const char* kLocal = R"(cores: all
+constexpr const char* kLocalProfile = R"(cores: all
 resources:
   - timing=1
 rerun-triggers: mtime
@@ -244,7 +243,7 @@ Result<std::string> write_jobs(const CaseSelection& cases, const fs::path& out) 
   PALPATE_TRY(folder.write("run", run_script(cases.command)));
   PALPATE_ASSIGN(const OutputFolder profiles, folder.inside("profiles"));
   PALPATE_ASSIGN(const OutputFolder local, profiles.inside("local"));
-  PALPATE_TRY(local.write("config.yaml", kLocal));
+  PALPATE_TRY(local.write("config.yaml", kLocalProfile));
   PALPATE_ASSIGN(const OutputFolder slurm, profiles.inside("slurm"));
   PALPATE_TRY(slurm.write("config.yaml", kSlurm7));
   PALPATE_TRY(slurm.write("config.v8+.yaml", kSlurm8));

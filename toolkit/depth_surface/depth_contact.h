@@ -20,7 +20,7 @@ namespace palpate::render {
 inline constexpr int kMaxDepthMoves = 12;
 /// Looks along the HIP's way in a frame; a pixel's step each up to 60 m/s at 1 m and 500 pixels focal length.
 inline constexpr int kMaxDepthLooks = 32;
-/// A third of a second's tenth: short beside a hand's reaction (150 ms), long beside a step that is felt.
+/// Short beside a hand's reaction (150 ms), long beside a step that is felt (a few ms).
 inline constexpr double kLetGoSeconds = 0.05;
 /// A swap changes the force by no more than this in a millisecond.
 inline constexpr double kMaxForceRateNPerS = 500.0;

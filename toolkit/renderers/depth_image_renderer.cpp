@@ -16,6 +16,9 @@
 namespace palpate::render {
 namespace {
 
+/// 4096 x 4096, ten times a depth camera's: the rasters take 2 GB then.
+constexpr int kMostPixels = 1 << 24;
+
 /// The local model of `depth-image`. Its local frame is the images' world, which the model's pose places.
 class DepthImageModel {
  public:
@@ -107,6 +110,9 @@ class DepthImageRenderer final : public FrameLoopRenderer<DepthImageModel> {
           camera.period_s > 0.0))
       return Error{fmt::format("the camera of model '{}' has no size, focal length or period", input.name),
                    "give width, height, fx, fy and rate above 0"};
+    if (camera.height > kMostPixels / camera.width)
+      return Error{fmt::format("the camera of model '{}' has more than {} pixels", input.name, kMostPixels),
+                   "give smaller images"};
     PALPATE_ASSIGN(const SurfaceDecision surface, decide_surface(input));
     ModelDecisions out;
     out.name = input.name;

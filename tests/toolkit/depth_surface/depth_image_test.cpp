@@ -2,7 +2,6 @@
 // move.
 #include <gtest/gtest.h>
 
-#include <cstdio>
 #include <numbers>
 
 #include "tests/toolkit/depth_surface/simulated_depth.h"
@@ -19,13 +18,6 @@ constexpr double kTurn = 2.0 * std::numbers::pi;
 
 double nothing_to_compare(const Vec3&, double) {
   return kNotCompared;
-}
-void say(const char* what, const Felt& f) {
-  std::printf(
-      "%s: swap step %.4f N, largest step %.4f N, error rms %.4f worst %.4f N, contact %zu of %zu, lost %zu, "
-      "swaps %zu\n",
-      what, f.swap_step_n, f.largest_step_n, std::sqrt(f.error_square), f.worst_error_n, f.contacts, f.frames,
-      f.lost, f.swaps);
 }
 
 double level(const Vec3& o, const Vec3& ray, double) {
@@ -44,7 +36,6 @@ TEST(DepthImage, APlaneIsExactAndSwapsAreNotFelt) {
   StreamRig rig(SimulatedCamera(), level);
   rig.prepare(pressing(0.0));
   const Felt felt = test::feel(rig, 3.0, pressing, under_level);
-  say("plane", felt);
   EXPECT_EQ(felt.lost, 0u);
   EXPECT_LT(felt.worst_error_n, 1e-3);
   EXPECT_LT(felt.swap_step_n, 0.0275);
@@ -58,7 +49,6 @@ TEST(DepthImage, NoiseIsFusedAway) {
   const auto resting = [](double t) { return pressing(std::min(t, 1.0)); };
   const Felt felt = test::feel(
       rig, 4.0, resting, [](const Vec3& h, double t) { return t < 1.0 ? kNotCompared : under_level(h, t); });
-  say("noisy plane", felt);
   EXPECT_EQ(felt.lost, 0u);
   EXPECT_LT(felt.swap_step_n, 0.1);
 }
@@ -93,7 +83,6 @@ TEST(DepthImage, AMovingWallIsHeldByALightHand) {
       lost += !frame.contact;
       lag = std::max(lag, std::abs(frame.god_object_mm.z() - swing(rig.time_s())));
     }
-    std::printf("light hand: largest step %.4f N, lost %zu, lag %.2f mm\n", largest, lost, lag);
     EXPECT_EQ(lost, 0u);
     EXPECT_LT(largest, kMostChangeN);
     // Carried from image to image the surface is one period behind: 10.5 mm at 314 mm/s.
@@ -114,7 +103,6 @@ TEST(DepthImage, AWallThatPassesARestingHandTakesItAlong) {
     const Felt felt = test::feel(rig, 1.25, resting, [](const Vec3& h, double t) {
       return t < 1.06 ? kNotCompared : StreamRig::kStiffness * (swing(t) - h.z());
     });
-    say("resting hand", felt);
     EXPECT_LT(felt.contacts, 240u) << "free while the wall is under the hand, to 1.016 s";
     EXPECT_EQ(felt.lost, 0u);
     EXPECT_LT(felt.largest_step_n, kMostChangeN);
@@ -134,7 +122,6 @@ TEST(DepthImage, NoPoppingThroughAtHalfAMetreASecond) {
     const Felt felt = test::feel(rig, 4.0, hip, [](const Vec3& h, double t) {
       return t < 0.5 || std::abs(h.z()) < 1.5 ? kNotCompared : under_level(h, t);
     });
-    say("fast hand", felt);
     EXPECT_EQ(felt.lost, 0u);
   }
 }
@@ -163,7 +150,6 @@ TEST(DepthImage, ABallOnATable) {
     square += off * off;
     ++n;
   }
-  std::printf("ball: rms %.4f worst %.4f N\n", std::sqrt(square / double(n)), worst);
   EXPECT_LT(worst, 0.05);
 }
 
@@ -194,7 +180,6 @@ TEST(DepthImage, AStepIsNoWall) {
   const auto hip = [](double t) { return Vec3(40.0 * std::cos(3.0 * t), 5.0, 50.0); };
   rig.prepare(hip(0.0));
   Felt felt = test::feel(rig, 3.0, hip, nothing_to_compare);
-  say("step", felt);
   EXPECT_EQ(felt.contacts, 0u);
   // On the higher one to a pixel before its edge.
   const auto on_it = [](double t) {
@@ -204,7 +189,6 @@ TEST(DepthImage, AStepIsNoWall) {
   felt = test::feel(rig, 3.0, on_it, [](const Vec3& h, double t) {
     return t < 0.3 ? kNotCompared : StreamRig::kStiffness * (100.0 - h.z());
   });
-  say("rim", felt);
   EXPECT_EQ(felt.lost, 0u);
   EXPECT_LT(felt.worst_error_n, 1e-2);
 }
