@@ -1,11 +1,12 @@
 // Streams of depth images in the commands: compared, felt live, recorded, described.
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include <palpate/trace.h>
 #include "device/record/recording.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
-#include "toolkit/stream/depth_png.h"
+#include "tests/toolkit/stream/stream_files.h"
 
 namespace palpate::experiments {
 namespace {
@@ -28,10 +29,7 @@ class Streams : public OnCommandLine {
       stream::DepthImage image{64, 48,
                                std::vector<std::uint16_t>(64 * 48, static_cast<std::uint16_t>(800 - i))};
       image.counts[0] = 0;
-      const auto png = stream::write_depth_png(image);
-      ASSERT_TRUE(png);
-      std::ofstream file(in(fmt::format("room/depth/{:05}.png", i)), std::ios::binary);
-      file.write(reinterpret_cast<const char*>(png->data()), static_cast<std::streamsize>(png->size()));
+      write_text(in(fmt::format("room/depth/{:05}.png", i)), test::png_of(image));
     }
   }
 };

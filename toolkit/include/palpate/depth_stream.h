@@ -1,8 +1,8 @@
 // Depth images that arrive in time: the camera, a frame, a source of frames and who receives them.
 //
-//   auto source = stream::open_depth_source("room/").value();   // toolkit/stream/depth_source.h
-//   stream::DepthFrame frame;
-//   while (source->next(frame).value()) receiver->receive(frame, hip_mm);
+// First:
+//   palpate::stream::DepthReceiver* receiver = renderer->depth_receiver();  // of depth-image
+//   if (receiver != nullptr) (void)receiver->receive(palpate::stream::DepthFrame{}, hip_mm);
 //
 // Lengths in mm, times in s, pixels with their centres at whole numbers. The camera's axes are x to the
 // right, y down, z forward; a depth is the z of a point, not its distance.
