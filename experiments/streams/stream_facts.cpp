@@ -50,8 +50,8 @@ std::string to_text(const StreamFacts& facts) {
   row("size", fmt::format("{} x {}", c.width, c.height));
   row("focal length", fmt::format("{:.5g} x {:.5g} px, middle {:.5g}, {:.5g}{}", c.fx_px, c.fy_px, c.cx_px,
                                   c.cy_px, c.distortion == decltype(c.distortion){} ? "" : "; distorted"));
-  row("rate", fmt::format("{:.4g} Hz; {:.3g} ms of jitter", s.rate_hz, s.rate_jitter_s * kFactsMsPerS));
-  row("light to arrival", fmt::format("{:.3g} ms; {:.3g} ms of jitter", s.latency_s * kFactsMsPerS,
+  row("rate", fmt::format("{:.4g} Hz; {:.3f} ms of jitter", s.rate_hz, s.rate_jitter_s * kFactsMsPerS));
+  row("light to arrival", fmt::format("{:.3g} ms; {:.3f} ms of jitter", s.latency_s * kFactsMsPerS,
                                       s.latency_jitter_s * kFactsMsPerS));
   row("holes", fmt::format("{:.3g} %, at most {:.3g} % of an image", s.holes * kFactsPercent,
                            s.most_holes * kFactsPercent));
