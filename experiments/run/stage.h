@@ -79,8 +79,8 @@ struct Stage {
 [[nodiscard]] Result<Stage> set_up(const StageRequest& request, const io::Readers& readers,
                                    Progress& progress);
 /// The same for a stream, called by set_up(): one model of the first image's points. Without a path a hand
-/// presses and slides on the formulas of a still scene, or else on what `depth-image` makes of the stream: one
-/// that followed a wall without the delay of images would be in front of what is felt, or deep in it.
+/// presses and slides on the formulas of a still scene, or else on what `depth-image` makes of the stream:
+/// one that followed a wall without the delay of images would be in front of what is felt, or deep in it.
 [[nodiscard]] Result<Stage> set_up_stream(const StageRequest& request, const io::Readers& readers,
                                           Progress& progress);
 /// The same of a scene that is loaded already, and along `path` where one is given.

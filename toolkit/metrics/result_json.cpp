@@ -146,7 +146,6 @@ Json conditions_of(const ResultDocument& document) {
   return j;
 }
 
-/// The study's keys.
 void write_study(const ResultDocument& document, Json& j) {
   j["models"] = Json::array();
   for (const StudyModel& model : document.models) {
@@ -232,7 +231,6 @@ struct Reader {
   void later(const char* key, T& value) const {
     if (from.contains(key)) (*this)(key, value);
   }
-  // The same for a list of texts.
   void sentences(const char* key, std::vector<std::string>& list) const {
     const auto found = from.find(key);
     if (found == from.end()) return;
@@ -242,7 +240,6 @@ struct Reader {
       list.push_back(one.get<std::string>());
     }
   }
-  // The object under `key`; nothing for null.
   [[nodiscard]] const Json* object(const char* key) const {
     const Json* found = find(key);
     if (found == nullptr || found->is_null()) return nullptr;
@@ -491,11 +488,10 @@ Result<ResultDocument> parse_result(std::string_view json, std::string_view sour
   for (std::size_t i = 0; wrong.empty() && renderers != nullptr && i < renderers->size(); ++i) {
     const Json& one = (*renderers)[i];
     const std::string key = "renderers[" + std::to_string(i) + "]";
-    if (!one.is_object()) {
-      top.fail(key.c_str(), "is not an object");
-    } else {
+    if (one.is_object())
       read_renderer(top.inside(one, key), document.renderers.emplace_back());
-    }
+    else
+      top.fail(key.c_str(), "is not an object");
   }
   if (!wrong.empty()) return Error{wrong, "give a result.json that palpate wrote", file};
   return document;
