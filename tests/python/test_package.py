@@ -54,6 +54,13 @@ class Types(unittest.TestCase):
             self.assertRegex(getattr(palpate, name).__doc__, r"\bmm\b")
 
 
+class Import(unittest.TestCase):
+    def test_it_brings_no_library_of_tables_or_figures(self):
+        script = "import palpate, sys; print('pandas' in sys.modules, 'matplotlib' in sys.modules)"
+        loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+        self.assertEqual(loaded.split(), ["False", "False"])
+
+
 class Page(unittest.TestCase):
     def test_its_recipes_run_one_after_the_other(self):
         with open(os.path.join(SOURCE, "docs", "how-to", "use-python.md")) as page:
