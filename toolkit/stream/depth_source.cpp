@@ -27,7 +27,7 @@ Result<std::unique_ptr<DepthSource>> open_depth_source(const std::string& source
   if (std::filesystem::is_directory(source, none)) return open_depth_folder(source, options);
   if (source.starts_with(kSimulatedPrefix)) return open_simulated_camera(source);
   if (source == kOpenNiName || source.starts_with(std::string(kOpenNiName) + ":")) return open_openni(source);
-  return Error{source + ": there is no such stream",
+  return Error{"there is no stream '" + source + "'",
                "give a folder of depth images or organised PCD files, sim:NAME, or openni"};
 }
 
