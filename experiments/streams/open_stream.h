@@ -46,9 +46,6 @@ struct OpenStream {
 [[nodiscard]] Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame,
                                             const stream::DepthCamera& camera);
 
-/// How the names of real cameras begin.
-inline constexpr std::string_view kOpenNiName = "openni";
-
 /// Memory of a run's images: 90 s of 640 x 480 at 30 Hz, half of a small machine's.
 inline constexpr std::uint64_t kMostStreamBytes = std::uint64_t{7} << 29;
 

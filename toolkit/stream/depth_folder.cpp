@@ -106,7 +106,13 @@ class FolderSource final : public DepthSource {
     const std::string& image = layout_.frames.front().image;
     if (layout_.mm_per_count == 0.0) {
       PALPATE_ASSIGN(const OrganisedPoints points, read_organised_pcd(image, readers_));
-      if (known_intrinsics) return Done{};
+      if (known_intrinsics) {
+        if (!known_size) {
+          camera_.width = static_cast<int>(points.width);
+          camera_.height = static_cast<int>(points.height);
+        }
+        return Done{};
+      }
       Result<DepthCamera> fitted = camera_of(points);
       if (!fitted) return std::move(fitted).error().in_file(image);
       fitted->period_s = camera_.period_s;
@@ -164,13 +170,41 @@ class FolderSource final : public DepthSource {
   std::size_t at_ = 0;
 };
 
-/// Files of a folder that end so, by name.
+/// By name, whole numbers in it by their size: 9.png before 10.png.
+bool comes_before(const fs::path& a, const fs::path& b) {
+  const std::string x = a.string(), y = b.string();
+  const auto digits_from = [](const std::string& text, std::size_t at) {
+    return std::min(text.find_first_not_of("0123456789", at), text.size());
+  };
+  std::size_t i = 0, j = 0;
+  while (i < x.size() && j < y.size()) {
+    const std::size_t end_i = digits_from(x, i), end_j = digits_from(y, j);
+    if (end_i == i || end_j == j) {
+      if (x[i] != y[j]) return x[i] < y[j];
+      ++i;
+      ++j;
+      continue;
+    }
+    // Without the zeros in front the longer number is the larger one.
+    const std::size_t from_i = std::min(x.find_first_not_of('0', i), end_i),
+                      from_j = std::min(y.find_first_not_of('0', j), end_j);
+    if (end_i - from_i != end_j - from_j) return end_i - from_i < end_j - from_j;
+    if (const int order = x.compare(from_i, end_i - from_i, y, from_j, end_j - from_j); order != 0)
+      return order < 0;
+    i = end_i;
+    j = end_j;
+  }
+  const bool x_ends = i == x.size(), y_ends = j == y.size();
+  return x_ends != y_ends ? x_ends : x < y;  // else they differ in zeros alone
+}
+
+/// Files of a folder that end so, in order.
 std::vector<fs::path> files_ending(const fs::path& folder, std::string_view ending) {
   std::vector<fs::path> files;
   std::error_code failed;
   for (fs::directory_iterator it(folder, failed), end; !failed && it != end; it.increment(failed))
     if (it->path().string().ends_with(ending)) files.push_back(it->path());
-  std::sort(files.begin(), files.end());
+  std::sort(files.begin(), files.end(), comes_before);
   return files;
 }
 
