@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <utility>
 
 #include <palpate/clock.h>
@@ -93,10 +94,16 @@ double LiveStream::now_s() const {
          static_cast<double>(monotonic_ns() - tick_ns_.load(std::memory_order_relaxed)) * kStreamSPerNs;
 }
 
+/// What goes wrong here, such as memory that ends, must not end the session with a hand on the device.
 void LiveStream::run() {
-  while (!ending_.load(std::memory_order_acquire)) {
-    if (begun_.load(std::memory_order_acquire)) pump(now_s());
-    std::this_thread::sleep_for(kArrivalNap);
+  try {
+    while (!ending_.load(std::memory_order_acquire)) {
+      if (begun_.load(std::memory_order_acquire)) pump(now_s());
+      std::this_thread::sleep_for(kArrivalNap);
+    }
+  } catch (const std::exception& problem) {
+    why_ended_ = fmt::format(" ({})", problem.what());
+    ended_.store(true, std::memory_order_release);
   }
 }
 
@@ -172,8 +179,9 @@ std::string LiveStream::work() {
     return {};
   }
   if (ended_.load(std::memory_order_acquire))
-    return std::exchange(end_said_, true) ? std::string()
-                                          : "the stream has ended: its last surface stays under the hand";
+    return std::exchange(end_said_, true)
+               ? std::string()
+               : fmt::format("the stream has ended{}: its last surface stays under the hand", why_ended_);
   const double still_s = now_s() - given_s_.load(std::memory_order_relaxed);
   const bool silent = still_s > kSilentPeriods * open_.source->camera().period_s;
   if (silent == silent_) return {};

@@ -55,6 +55,12 @@ struct FolderLayout {
   std::vector<std::string> remarks{};
 };
 
+/// False also where nobody may look.
+bool is_there(const fs::path& file) {
+  std::error_code code;
+  return fs::exists(file, code);
+}
+
 Result<std::string> read_text(const fs::path& file, std::uint64_t most_bytes) {
   return read_file(file.string(), most_bytes);
 }
@@ -216,7 +222,7 @@ Result<FolderLayout> tum_layout(const fs::path& folder) {
   FolderLayout layout{"TUM RGB-D", {}, kMmPerMetre / kTumCountsPerMetre};
   PALPATE_ASSIGN(const std::vector<TimedFile> images,
                  parsed(folder / kTumImages, kMaxPoseFileBytes, parse_timed_files));
-  const bool moves = fs::exists(folder / kTumPoses);
+  const bool moves = is_there(folder / kTumPoses);
   std::vector<TimedPose> poses;
   if (moves) {
     PALPATE_ASSIGN(poses, parsed(folder / kTumPoses, kMaxPoseFileBytes, parse_timed_poses));
@@ -252,7 +258,7 @@ Result<FolderLayout> tsdf_layout(const std::vector<fs::path>& images) {
                    image.string()};
     if (layout.frames.empty()) first = *number;
     FrameFile frame{image.string(), static_cast<std::uint64_t>(*number - first)};
-    if (const fs::path pose = image.parent_path() / (stem + std::string(kTsdfPose)); fs::exists(pose)) {
+    if (const fs::path pose = image.parent_path() / (stem + std::string(kTsdfPose)); is_there(pose)) {
       frame.pose_file = pose.string();
       moves = true;
     }
@@ -270,7 +276,7 @@ Result<FolderLayout> tsdf_layout(const std::vector<fs::path>& images) {
 Result<FolderLayout> open3d_layout(const fs::path& folder, const std::vector<fs::path>& images) {
   FolderLayout layout{"Open3D", {}, kMmPerMetre / kOpen3dCountsPerMetre};
   add_in_order(layout, images);
-  if (!fs::exists(folder / kOpen3dPoses)) {
+  if (!is_there(folder / kOpen3dPoses)) {
     layout.remarks.push_back(fmt::format("no {}: the camera stands still", kOpen3dPoses));
     return layout;
   }
@@ -285,7 +291,7 @@ Result<FolderLayout> open3d_layout(const fs::path& folder, const std::vector<fs:
 }
 
 Result<FolderLayout> find_layout(const fs::path& folder) {
-  if (fs::exists(folder / kTumImages)) return tum_layout(folder);
+  if (is_there(folder / kTumImages)) return tum_layout(folder);
   if (const auto images = files_ending(folder, kTsdfImage); !images.empty()) return tsdf_layout(images);
   for (const fs::path& place : {folder / kOpen3dFolder, folder})
     if (const auto images = files_ending(place, ".png"); !images.empty())
@@ -326,7 +332,7 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::string& folder
   bool known = options.camera.has_value(), sized = known;
   for (const char* name : kIntrinsicsFiles) {
     const fs::path file = fs::path(folder) / name;
-    if (known || !fs::exists(file)) continue;
+    if (known || !is_there(file)) continue;
     PALPATE_TRY(parsed(file, kMaxIntrinsicsBytes,
                        [&](std::string_view text) { return parse_intrinsics(text, camera); }));
     known = true;
