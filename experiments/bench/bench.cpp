@@ -299,11 +299,8 @@ Page bench_page(const BenchDocument& document, const std::vector<Table>& tables)
 
 }  // namespace
 
-Result<int> run_bench(const BenchArguments& arguments, Context& context) {
-  return run_bench_with(all_renderers(), arguments, context);
-}
-
-Result<int> run_bench_with(const render::Registry& registry, const BenchArguments& given, Context& context) {
+Result<int> run_bench(const BenchArguments& given, Context& context) {
+  const render::Registry registry = all_renderers();
   BenchArguments arguments = given;
   std::optional<BenchDocument> claimed, other;
   SuiteResults results{kBenchFile, {}, {}};

@@ -23,6 +23,7 @@ constexpr int kMostUnusable = 100;
 /// Messages in one run: beyond, something else is wrong.
 constexpr std::size_t kMostUnreadable = 1000;
 
+/// Images of a recorded session in order, by their session's time.
 class RecordedStream final : public stream::DepthSource {
  public:
   explicit RecordedStream(std::string file) : file_(std::move(file)) {}
@@ -82,19 +83,17 @@ bool can_undo_lens(const stream::DepthCamera& camera) {
 
 Result<std::unique_ptr<stream::DepthSource>> open_source(const std::string& name,
                                                          const io::Readers& readers) {
-  if (device::is_recording(name)) return open_recorded_stream(name);
+  if (device::is_recording(name)) {
+    auto recorded = std::make_unique<RecordedStream>(name);
+    PALPATE_TRY(recorded->begin());
+    return std::unique_ptr<stream::DepthSource>(std::move(recorded));
+  }
   stream::DepthSourceOptions options;
   options.readers = &readers;
   return stream::open_depth_source(name, options);
 }
 
 }  // namespace
-
-Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::string& file) {
-  auto recorded = std::make_unique<RecordedStream>(file);
-  PALPATE_TRY(recorded->begin());
-  return std::unique_ptr<stream::DepthSource>(std::move(recorded));
-}
 
 Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers) {
   OpenStream open;

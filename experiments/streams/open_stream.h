@@ -39,9 +39,6 @@ struct OpenStream {
 /// outlive it. Errors: there is no such stream, or no image in it.
 [[nodiscard]] Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers);
 
-/// Images of a recorded session in order, by their session's time. Errors: the file's; it holds none.
-[[nodiscard]] Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::string& file);
-
 /// The measured pixels as points, world frame. An Error where there are none.
 [[nodiscard]] Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame,
                                             const stream::DepthCamera& camera);
