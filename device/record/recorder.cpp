@@ -327,6 +327,8 @@ Status Recorder::note(const std::string& text) {
 Status Recorder::add_depth(std::span<const std::byte> bytes) {
   State& s = *state_;
   const std::lock_guard lock(s.file_mutex);
+  if (s.closed.load(std::memory_order_relaxed))
+    return Error{"the recording has ended", "record anew", s.file->path()};
   const std::size_t parts = (bytes.size() + kDepthPartBytes - 1) / kDepthPartBytes;
   if (parts == 0 || parts > kMostDepthParts)
     return Error{fmt::format("a depth image of {} bytes does not fit a recording", bytes.size()),

@@ -232,6 +232,9 @@ std::vector<std::string> differences(const BenchDocument& claimed, const BenchDo
              other->second->truth_hash != one.truth_hash)
       faults.push_back(fmt::format("{}: points, path or truth are others", one.name));
   }
+  if (claimed.cases.size() > found.cases.size())
+    faults.push_back(
+        fmt::format("{} cases are none of this seed", claimed.cases.size() - found.cases.size()));
   for (const BenchRow& row : found.rows) {
     const auto other = std::find_if(claimed.rows.begin(), claimed.rows.end(), [&](const BenchRow& r) {
       return r.entry == row.entry && r.name == row.name;
@@ -260,8 +263,10 @@ std::string entries_of(const BenchDocument& claimed, std::vector<std::string>& w
 /// The command as typed, without what nobody else may know.
 std::string shown_command(const BenchArguments& arguments, const BenchSeed& seed, std::string command) {
   if (seed.name != "secret") return command;
-  for (std::size_t at = 0; (at = command.find(arguments.seed, at)) != std::string::npos;)
-    command.replace(at, arguments.seed.size(), "SECRET");
+  // As the shell wants it, where it has quotes; and as it is.
+  for (const std::string& secret : {for_shell(arguments.seed), arguments.seed})
+    for (std::size_t at = 0; (at = command.find(secret, at)) != std::string::npos;)
+      command.replace(at, secret.size(), "SECRET");
   return command;
 }
 
@@ -294,11 +299,8 @@ Page bench_page(const BenchDocument& document, const std::vector<Table>& tables)
 
 }  // namespace
 
-Result<int> run_bench(const BenchArguments& arguments, Context& context) {
-  return run_bench_with(all_renderers(), arguments, context);
-}
-
-Result<int> run_bench_with(const render::Registry& registry, const BenchArguments& given, Context& context) {
+Result<int> run_bench(const BenchArguments& given, Context& context) {
+  const render::Registry registry = all_renderers();
   BenchArguments arguments = given;
   std::optional<BenchDocument> claimed, other;
   SuiteResults results{kBenchFile, {}, {}};

@@ -3,7 +3,6 @@
 
 #include <string>
 
-#include <palpate/registry.h>
 #include <palpate/result.h>
 #include "experiments/session/session.h"
 
@@ -28,8 +27,5 @@ struct BenchArguments {
 /// Runs, writes bench.json and its page, prints the ranks. Exit status kExitFellShort: an entry did not
 /// finish a case, or what was checked differs.
 [[nodiscard]] Result<int> run_bench(const BenchArguments& arguments, Context& context);
-/// The same with renderers of the caller's: a class in another language enters so.
-[[nodiscard]] Result<int> run_bench_with(const render::Registry& registry, const BenchArguments& arguments,
-                                         Context& context);
 
 }  // namespace palpate::experiments

@@ -232,7 +232,7 @@ TriangleMesh leaning_fins(Dimensions& d) {
   });
 }
 
-constexpr std::array kParts = {
+constexpr std::array kBenchParts = {
     Part{"bent-comb", "a back of 60 x 5 x 8 with twelve teeth two thick and three apart, bent and waved",
          bent_comb},
     Part{"ribs-and-bracket", "an L of plates five thick, a hole in one, two ribs between them, all askew",
@@ -258,7 +258,7 @@ double nine_digits(double x) {
 }  // namespace
 
 std::span<const Part> bench_parts() {
-  return kParts;
+  return kBenchParts;
 }
 
 TriangleMesh make_part(const Part& part, Dimensions dimensions) {

@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
+#include <set>
+#include <utility>
 
 #include "experiments/driver/json_document.h"
 #include "toolkit/core/files.h"
@@ -50,15 +53,15 @@ struct Sample {
   double value;
 };
 
-std::vector<Sample> samples_of(const BenchDocument& document, const std::string& entry,
-                               const BenchMeasure& measure) {
-  const std::vector<std::string> shapes = shapes_of(document);
+/// Of shapes that are in the list; two documents have the same ones in any order.
+std::vector<Sample> samples_of(const BenchDocument& document, const std::vector<std::string>& shapes,
+                               const std::string& entry, const BenchMeasure& measure) {
   std::vector<Sample> samples;
-  for (const BenchRow& row : document.rows)
-    if (const auto& value = row.*measure.value; row.entry == entry && value)
-      samples.push_back(
-          {static_cast<std::size_t>(std::find(shapes.begin(), shapes.end(), row.shape) - shapes.begin()),
-           *value});
+  for (const BenchRow& row : document.rows) {
+    const auto shape = std::find(shapes.begin(), shapes.end(), row.shape);
+    if (const auto& value = row.*measure.value; row.entry == entry && value && shape != shapes.end())
+      samples.push_back({static_cast<std::size_t>(shape - shapes.begin()), *value});
+  }
   return samples;
 }
 
@@ -143,6 +146,29 @@ Table case_table(const BenchDocument& document) {
   return table;
 }
 
+/// A row for each entry and case, and no other: more would count twice. Empty: so it is.
+std::string fault_of_rows(const BenchDocument& document) {
+  std::map<std::string, std::string> shape_of;
+  for (const CaseInputs& one : document.cases)
+    if (!shape_of.emplace(one.name, one.shape).second)
+      return fmt::format("has the case '{}' twice", one.name);
+  std::set<std::string> entries;
+  for (const BenchEntry& entry : document.entries)
+    if (!entries.insert(entry.label).second) return fmt::format("has the entry '{}' twice", entry.label);
+  std::set<std::pair<std::string, std::string>> rows;
+  for (const BenchRow& row : document.rows) {
+    const auto shape = shape_of.find(row.name);
+    if (shape == shape_of.end() || shape->second != row.shape || !entries.contains(row.entry))
+      return fmt::format("has a row of no case and entry: '{}', '{}'", row.name, row.entry);
+    if (!rows.emplace(row.entry, row.name).second)
+      return fmt::format("has two rows of '{}' on '{}'", row.entry, row.name);
+  }
+  if (rows.size() != entries.size() * shape_of.size())
+    return fmt::format("has {} rows, not one for each of {} entries and {} cases", rows.size(),
+                       entries.size(), shape_of.size());
+  return {};
+}
+
 DocumentJson standings_json(const BenchDocument& document) {
   DocumentJson all = DocumentJson::object();
   const auto standings = standings_of(document);
@@ -172,21 +198,29 @@ std::size_t finished_by(const BenchDocument& document, const std::string& entry)
 }
 
 std::vector<std::vector<Standing>> standings_of(const BenchDocument& document) {
-  const std::size_t shapes = shapes_of(document).size();
+  const std::vector<std::string> shapes = shapes_of(document);
   std::vector<std::vector<Standing>> standings;
+  // Numbers by entry and measure, of entries that finished every case, and the most that one of them has. An
+  // error of the direction is none where nothing was felt: who feels only the easy cases must not lead by it.
+  std::vector<std::vector<std::size_t>> numbers;
+  std::array<std::size_t, kMeasures.size()> most{};
   for (const BenchEntry& entry : document.entries) {
     std::vector<Standing>& own = standings.emplace_back();
-    for (const BenchMeasure& measure : kMeasures) {
-      const std::vector<Sample> samples = samples_of(document, entry.label, measure);
-      own.push_back({together(samples, shapes, measure.sum),
-                     bootstrap(shapes, [&](std::span<const std::uint32_t> counts,
-                                           Random&) { return together(samples, counts, measure.sum); }),
+    std::vector<std::size_t>& of = numbers.emplace_back(kMeasures.size(), 0);
+    const bool finished = finished_by(document, entry.label) == document.cases.size();
+    for (std::size_t m = 0; m < kMeasures.size(); ++m) {
+      const bool sum = kMeasures[m].sum;
+      const std::vector<Sample> samples = samples_of(document, shapes, entry.label, kMeasures[m]);
+      own.push_back({together(samples, shapes.size(), sum),
+                     bootstrap(shapes.size(), [&](std::span<const std::uint32_t> counts,
+                                                  Random&) { return together(samples, counts, sum); }),
                      0});
+      of[m] = finished ? samples.size() : 0;
+      most[m] = std::max(most[m], of[m]);
     }
   }
   const auto competes_in = [&](std::size_t e, std::size_t m) {
-    return standings[e][m].interval &&
-           finished_by(document, document.entries[e].label) == document.cases.size();
+    return standings[e][m].interval && numbers[e][m] > 0 && numbers[e][m] == most[m];
   };
   for (std::size_t m = 0; m < kMeasures.size(); ++m)
     for (std::size_t e = 0; e < standings.size(); ++e) {
@@ -209,7 +243,7 @@ std::vector<Table> bench_tables(const BenchDocument& document) {
 }
 
 Table tuning_table(const BenchDocument& document, const BenchDocument& other) {
-  const std::size_t shapes = shapes_of(document).size();
+  const std::vector<std::string> shapes = shapes_of(document);
   Table table;
   table.title = "Tuning";
   table.caption = fmt::format("The {} cases less the {} ones; an interval above 0 is worse on the {} ones.",
@@ -221,16 +255,17 @@ Table tuning_table(const BenchDocument& document, const BenchDocument& other) {
     std::vector<Cell> row = {plain(entry.label)};
     for (const BenchMeasure& measure : kMeasures) {
       if (measure.group != "right") continue;
-      const std::vector<Sample> here = samples_of(document, entry.label, measure),
-                                there = samples_of(other, entry.label, measure);
+      const std::vector<Sample> here = samples_of(document, shapes, entry.label, measure),
+                                there = samples_of(other, shapes, entry.label, measure);
       const auto less = [&](std::span<const std::uint32_t> counts) -> std::optional<double> {
         const auto a = together(here, counts, measure.sum), b = together(there, counts, measure.sum);
         return a && b ? std::optional(*a - *b) : std::nullopt;
       };
-      const std::vector<std::uint32_t> once(shapes, 1);
-      const Standing difference{
-          less(once),
-          bootstrap(shapes, [&](std::span<const std::uint32_t> counts, Random&) { return less(counts); }), 0};
+      const std::vector<std::uint32_t> once(shapes.size(), 1);
+      const Standing difference{less(once),
+                                bootstrap(shapes.size(), [&](std::span<const std::uint32_t> counts,
+                                                             Random&) { return less(counts); }),
+                                0};
       row.push_back({value_text(difference), false, difference.interval && difference.interval->low > 0.0});
     }
     table.rows.push_back(std::move(row));
@@ -274,10 +309,7 @@ Result<BenchDocument> read_bench(const std::string& file) {
   } catch (const nlohmann::json::exception& problem) {
     return not_ours(fmt::format("cannot be read: {}", problem.what()));
   }
-  const std::vector<std::string> shapes = shapes_of(document);
-  for (const BenchRow& row : document.rows)
-    if (std::find(shapes.begin(), shapes.end(), row.shape) == shapes.end())
-      return not_ours(fmt::format("has a row of the unknown shape '{}'", row.shape));
+  if (const std::string fault = fault_of_rows(document); !fault.empty()) return not_ours(fault);
   if (json.value("standings", nlohmann::json()) != nlohmann::json::parse(standings_json(document).dump()))
     return not_ours("has standings that do not follow from its rows");
   return document;

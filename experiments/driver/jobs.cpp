@@ -234,10 +234,10 @@ Case case_of(const RendererRequest& request, const render::RendererInfo& info, c
 
 Result<std::string> write_jobs(const CaseSelection& cases, const fs::path& out) {
   const fs::path jobs = fs::absolute(out) / kJobsFolder;
-  std::error_code code;
-  fs::remove_all(jobs / "done", code);
   PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::open(jobs.string()));
   PALPATE_ASSIGN([[maybe_unused]] const OutputFolder::Begun begun, folder.begin(RunKey().add("jobs").word()));
+  std::error_code code;
+  fs::remove_all(jobs / "done", code);  // of ours: what belongs to others was refused
   PALPATE_TRY(folder.write("jobs.tsv", table_of(cases.left)));
   PALPATE_TRY(folder.write("Snakefile", kSnakefile));
   PALPATE_TRY(folder.write("run", run_script(cases.command)));

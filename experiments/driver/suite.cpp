@@ -39,6 +39,8 @@ std::string document_text(const DocumentJson& json) {
 
 Status Suite::open(const std::string& out, std::span<const std::string> read) {
   const std::string& only = context_.cases.only;
+  if (only.find('/') != std::string::npos || only == "..")
+    return Error{"there is no case " + shown(only), "jobs.tsv lists them"};
   const fs::path folder = only.empty() ? fs::path(out) : fs::path(out) / kJobsFolder / kCasesFolder / only;
   PALPATE_ASSIGN(folder_, OutputFolder::open(folder.string()));
   return folder_->check_not_read(read);

@@ -65,8 +65,10 @@ class SessionWatch final : public device::TickObserver {
   [[nodiscard]] device::Fault fault() const noexcept { return fault_.load(std::memory_order_acquire); }
   /// Newest commanded force, device frame, for display: its axes may come from two ticks.
   [[nodiscard]] Vec3 sent_n() const noexcept {
-    return Vec3{sent_n_[0].load(std::memory_order_relaxed), sent_n_[1].load(std::memory_order_relaxed),
-                sent_n_[2].load(std::memory_order_relaxed)};
+    const auto newton = [this](std::size_t axis) {
+      return static_cast<double>(sent_n_[axis].load(std::memory_order_relaxed));
+    };
+    return Vec3{newton(0), newton(1), newton(2)};
   }
   [[nodiscard]] std::uint64_t contact() const noexcept { return contact_.load(std::memory_order_relaxed); }
   [[nodiscard]] std::uint64_t faults() const noexcept { return faults_.load(std::memory_order_relaxed); }

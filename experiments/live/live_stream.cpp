@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <utility>
 
 #include <palpate/clock.h>
@@ -15,19 +16,11 @@ namespace palpate::experiments {
 namespace {
 
 constexpr double kStreamMsPerS = 1e3, kStreamSPerNs = 1e-9;
-constexpr double kStreamMedian = 50.0, kStreamTail = 99.0;
 // A thread that waits for an arrival looks this often whether the session ends: a twentieth of the time that
 // an image at 30 Hz may take until it is felt.
 constexpr std::chrono::microseconds kArrivalNap{500};
 // Files that give nothing but errors for so long are at their end.
 constexpr std::uint64_t kMostUnreadableLive = 10'000;
-
-void percentiles_of(std::vector<double> values, std::optional<double>& p50, std::optional<double>& p99) {
-  if (values.empty()) return;
-  std::sort(values.begin(), values.end());
-  p50 = nearest_rank(values, kStreamMedian);
-  p99 = nearest_rank(values, kStreamTail);
-}
 
 }  // namespace
 
@@ -101,10 +94,16 @@ double LiveStream::now_s() const {
          static_cast<double>(monotonic_ns() - tick_ns_.load(std::memory_order_relaxed)) * kStreamSPerNs;
 }
 
+/// What goes wrong here, such as memory that ends, must not end the session with a hand on the device.
 void LiveStream::run() {
-  while (!ending_.load(std::memory_order_acquire)) {
-    if (begun_.load(std::memory_order_acquire)) pump(now_s());
-    std::this_thread::sleep_for(kArrivalNap);
+  try {
+    while (!ending_.load(std::memory_order_acquire)) {
+      if (begun_.load(std::memory_order_acquire)) pump(now_s());
+      std::this_thread::sleep_for(kArrivalNap);
+    }
+  } catch (const std::exception& problem) {
+    why_ended_ = fmt::format(" ({})", problem.what());
+    ended_.store(true, std::memory_order_release);
   }
 }
 
@@ -180,8 +179,9 @@ std::string LiveStream::work() {
     return {};
   }
   if (ended_.load(std::memory_order_acquire))
-    return std::exchange(end_said_, true) ? std::string()
-                                          : "the stream has ended: its last surface stays under the hand";
+    return std::exchange(end_said_, true)
+               ? std::string()
+               : fmt::format("the stream has ended{}: its last surface stays under the hand", why_ended_);
   const double still_s = now_s() - given_s_.load(std::memory_order_relaxed);
   const bool silent = still_s > kSilentPeriods * open_.source->camera().period_s;
   if (silent == silent_) return {};
@@ -194,9 +194,9 @@ LiveStreamFacts LiveStream::facts() const {
   LiveStreamFacts facts = facts_;
   facts.silences = silences_;
   facts.ended = ended_.load(std::memory_order_acquire);
-  percentiles_of(window_ms_, facts.window_p50_ms, facts.window_p99_ms);
-  percentiles_of(whole_ms_, facts.whole_p50_ms, facts.whole_p99_ms);
-  percentiles_of(light_ms_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
+  median_and_tail(window_ms_, facts.window_p50_ms, facts.window_p99_ms);
+  median_and_tail(whole_ms_, facts.whole_p50_ms, facts.whole_p99_ms);
+  median_and_tail(light_ms_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
   return facts;
 }
 

@@ -90,7 +90,8 @@ class LiveStream final : public device::TickObserver {
   std::atomic<double> given_s_{0.0};
   // Used by who gives frames.
   bool has_next_ = false, first_ = true;
-  double base_s_ = 0.0;  // of the session, at the stream's 0
+  std::string why_ended_;  // before ended_ is set
+  double base_s_ = 0.0;    // of the session, at the stream's 0
   stream::DepthFrame frame_;
   device::Recorder* recorder_ = nullptr;
   std::unique_ptr<stream::DepthCodec> codec_;

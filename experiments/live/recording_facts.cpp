@@ -142,15 +142,20 @@ Result<RecordingFacts> facts_of_recording(const std::string& file, bool skip_dam
   }
   counter.finish();
   facts.end = recording.end();
-  constexpr std::uint64_t kCameraAlone = 1;
-  if (facts.end.depth_images > kCameraAlone) {
-    PALPATE_ASSIGN(facts.stream, facts_of_stream(file, {}, no_progress()));
-  }
   facts.length_s = static_cast<double>(facts.end.last_ns - facts.end.first_ns) * kSecondsPerNs;
   facts.renderers.resize(recording.renderers().size());
   for (std::size_t i = 0; i < facts.renderers.size(); ++i)
     facts.renderers[i].renderer = recording.renderers()[i];
   facts.notes = recording.notes();
+  constexpr std::uint64_t kCameraAlone = 1;
+  if (facts.end.depth_images > kCameraAlone) {
+    // Ticks are worth telling of where images are damaged.
+    Result<StreamFacts> stream = facts_of_stream(file, {}, no_progress());
+    if (stream)
+      facts.stream = *std::move(stream);
+    else
+      facts.notes.push_back("its depth images: " + stream.error().message());
+  }
   std::error_code code;
   const std::uintmax_t bytes = std::filesystem::file_size(file, code);
   facts.bytes = code ? 0 : bytes;

@@ -411,6 +411,8 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   std::vector<stream::DepthReceiver*> receivers;
   StagedStream* const staged = workshop.stage.stream.get();
   if (staged != nullptr) {
+    if (staged->open.is_camera && arguments.accelerated)
+      return Error{"a camera's images come in their own time", "leave out --accelerated", staged->open.name};
     PALPATE_ASSIGN(receivers, receivers_of(made));
   }
   Felt felt;

@@ -161,10 +161,6 @@ py::object PythonClass::make() const {
   return is_class_ ? given_() : given_;
 }
 
-bool is_python_renderer(py::handle object) {
-  return !py::isinstance<py::str>(object) && py::hasattr(object, "prepare") && py::hasattr(object, "step");
-}
-
 const render::Registry& our_renderers() {
   static const render::Registry all = experiments::all_renderers();
   return all;

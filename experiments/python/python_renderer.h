@@ -39,9 +39,6 @@ class PALPATE_HIDDEN PythonClass {
 };
 using PythonClassPtr = std::shared_ptr<PythonClass>;
 
-/// True for what is neither a name nor one of our objects.
-[[nodiscard]] bool is_python_renderer(py::handle object);
-
 /// Everything that Palpate registers; made once.
 [[nodiscard]] const render::Registry& our_renderers();
 /// Adds the class under its name; throws where the name is taken. `scene` is what its prepare() gets.

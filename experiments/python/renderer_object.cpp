@@ -24,7 +24,7 @@ class Renderer::Use {
     if (renderer.closed()) raise({"the renderer is closed", "make another one"});
     if (renderer.in_use_)
       raise({"the renderer is at work for another caller", "give each thread a renderer of its own"});
-    if (renderer.scene_->moving)
+    if (*renderer.scene_->moving)
       raise({"a replay in another thread moves the scene's models", "load the scene once for each thread"});
     renderer.in_use_ = true;
   }
@@ -114,9 +114,14 @@ Trace Renderer::replay(py::handle path, double rate_hz) {
     raise({"the first place of the HIP is not finite", "begin in free space"});
   if (python_ != nullptr) python_->forget_failure();
   render::Simulation* const simulation = simulation_of(*scene_);
-  scene_->moving = simulation != nullptr;
+  *scene_->moving = simulation != nullptr;
+  struct Rest {
+    bool& moving;
+    ~Rest() { moving = false; }
+  };
   double seconds = 0.0;
   Result<trace::ForceTrace> replayed = [&] {
+    const Rest rest{*scene_->moving};
     const Unlocked unlocked;
     const Stopwatch watch;
     Result<trace::ForceTrace> frames = trace::replay(*renderer_, samples, simulation);
@@ -124,7 +129,6 @@ Trace Renderer::replay(py::handle path, double rate_hz) {
     seconds = kSPerMs * watch.ms();
     return frames;
   }();
-  scene_->moving = false;
   last_s_.reset();
   raise_failure();
   return {std::make_shared<const trace::ForceTrace>(value_of(std::move(replayed))), seconds};

@@ -154,7 +154,8 @@ ScenePtr scene_of(py::handle given) {
     const auto& cloud = given.cast<const Cloud&>();
     const scene::LoadedScene& all = cloud.scene->loaded;
     if (all.input.models.size() == 1) return cloud.scene;
-    auto alone = std::make_shared<Scene>(Scene{cloud.input().name, all, {}, cloud.scene->from_columns});
+    auto alone = std::make_shared<Scene>(
+        Scene{cloud.input().name, all, {}, cloud.scene->from_columns, cloud.scene->moving});
     alone->loaded.input.models = {cloud.input()};
     alone->loaded.provenance = {all.provenance[cloud.model]};
     alone->loaded.sampled_mesh = {all.sampled_mesh[cloud.model]};
@@ -187,8 +188,8 @@ ScenePtr with_surface(const ScenePtr& scene, py::dict& given) {
   wanted.deformation = take("deformation");
   const std::string limit = take("force_limit");
   if (!wanted.any() && limit.empty()) return scene;
-  auto changed =
-      std::make_shared<Scene>(Scene{scene->name, scene->loaded, scene->renderer, scene->from_columns});
+  auto changed = std::make_shared<Scene>(
+      Scene{scene->name, scene->loaded, scene->renderer, scene->from_columns, scene->moving});
   if (!limit.empty()) changed->loaded.input.force_limit_n = value_of(read_number(limit, NumberRange{0.0}));
   for (render::ModelInput& model : changed->loaded.input.models) {
     if (wanted.any() && model.surface.per_point != nullptr)

@@ -18,8 +18,8 @@ struct Scene {
   std::optional<NamedOptions> renderer{};  ///< the scene file's own
   bool from_columns = false;               ///< arrays of Python look at the points, and may have changed them
   /// A replay without the interpreter's lock moves the models: nobody else may. Read and written with the
-  /// lock.
-  mutable bool moving = false;
+  /// lock. Scenes that differ in their surfaces alone share the models' motion, and this.
+  std::shared_ptr<bool> moving = std::make_shared<bool>(false);
 };
 using ScenePtr = std::shared_ptr<const Scene>;
 

@@ -4,13 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <utility>
 #include <vector>
 
 #include "device/record/recording.h"
+#include "toolkit/render/camera_lens.h"
 #include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_codec.h"
 #include "toolkit/stream/depth_source.h"
+#include "toolkit/stream/openni_source.h"
 
 namespace palpate::experiments {
 namespace {
@@ -20,6 +23,7 @@ constexpr int kMostUnusable = 100;
 /// Messages in one run: beyond, something else is wrong.
 constexpr std::size_t kMostUnreadable = 1000;
 
+/// Images of a recorded session in order, by their session's time.
 class RecordedStream final : public stream::DepthSource {
  public:
   explicit RecordedStream(std::string file) : file_(std::move(file)) {}
@@ -60,9 +64,30 @@ bool is_usable(const stream::DepthFrame& frame, const stream::DepthCamera& camer
          std::any_of(frame.depth_mm.begin(), frame.depth_mm.end(), render::is_measured);
 }
 
+/// Whether the steps back through the lens arrive anywhere near, at the image's border, where it bends most.
+bool can_undo_lens(const stream::DepthCamera& camera) {
+  constexpr double kMostOff = 0.25;  // of the image's width
+  constexpr int kAlong = 16;
+  const auto is_found = [&](double u, double v) {
+    const Vec3 ray = stream::ray_of(camera, u, v);
+    return is_finite(ray) &&
+           (stream::pixel_of(camera, ray) - Eigen::Vector2d(u, v)).norm() <= kMostOff * camera.width;
+  };
+  const double right = camera.width - 1, low = camera.height - 1;
+  for (int i = 0; i <= kAlong; ++i) {
+    const double u = right * i / kAlong, v = low * i / kAlong;
+    if (!is_found(u, 0.0) || !is_found(u, low) || !is_found(0.0, v) || !is_found(right, v)) return false;
+  }
+  return true;
+}
+
 Result<std::unique_ptr<stream::DepthSource>> open_source(const std::string& name,
                                                          const io::Readers& readers) {
-  if (device::is_recording(name)) return open_recorded_stream(name);
+  if (device::is_recording(name)) {
+    auto recorded = std::make_unique<RecordedStream>(name);
+    PALPATE_TRY(recorded->begin());
+    return std::unique_ptr<stream::DepthSource>(std::move(recorded));
+  }
   stream::DepthSourceOptions options;
   options.readers = &readers;
   return stream::open_depth_source(name, options);
@@ -70,23 +95,22 @@ Result<std::unique_ptr<stream::DepthSource>> open_source(const std::string& name
 
 }  // namespace
 
-Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::string& file) {
-  auto recorded = std::make_unique<RecordedStream>(file);
-  PALPATE_TRY(recorded->begin());
-  return std::unique_ptr<stream::DepthSource>(std::move(recorded));
-}
-
 Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers) {
   OpenStream open;
   open.name = name;
-  open.is_camera = name.starts_with(kOpenNiName);
+  std::error_code code;
+  open.is_camera = stream::is_openni_name(name) && !std::filesystem::is_directory(name, code);
   PALPATE_ASSIGN(open.source, open_source(name, readers));
   if (name.starts_with(stream::kSimulatedPrefix)) {
     PALPATE_ASSIGN(stream::StockScene known, stream::stock_scene(name));
     open.known = std::move(known);
   }
+  if (!can_undo_lens(open.source->camera()))
+    return Error{"the numbers of the camera's lens bend rays so much that no pixel's can be told",
+                 "correct its distortion, k1 k2 p1 p2 k3", name};
   for (int i = 0; i < kMostUnusable; ++i) {
     const Result<bool> more = open.source->next(open.first);
+    if (!more && open.is_camera) return more.error();  // it was waited for
     if (!more) {
       open.unreadable.push_back(more.error().message());
       continue;
@@ -123,6 +147,7 @@ Result<StreamFrames> load_frames(OpenStream& open, double until_s, Progress& pro
   stream::DepthFrame frame;
   for (;;) {
     const Result<bool> more = open.source->next(frame);
+    if (progress.cancelled()) return Error{"stopped by the user"};
     if (!more) {
       if (all.unreadable.size() == kMostUnreadable) return more.error();
       all.unreadable.push_back(more.error().message());
@@ -138,7 +163,6 @@ Result<StreamFrames> load_frames(OpenStream& open, double until_s, Progress& pro
     all.frames.push_back(frame);
     progress.report("reading the stream",
                     until_s > 0.0 ? std::clamp(frame.arrived_s / until_s, 0.0, 1.0) : -1.0);
-    if (progress.cancelled()) return Error{"stopped by the user"};
   }
 }
 

@@ -39,15 +39,9 @@ struct OpenStream {
 /// outlive it. Errors: there is no such stream, or no image in it.
 [[nodiscard]] Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers);
 
-/// Images of a recorded session in order, by their session's time. Errors: the file's; it holds none.
-[[nodiscard]] Result<std::unique_ptr<stream::DepthSource>> open_recorded_stream(const std::string& file);
-
 /// The measured pixels as points, world frame. An Error where there are none.
 [[nodiscard]] Result<cloud::Cloud> cloud_of(const stream::DepthFrame& frame,
                                             const stream::DepthCamera& camera);
-
-/// How the names of real cameras begin.
-inline constexpr std::string_view kOpenNiName = "openni";
 
 /// Memory of a run's images: 90 s of 640 x 480 at 30 Hz, half of a small machine's.
 inline constexpr std::uint64_t kMostStreamBytes = std::uint64_t{7} << 29;

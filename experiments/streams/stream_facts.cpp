@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/streams/open_stream.h"
+#include "toolkit/stream/openni_source.h"
 
 namespace palpate::experiments {
 namespace {
@@ -23,7 +24,7 @@ std::string noise_text(double mm) {
 bool is_stream_name(const std::string& name) {
   std::error_code code;
   return std::filesystem::is_directory(name, code) || name.starts_with(stream::kSimulatedPrefix) ||
-         name.starts_with(kOpenNiName);
+         stream::is_openni_name(name);
 }
 
 Result<StreamFacts> facts_of_stream(const std::string& name, const io::Readers& readers, Progress& progress) {

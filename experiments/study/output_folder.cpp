@@ -323,9 +323,12 @@ Status OutputFolder::adopt(const std::string& folder) const {
     if (!name.starts_with(kParts)) continue;
     const nlohmann::json kept = nlohmann::json::parse(text_of(other.root / name), nullptr, false);
     if (!kept.is_object() || !kept.contains("files") || !kept.contains("text")) continue;  // measured anew
+    bool whole = kept["files"].is_object();
+    for (const auto& [file, hash] : kept["files"].items())
+      whole = whole && is_inside(file) && hash == hash_of(other.root / file);
+    if (!whole) continue;  // the same
     start_part();
     for (const auto& [file, hash] : kept["files"].items()) {
-      if (!is_inside(file)) continue;
       PALPATE_ASSIGN(const std::string path, claim(file));
       std::error_code code;
       fs::create_directories(fs::path(path).parent_path(), code);

@@ -76,6 +76,7 @@ TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
     ASSERT_TRUE(rig.recorder.add_depth(image));
   }
   ASSERT_TRUE(rig.recorder.finish());
+  EXPECT_FALSE(rig.recorder.add_depth(given.front())) << "its end stands last";
   EXPECT_EQ(rig.on_disk(), 15u) << "the ticks are as they are without images";
   EXPECT_EQ(rig.end.depth_images, given.size());
   Result<Recording> recording = open_bytes(rig.disk.copy());

@@ -142,6 +142,25 @@ TEST(BenchRanks, FollowIntervalsAndNeedEveryCase) {
   EXPECT_FALSE(standings[0][0].interval) << "what is caught was not measured";
 }
 
+TEST(BenchRanks, WhoFeelsTheEasyCasesAloneDoesNotLead) {
+  BenchDocument document;
+  document.entries = {{"felt", "", ""}, {"numb", "", ""}};
+  for (int i = 0; i < 8; ++i) {
+    const std::string shape = "shape-" + std::to_string(i);
+    document.cases.push_back({shape, shape, 1, 1, "", "", ""});
+    document.rows.push_back(row("felt", shape, 0.0));
+    document.rows.back().direction_mean_deg = 20.0;
+    document.rows.push_back(row("numb", shape, 0.0));
+    if (i < 4) document.rows.back().direction_mean_deg = 1.0;
+  }
+  const std::size_t direction = 4;
+  ASSERT_EQ(bench_measures()[direction].key, "direction_mean_deg");
+  const auto standings = standings_of(document);
+  EXPECT_EQ(standings[0][direction].rank, 1);
+  EXPECT_EQ(standings[1][direction].rank, 0) << "four cases have no direction";
+  EXPECT_EQ(standings[1][direction].value, 1.0);
+}
+
 // ---- the command
 
 class BenchCommand : public OnCommandLine {
@@ -187,6 +206,9 @@ TEST_F(BenchCommand, RunsAPluginBesideOursAndIsCheckedAgain) {
   document["standings"]["ball"]["kicks"]["value"] = 0.5;
   write_text(in("changed.json"), document.dump());
   refuses("standings that do not follow", "test bench --check @/changed.json --out @/check");
+  document["rows"].push_back(document["rows"][0]);
+  write_text(in("changed.json"), document.dump());
+  refuses("has two rows of", "test bench --check @/changed.json --out @/check");
   refuses("of another seed", "test bench --check @/run/bench.json --out @/check --seed", kSecret);
 }
 

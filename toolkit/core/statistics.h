@@ -36,6 +36,16 @@ template <class T>
   return sorted[nearest_rank_index(sorted.size(), percent)];
 }
 
+/// The median and the 99th percentile of values in any order; unchanged where there are none. O(n log n).
+inline void median_and_tail(std::vector<double> values, std::optional<double>& p50,
+                            std::optional<double>& p99) {
+  constexpr double kMedian = 50.0, kTail = 99.0;
+  if (values.empty()) return;
+  std::sort(values.begin(), values.end());
+  p50 = nearest_rank(values, kMedian);
+  p99 = nearest_rank(values, kTail);
+}
+
 /// The median, the upper one for an even count; not empty. O(n).
 template <class T>
 [[nodiscard]] T upper_median(std::vector<T> values) {

@@ -40,7 +40,7 @@ bool DepthContact::step(const DepthSheets& sheets, bool swapped, const Vec3& hip
     return false;
   }
   if (!started_) release(hip);
-  if (swapped || image_ == 0) swap(sheets, status, counters);
+  if (swapped || image_ != sheets.image) swap(sheets, status, counters);
   started_ = true;
   if (state_ == State::kFree) enter(sheets, hip, counters);
   bool held = false;

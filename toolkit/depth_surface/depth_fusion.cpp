@@ -216,8 +216,9 @@ void DepthFusion::warp(const PixelWindow& window) noexcept {
         const bool front = layer == &before_.w;
         const Vec3 q = turn_ * ray + static_cast<double>(w) * shift_mm_;  // times the depth
         const DepthPlace at = grid_.place(q);
+        if (at.pixel == 0) continue;
         const int x = static_cast<int>(std::floor(at.u + 0.5)), y = static_cast<int>(std::floor(at.v + 0.5));
-        if (at.pixel == 0 || x < window.first_column || y < window.first_row || x >= window.last_column ||
+        if (x < window.first_column || y < window.first_row || x >= window.last_column ||
             y >= window.last_row)
           continue;
         // A pixel keeps the value of its middle: the slope along its sheet takes it there.

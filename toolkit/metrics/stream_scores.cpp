@@ -8,14 +8,7 @@
 namespace palpate::metrics {
 namespace {
 
-constexpr double kStreamMsPerS = 1e3, kStreamMedian = 50.0, kStreamTail = 99.0;
-
-void percentiles(std::vector<double> values, std::optional<double>& p50, std::optional<double>& p99) {
-  if (values.empty()) return;
-  std::sort(values.begin(), values.end());
-  p50 = nearest_rank(values, kStreamMedian);
-  p99 = nearest_rank(values, kStreamTail);
-}
+constexpr double kStreamMsPerS = 1e3;
 
 void raise(std::optional<double>& most, double value) {
   most = std::max(most.value_or(0.0), value);
@@ -55,13 +48,13 @@ StreamScores score_stream(const trace::ProbePath& path, const trace::ForceTrace&
     ++scores.swaps_in_contact;
     steps.push_back(excess_n);
   }
-  percentiles(std::move(window), scores.window_p50_ms, scores.window_p99_ms);
-  percentiles(std::move(whole), scores.whole_p50_ms, scores.whole_p99_ms);
-  percentiles(std::move(light), scores.light_to_tick_p50_ms, scores.light_to_tick_p99_ms);
+  median_and_tail(std::move(window), scores.window_p50_ms, scores.window_p99_ms);
+  median_and_tail(std::move(whole), scores.whole_p50_ms, scores.whole_p99_ms);
+  median_and_tail(std::move(light), scores.light_to_tick_p50_ms, scores.light_to_tick_p99_ms);
   if (!steps.empty()) {
     scores.swap_step_max_n = *std::max_element(steps.begin(), steps.end());
     std::optional<double> median;
-    percentiles(std::move(steps), median, scores.swap_step_p99_n);
+    median_and_tail(std::move(steps), median, scores.swap_step_p99_n);
   }
   return scores;
 }

@@ -1,5 +1,6 @@
 #include "toolkit/prepared/chunk_scratch.h"
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <utility>
@@ -66,21 +67,31 @@ std::vector<std::byte> encode_chunk(const SurfaceChunk& chunk) {
   return bytes;
 }
 
-/// All but the bricks, whose hash was right.
-SurfaceChunk decode_chunk(std::span<const std::byte> bytes) {
+/// All but the bricks, of bytes whose hash was right. False where they are not as many as they say.
+bool decode_chunk(std::span<const std::byte> bytes, SurfaceChunk& chunk) {
   ByteReader from(bytes);
-  SurfaceChunk chunk;
   chunk.first_code = from.u64();
-  chunk.own.resize(static_cast<std::size_t>(from.u64()));
-  chunk.seam.resize(static_cast<std::size_t>(from.u64()));
-  chunk.groups.resize(static_cast<std::size_t>(from.u64()));
+  const std::uint64_t own = from.u64(), seam = from.u64(), groups = from.u64();
+  const std::uint64_t most = bytes.size();  // each takes more than one, so that the sum below cannot overflow
+  if (own > most || seam > most || groups > most ||
+      kChunkHeadBytes + groups * sizeof(std::uint32_t) + (own + seam) * kChunkBrickBytes +
+              own * render::kStoredBrickBytes !=
+          most)
+    return false;
+  chunk.own.resize(static_cast<std::size_t>(own));
+  chunk.seam.resize(static_cast<std::size_t>(seam));
+  chunk.groups.resize(static_cast<std::size_t>(groups));
   chunk.distances.squares = from.u64();
   chunk.distances.count = from.u64();
   chunk.patches = from.u64();
   for (std::uint32_t& group : chunk.groups) group = from.u32();
   for (ChunkBrick& one : chunk.own) read_chunk_brick(from, one);
   for (ChunkBrick& one : chunk.seam) read_chunk_brick(from, one);
-  return chunk;
+  const auto is_numbered = [&](const ChunkBrick& one) {
+    return one.summary.piece < groups && one.level < render::BrickGrid::kMaxLevels;
+  };
+  return std::all_of(chunk.own.begin(), chunk.own.end(), is_numbered) &&
+         std::all_of(chunk.seam.begin(), chunk.seam.end(), is_numbered);
 }
 
 }  // namespace
@@ -122,7 +133,9 @@ Result<bool> ChunkScratch::read_record(std::uint64_t file_size) {
   PALPATE_TRY(file_.read_at(end_ + kRecordEdgeBytes, bytes));
   PALPATE_TRY(file_.read_at(end_ + kRecordEdgeBytes + length, edge));
   if (ByteReader{std::span<const std::byte>(edge)}.u64() != hash_of_record(bytes)) return false;
-  chunks_.push_back(decode_chunk(bytes));
+  SurfaceChunk chunk;
+  if (!decode_chunk(bytes, chunk)) return false;
+  chunks_.push_back(std::move(chunk));
   end_ += 2 * kRecordEdgeBytes + length;
   bricks_at_.push_back(end_ - kRecordEdgeBytes - chunks_.back().own.size() * render::kStoredBrickBytes);
   return true;

@@ -34,11 +34,21 @@ PixelWindow PixelRays::around(const Vec3& in_camera_mm, int edge) const noexcept
           std::min(camera_.height, row + edge)};
 }
 
+namespace {
+
+/// Poses are written with four digits or more. A turn that also scales would make another surface of the
+/// image than the one that is felt.
+constexpr double kTurnSlack = 1e-2;
+
+bool is_pose(const geometry::RigidTransform& pose) noexcept {
+  return is_finite(pose.translation_mm) && std::abs(pose.rotation.norm() - 1.0) < kTurnSlack;
+}
+
+}  // namespace
+
 stream::FrameFate FrameGate::judge(const stream::DepthFrame& frame) noexcept {
-  const geometry::RigidTransform& pose = frame.world_from_camera;
   if (frame.depth_mm.size() != pixels_ || !std::isfinite(frame.captured_s) ||
-      !std::isfinite(frame.arrived_s) || !is_finite(pose.translation_mm) ||
-      !pose.rotation.coeffs().allFinite())
+      !std::isfinite(frame.arrived_s) || !is_pose(frame.world_from_camera))
     return stream::FrameFate::kTruncated;
   if (any_ && (frame.number == number_ || frame.captured_s == captured_s_))
     return stream::FrameFate::kRepeated;

@@ -58,9 +58,11 @@ class PixelRays {
   std::vector<double> x_, y_;  ///< by pixel
 };
 
+/// Nearer than a micrometre nothing is seen; and squares of inverse depths stay numbers.
+inline constexpr float kLeastDepthMm = 1e-3F;
 /// True for a depth that was measured.
 [[nodiscard]] inline bool is_measured(float depth_mm) noexcept {
-  return depth_mm > 0.0F && std::isfinite(depth_mm);
+  return depth_mm >= kLeastDepthMm && std::isfinite(depth_mm);
 }
 
 /// Says of each frame whether it is of use, by those before it. For one thread.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -44,9 +43,7 @@ class PluginRenderer final : public SceneFreeRenderer {
  public:
   PluginRenderer(std::string name, std::filesystem::path file, Options options)
       : name_(std::move(name)), file_(std::move(file)), options_(std::move(options)) {}
-  ~PluginRenderer() override {
-    if (renderer_ != nullptr) table_->destroy(renderer_);
-  }
+  ~PluginRenderer() override { destroy(); }
 
   [[nodiscard]] Result<PrepareReport> prepare(const SceneInput& scene,
                                               const PrepareContext& context) override;
@@ -66,6 +63,10 @@ class PluginRenderer final : public SceneFreeRenderer {
   }
 
  private:
+  void destroy() noexcept {
+    if (renderer_ != nullptr) table_->destroy(std::exchange(renderer_, nullptr));
+  }
+
   std::string name_;
   std::filesystem::path file_;
   Options options_;
@@ -80,6 +81,7 @@ Result<PrepareReport> PluginRenderer::prepare(const SceneInput& scene, const Pre
   const Stopwatch watch;
   if (scene.models.size() != 1)
     return Error{"a plug-in feels one model", "give a scene of one model", file_.string()};
+  destroy();
   PALPATE_ASSIGN(table_, load_renderer(file_));
   std::array<char, kPluginTextBytes> text{};
   renderer_ = table_->create(options_.text(kOptionsKey).c_str(), text.data(), kPluginTextBytes);
@@ -134,6 +136,7 @@ Frame PluginRenderer::step(const Vec3& hip_mm, double t_s) noexcept {
   table_->step(renderer_, hip_mm.data(), t_s, &answer);
   frame.contact = answer.contact != 0;
   if (!frame.contact) return frame;
+  // What is no number is passed on: who steps and who scores a renderer tell of it.
   frame.force_n = limited(Vec3(answer.force_n[0], answer.force_n[1], answer.force_n[2]), force_limit_n_);
   frame.god_object_mm = {answer.god_object_mm[0], answer.god_object_mm[1], answer.god_object_mm[2]};
   frame.model = 0;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -45,7 +46,7 @@ class DepthImageModel {
   void release() noexcept { state_.release(); }
   void begin_frame(double t_s) noexcept {
     if (!timed_) taken_s_ = t_s;
-    dt_s_ = timed_ ? t_s - now_s_ : 0.0;
+    dt_s_ = timed_ ? std::max(0.0, t_s - now_s_) : 0.0;
     timed_ = true;
     now_s_ = t_s;
     swapped_ = receiver_.newest();

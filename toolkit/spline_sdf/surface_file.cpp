@@ -144,7 +144,8 @@ bool get_surface(ByteReader& from, std::uint64_t& tiles_at, std::uint64_t tiles_
   for (std::uint32_t i = 0; i < above; ++i) {
     const TileKey key{from.u64(), from.i32()};
     std::uint64_t& least = next_of[key.depth];
-    if (key.depth < depth_of_level(grid, 0) || key.depth > search::kMortonBits || key.code < least)
+    if (key.depth < depth_of_level(grid, 0) || key.depth > search::kMortonBits || key.code < least ||
+        key.code >> (3 * key.depth) != 0)
       return false;
     least = key.code + 1;
     read_stored_brick(from.raw(kStoredBrickBytes), grid.bricks[i]);

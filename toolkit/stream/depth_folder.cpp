@@ -55,6 +55,12 @@ struct FolderLayout {
   std::vector<std::string> remarks{};
 };
 
+/// False also where nobody may look.
+bool is_there(const fs::path& file) {
+  std::error_code code;
+  return fs::exists(file, code);
+}
+
 Result<std::string> read_text(const fs::path& file, std::uint64_t most_bytes) {
   return read_file(file.string(), most_bytes);
 }
@@ -106,7 +112,13 @@ class FolderSource final : public DepthSource {
     const std::string& image = layout_.frames.front().image;
     if (layout_.mm_per_count == 0.0) {
       PALPATE_ASSIGN(const OrganisedPoints points, read_organised_pcd(image, readers_));
-      if (known_intrinsics) return Done{};
+      if (known_intrinsics) {
+        if (!known_size) {
+          camera_.width = static_cast<int>(points.width);
+          camera_.height = static_cast<int>(points.height);
+        }
+        return Done{};
+      }
       Result<DepthCamera> fitted = camera_of(points);
       if (!fitted) return std::move(fitted).error().in_file(image);
       fitted->period_s = camera_.period_s;
@@ -164,13 +176,41 @@ class FolderSource final : public DepthSource {
   std::size_t at_ = 0;
 };
 
-/// Files of a folder that end so, by name.
+/// By name, whole numbers in it by their size: 9.png before 10.png.
+bool comes_before(const fs::path& a, const fs::path& b) {
+  const std::string x = a.string(), y = b.string();
+  const auto digits_from = [](const std::string& text, std::size_t at) {
+    return std::min(text.find_first_not_of("0123456789", at), text.size());
+  };
+  std::size_t i = 0, j = 0;
+  while (i < x.size() && j < y.size()) {
+    const std::size_t end_i = digits_from(x, i), end_j = digits_from(y, j);
+    if (end_i == i || end_j == j) {
+      if (x[i] != y[j]) return x[i] < y[j];
+      ++i;
+      ++j;
+      continue;
+    }
+    // Without the zeros in front the longer number is the larger one.
+    const std::size_t from_i = std::min(x.find_first_not_of('0', i), end_i),
+                      from_j = std::min(y.find_first_not_of('0', j), end_j);
+    if (end_i - from_i != end_j - from_j) return end_i - from_i < end_j - from_j;
+    if (const int order = x.compare(from_i, end_i - from_i, y, from_j, end_j - from_j); order != 0)
+      return order < 0;
+    i = end_i;
+    j = end_j;
+  }
+  const bool x_ends = i == x.size(), y_ends = j == y.size();
+  return x_ends != y_ends ? x_ends : x < y;  // else they differ in zeros alone
+}
+
+/// Files of a folder that end so, in order.
 std::vector<fs::path> files_ending(const fs::path& folder, std::string_view ending) {
   std::vector<fs::path> files;
   std::error_code failed;
   for (fs::directory_iterator it(folder, failed), end; !failed && it != end; it.increment(failed))
     if (it->path().string().ends_with(ending)) files.push_back(it->path());
-  std::sort(files.begin(), files.end());
+  std::sort(files.begin(), files.end(), comes_before);
   return files;
 }
 
@@ -182,7 +222,7 @@ Result<FolderLayout> tum_layout(const fs::path& folder) {
   FolderLayout layout{"TUM RGB-D", {}, kMmPerMetre / kTumCountsPerMetre};
   PALPATE_ASSIGN(const std::vector<TimedFile> images,
                  parsed(folder / kTumImages, kMaxPoseFileBytes, parse_timed_files));
-  const bool moves = fs::exists(folder / kTumPoses);
+  const bool moves = is_there(folder / kTumPoses);
   std::vector<TimedPose> poses;
   if (moves) {
     PALPATE_ASSIGN(poses, parsed(folder / kTumPoses, kMaxPoseFileBytes, parse_timed_poses));
@@ -218,7 +258,7 @@ Result<FolderLayout> tsdf_layout(const std::vector<fs::path>& images) {
                    image.string()};
     if (layout.frames.empty()) first = *number;
     FrameFile frame{image.string(), static_cast<std::uint64_t>(*number - first)};
-    if (const fs::path pose = image.parent_path() / (stem + std::string(kTsdfPose)); fs::exists(pose)) {
+    if (const fs::path pose = image.parent_path() / (stem + std::string(kTsdfPose)); is_there(pose)) {
       frame.pose_file = pose.string();
       moves = true;
     }
@@ -236,7 +276,7 @@ Result<FolderLayout> tsdf_layout(const std::vector<fs::path>& images) {
 Result<FolderLayout> open3d_layout(const fs::path& folder, const std::vector<fs::path>& images) {
   FolderLayout layout{"Open3D", {}, kMmPerMetre / kOpen3dCountsPerMetre};
   add_in_order(layout, images);
-  if (!fs::exists(folder / kOpen3dPoses)) {
+  if (!is_there(folder / kOpen3dPoses)) {
     layout.remarks.push_back(fmt::format("no {}: the camera stands still", kOpen3dPoses));
     return layout;
   }
@@ -251,7 +291,7 @@ Result<FolderLayout> open3d_layout(const fs::path& folder, const std::vector<fs:
 }
 
 Result<FolderLayout> find_layout(const fs::path& folder) {
-  if (fs::exists(folder / kTumImages)) return tum_layout(folder);
+  if (is_there(folder / kTumImages)) return tum_layout(folder);
   if (const auto images = files_ending(folder, kTsdfImage); !images.empty()) return tsdf_layout(images);
   for (const fs::path& place : {folder / kOpen3dFolder, folder})
     if (const auto images = files_ending(place, ".png"); !images.empty())
@@ -292,7 +332,7 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::string& folder
   bool known = options.camera.has_value(), sized = known;
   for (const char* name : kIntrinsicsFiles) {
     const fs::path file = fs::path(folder) / name;
-    if (known || !fs::exists(file)) continue;
+    if (known || !is_there(file)) continue;
     PALPATE_TRY(parsed(file, kMaxIntrinsicsBytes,
                        [&](std::string_view text) { return parse_intrinsics(text, camera); }));
     known = true;

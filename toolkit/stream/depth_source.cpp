@@ -10,12 +10,6 @@
 #include "toolkit/stream/simulated_camera.h"
 
 namespace palpate::stream {
-namespace {
-
-constexpr std::string_view kOpenNiName = "openni";
-
-}  // namespace
-
 Result<std::unique_ptr<DepthSource>> open_depth_source(const std::string& source,
                                                        const DepthSourceOptions& options) {
   const auto in = [](double value, const NumberRange& range) { return value >= 0.0 && value <= range.high; };
@@ -26,7 +20,7 @@ Result<std::unique_ptr<DepthSource>> open_depth_source(const std::string& source
   std::error_code none;
   if (std::filesystem::is_directory(source, none)) return open_depth_folder(source, options);
   if (source.starts_with(kSimulatedPrefix)) return open_simulated_camera(source);
-  if (source == kOpenNiName || source.starts_with(std::string(kOpenNiName) + ":")) return open_openni(source);
+  if (is_openni_name(source)) return open_openni(source);
   return Error{"there is no stream '" + source + "'",
                "give a folder of depth images or organised PCD files, sim:NAME, or openni"};
 }

@@ -1,12 +1,12 @@
 #include "toolkit/stream/openni_source.h"
 
-#include <dlfcn.h>
-
 #include <array>
 #include <filesystem>
+#include <utility>
 #include <vector>
 
 #include "toolkit/core/messages.h"
+#include "toolkit/core/plugin_module.h"
 
 namespace palpate::stream {
 namespace {
@@ -16,35 +16,39 @@ namespace fs = std::filesystem;
 constexpr std::size_t kOpenNiErrorBytes = 512;
 constexpr const char* kGetPlugin =
     "build Palpate where libopenni2-dev is installed, and keep palpate_openni.so beside the program or in "
-    "its "
-    "lib/palpate";
+    "its lib/palpate";
 
-std::vector<std::string> openni_files() {
-  std::vector<std::string> files;
-  std::error_code none;
-  const fs::path folder = fs::read_symlink("/proc/self/exe", none).parent_path();
+fs::path openni_file() {
+  std::error_code unknown, missing;
+  const fs::path folder = fs::read_symlink("/proc/self/exe", unknown).parent_path();
   for (const fs::path& place : {folder, folder.parent_path() / "lib/palpate", folder.parent_path() / "lib"})
-    if (!none && fs::is_regular_file(place / kOpenNiModule, none)) files.push_back(place / kOpenNiModule);
-  files.emplace_back(kOpenNiModule);  // the run path, LD_LIBRARY_PATH, the system's folders
-  return files;
+    if (!unknown && fs::is_regular_file(place / kOpenNiModule, missing)) return place / kOpenNiModule;
+  return kOpenNiModule;  // the run path, LD_LIBRARY_PATH, the system's folders
+}
+
+using LoadedOpenNi = std::shared_ptr<const OpenNiPlugin>;
+
+/// Loads it once. It is never unloaded: its drivers' threads may outlast every camera.
+Result<LoadedOpenNi> load_openni() {
+  static LoadedOpenNi& kept = *new LoadedOpenNi();
+  if (kept == nullptr) {
+    PALPATE_ASSIGN(LoadedOpenNi loaded, load_plugin<OpenNiPlugin>(openni_file(), kOpenNiEntry, kOpenNiAbi));
+    if (loaded->open == nullptr) return not_of_this_version(openni_file());
+    kept = std::move(loaded);
+  }
+  return kept;
 }
 
 }  // namespace
 
 Result<std::unique_ptr<DepthSource>> open_openni(const std::string& name) {
-  const std::string file = openni_files().front();
-  void* const module = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (module == nullptr) {
-    const char* const why = ::dlerror();
-    return Error{"OpenNI's cameras need the plug-in " + std::string(kOpenNiModule) + ": " +
-                     (why != nullptr ? why : "it cannot be loaded"),
-                 kGetPlugin};
-  }
-  const auto entry = reinterpret_cast<OpenNiEntry>(::dlsym(module, kOpenNiEntry));
-  if (entry == nullptr)
-    return Error{"is no plug-in for depth cameras", "build it again with this version of Palpate", file};
+  const Result<LoadedOpenNi> plugin = load_openni();
+  if (!plugin)
+    return Error{
+        "OpenNI's cameras need the plug-in " + std::string(kOpenNiModule) + ": " + plugin.error().what,
+        kGetPlugin};
   std::array<char, kOpenNiErrorBytes> error{};
-  std::unique_ptr<DepthSource> source(entry(name.c_str(), error.data(), error.size()));
+  std::unique_ptr<DepthSource> source((*plugin)->open(name.c_str(), error.data(), error.size()));
   if (source != nullptr) return source;
   error.back() = '\0';
   return Error{"the camera " + shown(name) + " cannot be opened: " +

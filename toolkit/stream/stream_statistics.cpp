@@ -7,6 +7,8 @@
 #include <optional>
 #include <utility>
 
+#include "toolkit/render/depth_camera.h"
+
 namespace palpate::stream {
 namespace {
 
@@ -26,10 +28,6 @@ constexpr double kTrimmedShare = 0.8, kTrimmedDeviation = 0.6616;
 constexpr double kMotionTimes = 3.0;
 /// A source that gives only errors, such as a camera without its cable, is given up.
 constexpr std::uint64_t kMaxErrorsInRow = 100;
-
-bool is_depth(float z) noexcept {
-  return std::isfinite(z) && z > 0.0f;
-}
 
 /// Mean and deviation by sums of differences to the first value.
 struct Moments {
@@ -115,7 +113,7 @@ class StreamMeter {
   void add_depths(const DepthFrame& frame) {
     std::size_t holes = 0;
     for (const float z : frame.depth_mm) {
-      if (!is_depth(z)) {
+      if (!render::is_measured(z)) {
         ++holes;
         continue;
       }
@@ -133,11 +131,11 @@ class StreamMeter {
       for (std::size_t column = kPlaneHalf; column + kPlaneHalf < columns_; column += kSampleStep) {
         const std::size_t i = row * columns_ + column;
         const float z = frame.depth_mm[i];
-        if (!is_depth(z)) continue;
+        if (!render::is_measured(z)) continue;
         NoiseBin& bin =
             bins_[static_cast<int>(std::floor(kBinsPerDoubling * std::log2(static_cast<double>(z))))];
         bin.depth.add(static_cast<double>(z));
-        if (still && is_depth(before_->depth_mm[i]))
+        if (still && render::is_measured(before_->depth_mm[i]))
           bin.temporal.push_back(std::abs(z - before_->depth_mm[i]) / std::sqrt(2.0f));
         if (const std::optional<double> off_mm = off_plane(frame, i))
           bin.spatial.push_back(static_cast<float>(*off_mm));
@@ -149,7 +147,7 @@ class StreamMeter {
     for (std::size_t row = 0; row < kPlaneSide; ++row)
       for (std::size_t column = 0; column < kPlaneSide; ++column) {
         const float z = frame.depth_mm[middle + row * columns_ + column - kPlaneHalf * columns_ - kPlaneHalf];
-        if (!is_depth(z)) return std::nullopt;
+        if (!render::is_measured(z)) return std::nullopt;
         inverse += 1.0 / static_cast<double>(z);
       }
     const double z = static_cast<double>(frame.depth_mm[middle]);

@@ -62,11 +62,23 @@ TEST(DepthStream, BadImagesChangeNothing) {
   EXPECT_EQ(fate([](auto& image) { image.depth_mm.clear(); }), FrameFate::kTruncated);
   EXPECT_EQ(fate([](auto& image) { image.world_from_camera.translation_mm.x() = test::kNothing; }),
             FrameFate::kTruncated);
+  EXPECT_EQ(fate([](auto& image) { image.world_from_camera.rotation.coeffs() *= 2.0; }),
+            FrameFate::kTruncated);
   const std::uint64_t swaps = rig.renderer().counters().swaps;
   EXPECT_NEAR(rig.renderer().step(kPressed, rig.time_s() + 1e-3).force_n.z(), kPressedN, 1e-3);
   EXPECT_EQ(rig.renderer().counters().swaps, swaps);
+  // One that would be infinite as an inverse depth is none.
+  EXPECT_EQ(fate([&](auto& image) {
+              image.depth_mm = good.depth_mm;
+              for (std::size_t i = 0; i < image.depth_mm.size(); i += 97)
+                image.depth_mm[i] = std::numeric_limits<float>::denorm_min();
+            }),
+            FrameFate::kTaken);
+  EXPECT_NEAR(rig.renderer().step(kPressed, rig.time_s() + 2e-3).force_n.z(), kPressedN, 1e-2);
   // Depths that are none are holes.
   EXPECT_EQ(fate([](auto& image) {
+              image.number += 1;
+              image.captured_s += 0.01;
               for (std::size_t i = 0; i < image.depth_mm.size(); ++i)
                 image.depth_mm[i] = i % 3 == 0   ? std::numeric_limits<float>::quiet_NaN()
                                     : i % 3 == 1 ? -5.0F

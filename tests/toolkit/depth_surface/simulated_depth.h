@@ -111,12 +111,6 @@ class StreamRig {
     camera_.take(scene_, time_s(), number_++, image_);
     return receiver().receive(image_, hip);
   }
-  /// The next image, whose time has come.
-  stream::ReceiveReport receive_next(const Vec3& hip) {
-    tick_ = static_cast<std::uint64_t>(
-        std::ceil(static_cast<double>(number_) * camera_.camera.period_s / kTickS));
-    return receive(hip);
-  }
   [[nodiscard]] double time_s() const { return kTickS * static_cast<double>(tick_); }
 
   /// One tick; an image first where one is due.

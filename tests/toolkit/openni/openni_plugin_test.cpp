@@ -8,18 +8,24 @@
 #include <string>
 
 #include <palpate/depth_stream.h>
+#include "toolkit/stream/openni_source.h"
 
 namespace palpate::stream {
 namespace {
 
 using Open = DepthSource* (*)(const char* name, char* error, std::size_t size);
 
-/// The plug-in's entry; it stays loaded, as in a program.
+/// The plug-in's opener; it stays loaded, as in a program.
 Open entry() {
   void* const module = ::dlopen(PALPATE_OPENNI_MODULE, RTLD_NOW | RTLD_LOCAL);
   EXPECT_NE(module, nullptr) << ::dlerror();
   if (module == nullptr) return nullptr;
-  return reinterpret_cast<Open>(::dlsym(module, "palpate_open_depth_source"));
+  const auto plugin = reinterpret_cast<const OpenNiPlugin* (*)()>(::dlsym(module, kOpenNiEntry));
+  EXPECT_NE(plugin, nullptr);
+  if (plugin == nullptr) return nullptr;
+  EXPECT_EQ(plugin()->abi, kOpenNiAbi);
+  EXPECT_GE(plugin()->size, sizeof(OpenNiPlugin));
+  return plugin()->open;
 }
 
 std::string refusal(const char* name) {

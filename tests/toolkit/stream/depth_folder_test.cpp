@@ -98,6 +98,14 @@ TEST_F(DepthFolder, TsdfsLayoutKeepsNumbersAndGoesOnAfterADamagedPose) {
   EXPECT_FALSE(value_of(source->next(frame)));
 }
 
+TEST_F(DepthFolder, NumbersWithoutZerosInFrontAreInOrder) {
+  for (const int number : {0, 1, 2, 9, 10, 11, 100})
+    write(fmt::format("{}.png", number), png_of(ramp(4, 3, static_cast<std::uint16_t>(1000 + number))));
+  std::vector<float> firsts;
+  for (const DepthFrame& frame : all_of(*open())) firsts.push_back(frame.depth_mm[1]);
+  EXPECT_EQ(firsts, (std::vector<float>{1001, 1002, 1003, 1010, 1011, 1012, 1101}));
+}
+
 TEST_F(DepthFolder, WithoutPosesTheCameraStandsStill) {
   write("0.png", png_of(ramp(16, 12)));
   EXPECT_TRUE(contains(open()->describe(), "stands still", "assumed"));

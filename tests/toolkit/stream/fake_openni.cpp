@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include <palpate/depth_stream.h>
+#include "toolkit/stream/openni_source.h"
 
 namespace {
 
@@ -21,11 +22,16 @@ class OnePixel final : public palpate::stream::DepthSource {
   palpate::stream::DepthCamera camera_;
 };
 
-}  // namespace
-
-extern "C" palpate::stream::DepthSource* palpate_open_depth_source(const char* name, char* error,
-                                                                   std::size_t size) {
+palpate::stream::DepthSource* open_camera(const char* name, char* error, std::size_t size) {
   if (std::strcmp(name, "openni") == 0) return new OnePixel;
   std::snprintf(error, size, "there is no camera %s", name);
   return nullptr;
+}
+
+}  // namespace
+
+extern "C" const palpate::stream::OpenNiPlugin* palpate_depth_plugin_entry() {
+  using namespace palpate::stream;
+  static constexpr OpenNiPlugin kPlugin{kOpenNiAbi, sizeof(OpenNiPlugin), open_camera};
+  return &kPlugin;
 }

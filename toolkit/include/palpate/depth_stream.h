@@ -73,7 +73,7 @@ enum class FrameFate : std::uint8_t {
   kTaken,
   kRepeated,   ///< same number or same time as one before
   kLate,       ///< older than one before
-  kTruncated,  ///< fewer or more depths than pixels, a pose or a time that is not finite
+  kTruncated,  ///< fewer or more depths than pixels, a pose that is none, or a time that is not finite
 };
 
 struct ReceiveReport {

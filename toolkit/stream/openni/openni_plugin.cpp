@@ -18,11 +18,11 @@
 #include <palpate/clock.h>
 #include <palpate/depth_stream.h>
 #include <palpate/result.h>
+#include "toolkit/stream/openni_source.h"
 
 namespace palpate::stream {
 namespace {
 
-constexpr std::string_view kOpenNiFirst = "openni", kOpenNiPrefix = "openni:";
 /// A camera that is silent so long is taken to be gone: cameras start within 2 s, and send 30 images a
 /// second.
 constexpr int kSilentMs = 5000;
@@ -74,7 +74,8 @@ class OpenNiSource final : public DepthSource {
     }
     camera_.width = mode.getResolutionX();
     camera_.height = mode.getResolutionY();
-    const double across = depth_.getHorizontalFieldOfView(), down = depth_.getVerticalFieldOfView();
+    const auto across = static_cast<double>(depth_.getHorizontalFieldOfView()),
+               down = static_cast<double>(depth_.getVerticalFieldOfView());
     if (camera_.width <= 0 || camera_.height <= 0) return "its images are empty";
     camera_.cx_px = 0.5 * (camera_.width - 1);
     camera_.cy_px = 0.5 * (camera_.height - 1);
@@ -120,7 +121,7 @@ class OpenNiSource final : public DepthSource {
   /// "openni:ADDRESS" is for OpenNI's drivers, of which one opens recordings (.oni).
   [[nodiscard]] static std::string find(std::string_view name, std::string& where) {
     std::size_t wanted = 0;
-    if (name != kOpenNiFirst) {
+    if (name != kOpenNiName) {
       if (!name.starts_with(kOpenNiPrefix) || name.size() == kOpenNiPrefix.size())
         return "no name of a camera: openni is the first one, openni:1 the second";
       name.remove_prefix(kOpenNiPrefix.size());
@@ -168,15 +169,10 @@ class OpenNiSource final : public DepthSource {
   std::uint64_t number_ = 0;
 };
 
-}  // namespace
-}  // namespace palpate::stream
-
-/// See toolkit/stream/openni_source.h.
-extern "C" __attribute__((visibility("default"))) palpate::stream::DepthSource* palpate_open_depth_source(
-    const char* name, char* error, std::size_t size) {
+DepthSource* open_camera(const char* name, char* error, std::size_t size) {
   std::string why;
   try {
-    auto source = std::make_unique<palpate::stream::OpenNiSource>();
+    auto source = std::make_unique<OpenNiSource>();
     why = source->open(name);
     if (why.empty()) return source.release();
   } catch (const std::exception& thrown) {
@@ -184,4 +180,14 @@ extern "C" __attribute__((visibility("default"))) palpate::stream::DepthSource* 
   }
   if (size > 0) std::snprintf(error, size, "%s", why.c_str());
   return nullptr;
+}
+
+}  // namespace
+}  // namespace palpate::stream
+
+extern "C" __attribute__((visibility("default"))) const palpate::stream::OpenNiPlugin*
+palpate_depth_plugin_entry() {
+  using namespace palpate::stream;
+  static constexpr OpenNiPlugin kPlugin{kOpenNiAbi, sizeof(OpenNiPlugin), open_camera};
+  return &kPlugin;
 }
