@@ -2,7 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <map>
+#include <system_error>
+#include <vector>
 
 #include <palpate/progress.h>
 #include <palpate/result.h>
@@ -194,6 +198,18 @@ Result<StreamRequest> stream_of(const RunArguments& arguments) {
   return stream;
 }
 
+/// The images of a stream: a file, or all files of a folder in the order of their names.
+void add_stream(const std::string& source, RunKey& key) {
+  if (is_recorded_session(source)) key.add_file(source);
+  std::vector<std::string> files;
+  std::error_code none;
+  constexpr auto kSkip = std::filesystem::directory_options::skip_permission_denied;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(source, kSkip, none))
+    if (entry.is_regular_file(none)) files.push_back(entry.path().string());
+  std::sort(files.begin(), files.end());
+  for (const std::string& file : files) key.add(file).add_file(file);
+}
+
 /// A scene whose one model's surface the command line may set.
 scene::SceneFile scene_of_stream(const std::string& source) {
   scene::SceneFile scene;
@@ -224,7 +240,7 @@ RunKey key_of(const RunArguments& arguments, const StageRequest& stage) {
       .add(budget_s)
       .add(static_cast<std::uint64_t>(threads));
   for (const std::string& file : files_read(stage)) key.add_file(file);
-  if (is_recorded_session(stream)) key.add_file(stream);
+  if (!stream.empty()) add_stream(stream, key);
   return key;
 }
 
