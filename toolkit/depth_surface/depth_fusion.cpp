@@ -350,6 +350,9 @@ void DepthFusion::fuse_pixel(std::size_t i, float shift, bool together) noexcept
     }
   } else if (age > static_cast<float>(kBlindSeconds)) {
     w = 0.0F;
+  } else if (was > 0.0F && together) {
+    // Left behind, a hole in what moves would be a pit.
+    w = was + shift;
   }
   if (hidden_age > static_cast<float>(kHiddenSeconds)) hidden = 0.0F;
   now_.w[i] = w;
