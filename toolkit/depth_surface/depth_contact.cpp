@@ -214,7 +214,6 @@ bool DepthContact::hold(const DepthSheets& sheets, const Vec3& hip, double dt_s,
     return false;
   }
   carry(god_ - god_before, kFollowedWay * (hip - last_).norm(), dt_s);
-  const double risen = carried_.dot(outward_), depth = (god_ - hip).dot(outward_);
   const DepthPlace at = sheets.place(q);
   const bool known = at.pixel != 0 && sheets.value(0, at.pixel) > 0.0;
   double above = 0.0;
@@ -224,13 +223,17 @@ bool DepthContact::hold(const DepthSheets& sheets, const Vec3& hip, double dt_s,
     above = plane.field(q) / plane.normal.norm();
     facing = sheets.camera_from_local.transpose() * (-plane.normal.normalized());
   }
+  const double away = (god_ - hip).norm();
+  const bool nearer = above < 0.0 && -above < kMuchNearer * away && facing.dot(outward_) > kSameWay;
+  if (end == Descent::kAtRim && above < 0.0 && away > 0.0) outward_ = (god_ - hip) / away;
+  const double risen = carried_.dot(outward_), depth = (god_ - hip).dot(outward_);
   if (depth + risen > 0.0) {
     const bool seen = above > std::max(0.0, risen) + geometry::kOutsideSpacings * pixel_mm(sheets, q);
     if (seen || (end == Descent::kAtRim && !known)) {
       leave();
       return false;
     }
-    if (above < 0.0 && -above < kMuchNearer * (god_ - hip).norm() && facing.dot(outward_) > kSameWay) {
+    if (nearer) {
       const Vec3 there = hip - above * facing;
       carry(there - god_, 0.0, 0.0);
       god_ = there;
@@ -244,15 +247,15 @@ bool DepthContact::hold(const DepthSheets& sheets, const Vec3& hip, double dt_s,
     carried_ = pull_ - (god_ - hip);
     return true;
   }
+  if (pull_.norm() > most_mm_per_s_ * dt_s + (hip - last_).norm()) {
+    leave();
+    return false;
+  }
   if (depth > 0.0) {
     // Out of the felt surface, behind the newest: where that comes from, it is felt anew.
     carried_ = hip - god_;
     carried_mm_per_s_ = std::clamp(carried_.norm() / period_s_, carried_mm_per_s_, most_mm_per_s_);
     pull_ = Vec3::Zero();
-    return false;
-  }
-  if (pull_.norm() > most_mm_per_s_ * dt_s + (hip - last_).norm()) {
-    leave();
     return false;
   }
   state_ = State::kFree;
