@@ -227,16 +227,8 @@ void declare_info(const Declaration& declare, InfoArguments& a) {
 
 /// The first option given that says how models are read; empty: none.
 std::string given_for_models(const ModelArguments& load) {
-  for (const auto& [given, name] : {std::pair{!load.unit.empty(), "--unit"},
-                                    {load.scale > 0.0, "--scale"},
-                                    {load.post_mm > 0.0, "--post-mm"},
-                                    {load.vertical_mm > 0.0, "--vertical-mm"},
-                                    {!load.no_data.empty(), "--no-data"},
-                                    {!load.non_finite.empty(), "--non-finite"},
-                                    {load.memory_limit_gb > 0.0, "--memory-limit-gb"},
-                                    {load.threads > 0, "--threads"}})
-    if (given) return name;
-  return {};
+  if (std::string given = given_for_model_files(load); !given.empty()) return given;
+  return load.memory_limit_gb > 0.0 ? "--memory-limit-gb" : load.threads > 0 ? "--threads" : "";
 }
 
 Result<int> run_info_recording(const InfoArguments& arguments, Context& context) {

@@ -192,6 +192,9 @@ Result<StreamRequest> stream_of(const RunArguments& arguments) {
   }
   if (!arguments.scene.empty())
     return Error{"a SCENE and --stream exclude each other", "leave one of them out", arguments.scene};
+  if (const std::string given = given_for_model_files(arguments.load); !given.empty())
+    return Error{given + " does nothing: a stream's images say their own lengths", "leave it out",
+                 arguments.stream};
   StreamRequest stream;
   stream.source = arguments.stream;
   PALPATE_ASSIGN(stream.delay, parse_stream_delay(arguments.stream_delay));

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <palpate/baselines.h>
@@ -37,6 +38,17 @@ io::Readers all_readers() {
   io::add_standard_readers(readers);
   add_library_formats(readers);
   return readers;
+}
+
+std::string given_for_model_files(const ModelArguments& arguments) {
+  for (const auto& [given, name] : {std::pair{!arguments.unit.empty(), "--unit"},
+                                    {arguments.scale > 0.0, "--scale"},
+                                    {arguments.post_mm > 0.0, "--post-mm"},
+                                    {arguments.vertical_mm > 0.0, "--vertical-mm"},
+                                    {!arguments.no_data.empty(), "--no-data"},
+                                    {!arguments.non_finite.empty(), "--non-finite"}})
+    if (given) return name;
+  return {};
 }
 
 Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {

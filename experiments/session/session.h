@@ -101,6 +101,8 @@ struct ModelArguments {
 
 [[nodiscard]] render::Registry all_renderers();
 [[nodiscard]] io::Readers all_readers();
+/// The first option given that says what a model file's numbers mean; empty: none.
+[[nodiscard]] std::string given_for_model_files(const ModelArguments& arguments);
 [[nodiscard]] Result<scene::LoadOptions> load_options(const ModelArguments& arguments);
 
 /// Everything about program, machine and time.

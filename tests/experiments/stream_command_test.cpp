@@ -137,6 +137,8 @@ TEST_F(Streams, BadSourcesAndOptionsAreRefusedWithARemedy) {
         Bad{words("compare sinusoid:points=2601 --stream sim:wall --out @/o"), "exclude"},
         Bad{words("compare sinusoid:points=2601 --stream-delay 3 --out @/o"), "--stream-delay"},
         Bad{words("compare --stream sim:wall --stream-delay soon --out @/o"), "measured"},
+        Bad{words("compare --stream sim:wall --unit m --out @/o"), "--unit"},
+        Bad{words("live --stream sim:wall --scale 2 --out @/o"), "--scale"},
         Bad{words("compare --stream", kSmallWall, "--reference closest-point --out @/o"), "auto"},
         Bad{words("live --stream @/nowhere --out @/o"), "nowhere"},
         Bad{words("live --stream sim:wall --changes 1:depth-image:stiffness=1 --out @/o"), "--changes"},

@@ -15,6 +15,10 @@ constexpr double kArrivedPixels = 0x1p-10;
 /// What is carried along the surface comes down to this share of the depth, so that it ends with the contact.
 constexpr double kMostAlong = 0.5;
 
+/// A surface that the camera sees holds the HIP if it is nearer than this share of what holds it, as nothing
+/// that is convex could, and faces the same way within 60 degrees.
+constexpr double kMuchNearer = 0.5, kSameWay = 0.5;
+
 /// A god object moves as the HIP does, and up to twice as fast at a depth of half the surface's radius.
 constexpr double kFollowedWay = 2.0;
 
@@ -198,8 +202,9 @@ DepthContact::Descent DepthContact::descend(const DepthSheets& sheets, const Vec
   return rim ? Descent::kAtRim : Descent::kArrived;
 }
 
-/// A held frame. The HIP comes out where the felt god object is no longer outside of it; and it is free
-/// wherever the camera would see it, whatever holds it.
+/// A held frame. What the camera sees in the HIP's pixel bounds what holds it: in front of that it is free,
+/// and much less deep behind it, it is held there instead. A sheet that ends where something stands before
+/// the HIP holds it by its rim, as that thing would.
 bool DepthContact::hold(const DepthSheets& sheets, const Vec3& hip, double dt_s, FrameStatus& status,
                         FrameCounters& counters) noexcept {
   const Vec3 q = sheets.to_camera(hip), god_before = last_ + pull_ - carried_;
@@ -209,37 +214,48 @@ bool DepthContact::hold(const DepthSheets& sheets, const Vec3& hip, double dt_s,
     return false;
   }
   carry(god_ - god_before, kFollowedWay * (hip - last_).norm(), dt_s);
-  const double risen = carried_.dot(outward_), depth = (god_ - hip).dot(outward_);
   const DepthPlace at = sheets.place(q);
-  const double front = at.pixel != 0 ? sheets.value(0, at.pixel) : 0.0;
-  bool seen = false;
-  if (front > 0.0) {
+  const bool known = at.pixel != 0 && sheets.value(0, at.pixel) > 0.0;
+  double above = 0.0;
+  Vec3 facing = Vec3::Zero();
+  if (known) {
     const DepthPlane plane = sheets.plane(at, 0);
-    const double above = plane.field(q) / plane.normal.norm();
-    seen = above > std::max(0.0, risen) + geometry::kOutsideSpacings * pixel_mm(sheets, q);
+    above = plane.field(q) / plane.normal.norm();
+    facing = sheets.camera_from_local.transpose() * (-plane.normal.normalized());
   }
+  const double away = (god_ - hip).norm();
+  const bool nearer = above < 0.0 && -above < kMuchNearer * away && facing.dot(outward_) > kSameWay;
+  if (end == Descent::kAtRim && above < 0.0 && away > 0.0) outward_ = (god_ - hip) / away;
+  const double risen = carried_.dot(outward_), depth = (god_ - hip).dot(outward_);
   if (depth + risen > 0.0) {
-    const bool past = end == Descent::kAtRim &&
-                      (at.pixel == 0 || sheets.layer_near(at.pixel, 1.0 / sheets.to_camera(god_).z(),
-                                                          sheets.reach(front, 1.0)) < 0);
-    if (seen || past) {
+    const bool seen = above > std::max(0.0, risen) + geometry::kOutsideSpacings * pixel_mm(sheets, q);
+    if (seen || (end == Descent::kAtRim && !known)) {
       leave();
       return false;
     }
-    const Vec3 pull = god_ - hip + carried_, along = pull - outward_ * (depth + risen);
-    const double size = along.norm(),
-                 most = std::max(kMostAlong * (depth + risen), size - most_mm_per_s_ * dt_s);
+    if (nearer) {
+      const Vec3 there = hip - above * facing;
+      carry(there - god_, 0.0, 0.0);
+      god_ = there;
+      outward_ = facing;
+    }
+    const Vec3 pull = god_ - hip + carried_;
+    const double deep = std::max(0.0, pull.dot(outward_));
+    const Vec3 along = pull - outward_ * deep;
+    const double size = along.norm(), most = std::max(kMostAlong * deep, size - most_mm_per_s_ * dt_s);
     pull_ = size > most ? Vec3(pull - along * (1.0 - most / size)) : pull;
     carried_ = pull_ - (god_ - hip);
     return true;
   }
-  if (depth > 0.0 && pull_ == Vec3::Zero()) {
-    // Behind a surface that came over the HIP, and faster out than it rises: it begins anew here.
-    carried_ = hip - god_;
-    return true;
-  }
   if (pull_.norm() > most_mm_per_s_ * dt_s + (hip - last_).norm()) {
     leave();
+    return false;
+  }
+  if (depth > 0.0) {
+    // Out of the felt surface, behind the newest: where that comes from, it is felt anew.
+    carried_ = hip - god_;
+    carried_mm_per_s_ = std::clamp(carried_.norm() / period_s_, carried_mm_per_s_, most_mm_per_s_);
+    pull_ = Vec3::Zero();
     return false;
   }
   state_ = State::kFree;

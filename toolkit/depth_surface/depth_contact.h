@@ -31,7 +31,7 @@ inline constexpr double kStalledPeriods = 3.0;
 class DepthContact {
  public:
   DepthContact(double stiffness_n_per_mm, double period_s) noexcept
-      : most_mm_per_s_(kMaxForceRateNPerS / stiffness_n_per_mm), period_s_(period_s) {}
+      : most_mm_per_s_(0.5 * kMaxForceRateNPerS / stiffness_n_per_mm), period_s_(period_s) {}
 
   void release(const Vec3& hip) noexcept;
   [[nodiscard]] bool touching() const noexcept { return state_ != State::kFree; }
@@ -62,7 +62,8 @@ class DepthContact {
   [[nodiscard]] bool let_go(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept;
   void leave() noexcept;
 
-  double most_mm_per_s_, period_s_;
+  double most_mm_per_s_;  ///< of what is carried, and of what is let go along the surface: half the rate each
+  double period_s_;
   State state_ = State::kFree;
   std::uint64_t image_ = 0;  ///< of the last surface
   bool started_ = false;

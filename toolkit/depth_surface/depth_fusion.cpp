@@ -11,6 +11,8 @@ namespace {
 constexpr int kSupport = DepthSheets::kBorder;
 /// The common motion is taken over 7 x 7 pixels, which divide the noise by 7.
 constexpr int kMotionRadius = 3;
+/// More of them without a jump than this: what jumps there is alone.
+constexpr float kMostOfMotion = 0.5F * (2 * kMotionRadius + 1) * (2 * kMotionRadius + 1);
 /// A mean beyond this many of its standard deviations is a motion; from there on, the more of it counts.
 constexpr float kMotionSigmas = 3.0F;
 /// Changes that spread by no more than this times their noise's variance are one motion: the spread of 49
@@ -304,19 +306,20 @@ void DepthFusion::fuse(const PixelWindow& window) noexcept {
         n += row_counted_[j];
       }
       float shift = 0.0F;
-      bool together = false;
+      bool together = false, still = false;
       if (n > 0.0F) {
         const float mean = sum / n, mean_sq = mean * mean;
         const float noise = prior_->variance[i] + variance_of(prior_->w[i]);
         const float threshold = kMotionSigmas * kMotionSigmas * noise / n;
         if (mean_sq > threshold) shift = mean * (1.0F - threshold / mean_sq);
         together = square / n - mean_sq <= kTogether * noise;
+        still = n > kMostOfMotion;
       }
-      fuse_pixel(i, shift, together);
+      fuse_pixel(i, shift, together, still);
     }
 }
 
-void DepthFusion::fuse_pixel(std::size_t i, float shift, bool together) noexcept {
+void DepthFusion::fuse_pixel(std::size_t i, float shift, bool together, bool still) noexcept {
   const float m = measured_[i], was = prior_->w[i], covered = prior_->hidden[i];
   const float age = prior_->age_s[i] + dt_s_, covered_age = prior_->hidden_age_s[i] + dt_s_;
   float w = was, variance = prior_->variance[i], seen = age, hidden = covered;
@@ -336,6 +339,9 @@ void DepthFusion::fuse_pixel(std::size_t i, float shift, bool together) noexcept
       // One that disagrees where all around move as one is an error: its, or this image's; the next decides.
       w = expected;
       variance = noise;
+    } else if (was > 0.0F && still && !follows && !(prior_->age_s[i] > 0.0F)) {
+      // Alone and for the first time: an edge's light hangs now here, now there.
+      seen = age;
     } else {
       // Nearer together than one sheet's neighbours they would be one.
       const float slack = kGateSigmas * std::sqrt(2.0F * noise) + steep_ * m;
@@ -351,6 +357,9 @@ void DepthFusion::fuse_pixel(std::size_t i, float shift, bool together) noexcept
     }
   } else if (age > static_cast<float>(kBlindSeconds)) {
     w = 0.0F;
+  } else if (was > 0.0F && together) {
+    // Left behind, a hole in what moves would be a pit.
+    w = was + shift;
   }
   if (hidden_age > static_cast<float>(kHiddenSeconds)) hidden = 0.0F;
   now_.w[i] = w;

@@ -62,7 +62,7 @@ class DepthFusion {
   void splat(std::size_t from, std::size_t to, float w, float shown) noexcept;
   void compare(const PixelWindow& window) noexcept;
   void fuse(const PixelWindow& window) noexcept;
-  void fuse_pixel(std::size_t i, float shift, bool together) noexcept;
+  void fuse_pixel(std::size_t i, float shift, bool together, bool still) noexcept;
   void fill(const PixelWindow& window) noexcept;
   void link(const PixelWindow& window) noexcept;
   void smooth(const PixelWindow& window) noexcept;

@@ -101,8 +101,9 @@ std::vector<StockSpec> stock_specs() {
       {"moving-wall", {table()}, above, {0.0, 0.0, 50.0}, 1.0},
       {"table",
        {table(),
-        {"sphere", "sphere:extent_mm=120", moved(-120.0, 0.0, 60.0)},
-        {"box", "slab:extent_mm=160:thickness_mm=100", moved(130.0, 0.0, 50.0, 30.0)}},
+        // Sunk halfway: a god object of the table would pass below what only stands on it.
+        {"sphere", "sphere:extent_mm=120", moved(-120.0, 0.0, 0.0)},
+        {"box", "slab:extent_mm=160:thickness_mm=160", moved(130.0, 0.0, 20.0, 30.0)}},
        aside},
       {"hand",
        {table(), {"hand", "sphere:extent_mm=80", moved(0.0, 0.0, 90.0)}},

@@ -109,6 +109,41 @@ TEST(DepthImage, AWallThatPassesARestingHandTakesItAlong) {
   }
 }
 
+TEST(DepthImage, ASurfaceThatComesOverALeavingHandHoldsIt) {
+  constexpr double kCameMm = 5.0, kLeavesS = 0.566;  // a tick before the image that shows it
+  StreamRig rig(SimulatedCamera(), [](const Vec3& o, const Vec3& ray, double t) {
+    return test::depth_of_plane(o, ray, t < 0.55 ? 0.0 : kCameMm);
+  });
+  // Hardly in touch, then a millimetre out at 100 mm/s.
+  const auto hip = [](double t) {
+    const double out = std::clamp(100.0 * (t - kLeavesS), 0.0, 1.0);
+    return Vec3(3.0, 2.0, t < 0.2 ? 5.0 - 25.1 * t : out - 0.02);
+  };
+  rig.prepare(hip(0.0));
+  const Felt felt = test::feel(rig, 1.0, hip, [](const Vec3& h, double t) {
+    return t < 0.65 ? kNotCompared : StreamRig::kStiffness * (kCameMm - h.z());
+  });
+  EXPECT_EQ(felt.lost, 0u);
+  EXPECT_LT(felt.worst_error_n, 1e-2);
+}
+
+TEST(DepthImage, AHoleInWhatMovesIsNoPit) {
+  // A pixel and its neighbours are blind in every fifth image of the wall.
+  StreamRig rig(SimulatedCamera(), [](const Vec3& o, const Vec3& ray, double t) {
+    const double z = swinging_wall(o, ray, t);
+    const bool blind = static_cast<int>(std::lround(t * 30.0)) % 5 == 0;
+    return blind && (z * ray.head<2>() + o.head<2>()).norm() < 3.0 ? test::kNothing : z;
+  });
+  const auto hip = [](double t) { return Vec3(1.0, 1.5, t < 0.1 ? 5.0 : swing(t - 0.033) - 6.0); };
+  rig.prepare(hip(0.0));
+  double aside = 0.0;
+  while (rig.time_s() < 2.0) {
+    const Frame frame = rig.step(hip(rig.time_s() + StreamRig::kTickS));
+    if (rig.time_s() > 0.3) aside = std::max(aside, frame.force_n.head<2>().norm());
+  }
+  EXPECT_LT(aside, 0.05);
+}
+
 TEST(DepthImage, NoPoppingThroughAtHalfAMetreASecond) {
   for (const bool noisy : {false, true}) {
     SimulatedCamera camera;
@@ -191,6 +226,33 @@ TEST(DepthImage, AStepIsNoWall) {
   });
   EXPECT_EQ(felt.lost, 0u);
   EXPECT_LT(felt.worst_error_n, 1e-2);
+}
+
+TEST(DepthImage, WhatStandsOnATableHoldsWhoSlidesAgainstItUntilItsTopIsNearer) {
+  constexpr double kTopMm = 20.0;  // steeper than any one surface shows
+  StreamRig rig(SimulatedCamera(), [](const Vec3& o, const Vec3& ray, double) {
+    const double high = test::depth_of_plane(o, ray, kTopMm);
+    return o.x() + high * ray.x() < 0.0 ? high : test::depth_of_plane(o, ray, 0.0);
+  });
+  constexpr double kDeepMm = 2.0, kPixelMm = 2.0;
+  double x = 30.0, largest = 0.0;
+  const auto hip = [&] { return Vec3(x, 5.0, rig.time_s() < 0.1 ? 5.0 : -kDeepMm); };
+  rig.prepare(hip());
+  Frame frame, before;
+  const auto slide = [&](double to) {
+    for (; x > to; x -= 0.1) {
+      frame = rig.step(hip());
+      if (rig.time_s() > 0.2) largest = std::max(largest, (frame.force_n - before.force_n).norm());
+      before = frame;
+    }
+  };
+  slide(-5.0);
+  EXPECT_NEAR(frame.force_n.x(), StreamRig::kStiffness * 5.0, StreamRig::kStiffness * kPixelMm);
+  EXPECT_NEAR(frame.force_n.z(), StreamRig::kStiffness * kDeepMm, 0.1);
+  slide(-60.0);
+  EXPECT_NEAR(frame.force_n.x(), 0.0, 1e-2);
+  EXPECT_NEAR(frame.force_n.z(), StreamRig::kStiffness * (kTopMm + kDeepMm), 1e-2);
+  EXPECT_LT(largest, 0.55);
 }
 
 }  // namespace
