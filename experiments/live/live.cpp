@@ -95,6 +95,11 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   run.reference = "none";  // no scoring
   if (!run.stream.empty() && !arguments.changes.empty())
     return Error{"--changes and --stream exclude each other", "leave one of them out"};
+  const std::string& hand = arguments.hand;
+  if (!run.stream.empty() && (hand == "press" || hand == "slide" || hand == "tap"))
+    return Error{
+        "--hand " + hand + " needs a place on a surface, and a stream has none before its first image",
+        "leave --hand out: the hand explores what it feels"};
   PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry, context.progress));
   PALPATE_ASSIGN(const DeviceChoice choice, check_early(arguments, checked, registry, drivers));
   checked.stage.stream.replayed = false;

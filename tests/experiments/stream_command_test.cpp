@@ -142,6 +142,7 @@ TEST_F(Streams, BadSourcesAndOptionsAreRefusedWithARemedy) {
         Bad{words("compare --stream", kSmallWall, "--reference closest-point --out @/o"), "auto"},
         Bad{words("live --stream @/nowhere --out @/o"), "nowhere"},
         Bad{words("live --stream sim:wall --changes 1:depth-image:stiffness=1 --out @/o"), "--changes"},
+        Bad{words("live --stream sim:wall --hand press --out @/o"), "--hand press"},
         Bad{words("info @/empty"), "empty"}, Bad{words("info sim:nothing"), "nothing"}}) {
     const ProcessOutcome run = palpate(bad.words);
     EXPECT_EQ(run.exit_code, 2) << bad.says << run.out;
