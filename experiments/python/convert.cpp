@@ -18,6 +18,15 @@ constexpr std::chrono::milliseconds kExitLooksEvery{1};
 
 std::atomic<int> unlocked_calls{0};
 std::atomic<bool> ending{false};
+std::thread::id ending_thread;  // written before `ending`
+
+/// A daemon thread that comes back while the interpreter ends would print an exception into files that are
+/// being closed, which aborts the process. It never comes back, as in Python's own calls.
+void stay_if_ending() {
+  if (!ending || std::this_thread::get_id() == ending_thread) return;
+  const py::gil_scoped_release released;
+  while (true) std::this_thread::sleep_for(kExitLooksEvery);
+}
 
 py::object error_type() {
   return py::module_::import("palpate.errors").attr("Error");
@@ -98,15 +107,18 @@ Error error_of(py::error_already_set& exception) {
 }
 
 Unlocked::Counted::Counted() {
+  stay_if_ending();
   if (ending) raise({"the interpreter ends", "wait for the thread before that"});
   ++unlocked_calls;
 }
 Unlocked::Counted::~Counted() {
   --unlocked_calls;
+  stay_if_ending();
 }
 
 void wait_at_exit() {
   py::module_::import("atexit").attr("register")(py::cpp_function([] {
+    ending_thread = std::this_thread::get_id();
     ending = true;
     const py::gil_scoped_release released;
     while (unlocked_calls > 0) std::this_thread::sleep_for(kExitLooksEvery);
