@@ -102,8 +102,8 @@ TEST_F(PreparedSurface, DivisionLeavesNoTrace) {
     EXPECT_GE(divided.chunks, 3u);
     EXPECT_EQ(divided.contradicted, 0.0);
     EXPECT_TRUE(bytes("divided") == bytes("whole"));
-    const auto& finest = surface("divided")->surfaces().front().surface;
-    EXPECT_EQ(finest.grid.closed_components.size(), kind.closed);
+    const auto file = surface("divided");
+    EXPECT_EQ(file->surfaces().front().surface.grid.closed_components.size(), kind.closed);
     EXPECT_EQ(names(), (std::set<std::string>{"cells", "divided", "whole"}));
   }
 }
