@@ -1,11 +1,11 @@
 // Depth images that arrive in time: the camera, a frame, a source of frames and who receives them.
 //
+// Lengths in mm, times in s, pixels with their centres at whole numbers. The camera's axes are x to the
+// right, y down, z forward; a depth is the z of a point, not its distance.
+//
 // First:
 //   palpate::stream::DepthReceiver* receiver = renderer->depth_receiver();  // of depth-image
 //   if (receiver != nullptr) (void)receiver->receive(palpate::stream::DepthFrame{}, hip_mm);
-//
-// Lengths in mm, times in s, pixels with their centres at whole numbers. The camera's axes are x to the
-// right, y down, z forward; a depth is the z of a point, not its distance.
 #pragma once
 
 #include <array>
