@@ -2,12 +2,12 @@
 // and for a Slurm cluster. A job is this program with the same command line and --case; the last one is the
 // command itself, which finds every case kept.
 //
-//   OUT/jobs/jobs.tsv             a row for each case
-//   OUT/jobs/Snakefile            prepare, case, merge, report
-//   OUT/jobs/run                  the command line, where it was typed
-//   OUT/jobs/profiles/NAME        local, slurm: for Snakemake 7 (config.yaml), and from 8 on
-//   (config.v8+.yaml) OUT/jobs/cases/ID             what the process of a case leaves: an OutputFolder of its
-//   own OUT/jobs/done                 what Snakemake has seen end
+//   OUT/jobs/jobs.tsv        a row for each case
+//   OUT/jobs/Snakefile       prepare, case, merge, report
+//   OUT/jobs/run             the command line, where it was typed
+//   OUT/jobs/profiles/NAME   local, slurm: config.yaml for Snakemake 7, config.v8+.yaml from 8 on
+//   OUT/jobs/cases/ID        what the process of a case leaves: an OutputFolder of its own
+//   OUT/jobs/done            what Snakemake has seen end
 #pragma once
 
 #include <cstddef>

@@ -76,17 +76,26 @@ void DepthContact::swap(const DepthSheets& sheets, FrameStatus& status, FrameCou
     god_ = plane;
     return leave();
   }
+  cross(sheets, q, 1.0, fastest);
+}
+
+/// Contact begins where q is behind a surface that the HIP was in front of, the same up to `pixels` of its
+/// steepest slope and `slack` mm along the line of sight.
+bool DepthContact::cross(const DepthSheets& sheets, const Vec3& q, double pixels, double slack) noexcept {
   const DepthPlace at = sheets.place(q);
   const Sides now = sides_at(sheets, q);
   for (const Side& before : sides_) {
     if (!before.front || at.pixel == 0) continue;
     const int layer =
-        sheets.layer_near(at.pixel, before.w, before.w * before.w * fastest + sheets.reach(before.w, 1.0));
+        sheets.layer_near(at.pixel, before.w, before.w * before.w * slack + sheets.reach(before.w, pixels));
     if (layer < 0 || now[static_cast<std::size_t>(layer)].front) continue;
-    begin(sheets, q * (1.0 / (q.z() * now[static_cast<std::size_t>(layer)].w)));
-    return;
+    state_ = State::kHeld;
+    god_ = sheets.to_local(q * (1.0 / (q.z() * now[static_cast<std::size_t>(layer)].w)));
+    pull_ = carried_ = Vec3::Zero();
+    return true;
   }
   sides_ = now;
+  return false;
 }
 
 DepthContact::Sides DepthContact::sides_at(const DepthSheets& sheets, const Vec3& q) noexcept {
@@ -114,26 +123,10 @@ void DepthContact::enter(const DepthSheets& sheets, const Vec3& hip, FrameCounte
   const int looks =
       pixels < kMaxDepthLooks ? std::max(1, static_cast<int>(std::ceil(pixels))) : kMaxDepthLooks;
   for (int k = 1; k <= looks; ++k) {
-    const Vec3 q = a + (b - a) * (static_cast<double>(k) / looks);
-    const Sides now = sides_at(sheets, q);
-    const DepthPlace at = sheets.place(q);
     ++counters.cells_visited;
-    for (const Side& before : sides_) {
-      if (!before.front || at.pixel == 0) continue;
-      const int layer =
-          sheets.layer_near(at.pixel, before.w, sheets.reach(before.w, std::max(1.0, pixels / looks)));
-      if (layer < 0 || now[static_cast<std::size_t>(layer)].front) continue;
-      begin(sheets, q * (1.0 / (q.z() * now[static_cast<std::size_t>(layer)].w)));
+    if (cross(sheets, a + (b - a) * (static_cast<double>(k) / looks), std::max(1.0, pixels / looks), 0.0))
       return;
-    }
-    sides_ = now;
   }
-}
-
-void DepthContact::begin(const DepthSheets& sheets, const Vec3& q) noexcept {
-  state_ = State::kHeld;
-  god_ = sheets.to_local(q);
-  pull_ = carried_ = Vec3::Zero();
 }
 
 /// Moves the god object to the surface's nearest place: onto the tangent plane under it, again and again, no

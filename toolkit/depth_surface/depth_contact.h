@@ -51,7 +51,7 @@ class DepthContact {
   using Sides = std::array<Side, DepthSheets::kLayers>;
 
   void swap(const DepthSheets& sheets, FrameStatus& status, FrameCounters& counters) noexcept;
-  void begin(const DepthSheets& sheets, const Vec3& q) noexcept;
+  bool cross(const DepthSheets& sheets, const Vec3& q, double pixels, double slack) noexcept;
   [[nodiscard]] Descent descend(const DepthSheets& sheets, const Vec3& hip, double slack, FrameStatus& status,
                                 FrameCounters& counters) noexcept;
   [[nodiscard]] static Sides sides_at(const DepthSheets& sheets, const Vec3& q) noexcept;
