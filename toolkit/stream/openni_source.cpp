@@ -15,14 +15,13 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kOpenNiErrorBytes = 512;
 constexpr const char* kGetPlugin =
-    "build Palpate where libopenni2-dev is installed, and keep palpate_openni.so beside the program or in "
-    "its lib/palpate";
+    "build Palpate where libopenni2-dev is installed, and keep palpate_openni.so in lib/palpate/plugins "
+    "beside the program's bin, or in a folder of PALPATE_PLUGINS";
 
 fs::path openni_file() {
-  std::error_code unknown, missing;
-  const fs::path folder = fs::read_symlink("/proc/self/exe", unknown).parent_path();
-  for (const fs::path& place : {folder, folder.parent_path() / "lib/palpate", folder.parent_path() / "lib"})
-    if (!unknown && fs::is_regular_file(place / kOpenNiModule, missing)) return place / kOpenNiModule;
+  std::error_code missing;
+  for (const fs::path& folder : plugin_folders())
+    if (fs::is_regular_file(folder / kOpenNiModule, missing)) return folder / kOpenNiModule;
   return kOpenNiModule;  // the run path, LD_LIBRARY_PATH, the system's folders
 }
 

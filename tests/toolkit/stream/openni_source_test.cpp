@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include <filesystem>
+#include <cstdlib>
 
 #include "tests/toolkit/messages.h"
 #include "toolkit/stream/depth_source.h"
@@ -11,8 +11,9 @@ namespace {
 
 using palpate::test::refused;
 
-// fake_openni.cpp stands beside this program under the plug-in's name.
-TEST(OpenNi, APlugInBesideTheProgramOpensTheCamera) {
+// fake_openni.cpp stands in that folder under the plug-in's name.
+TEST(OpenNi, APlugInInANamedFolderOpensTheCamera) {
+  ::setenv("PALPATE_PLUGINS", PALPATE_FAKE_OPENNI, 1);
   const auto source = test::value_of(open_depth_source("openni"));
   EXPECT_EQ(source->describe(), "one pixel");
   DepthFrame frame;
