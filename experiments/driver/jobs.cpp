@@ -109,39 +109,28 @@ rule merge:
         "sh run {output}"
 )";
 
-// One job that is timed at a time. Times of files decide alone what is to be done again. What says that a job
-// has ended is whole where it is there: a Snakemake that was killed finds its jobs in the queue again.
+// One job that is timed at a time.
 constexpr const char* kLocalProfile = R"(cores: all
 resources:
   - timing=1
-rerun-triggers: mtime
-ignore-incomplete: true
-keep-going: true
-quiet: rules
 )";
-
 // Partition and account come from the user's SBATCH_PARTITION and SBATCH_ACCOUNT.
 constexpr const char* kSlurm7 = R"(cluster: >-
   sh profiles/slurm/submit {resources.slurm_extra} {resources.mem_mb} {resources.runtime} {rule} {output} {wildcards}
 cluster-status: sh profiles/slurm/status
 cluster-cancel: scancel
-jobs: 1000
-resources:
-  - timing=1000
-rerun-triggers: mtime
-ignore-incomplete: true
-keep-going: true
-latency-wait: 60
-quiet: rules
 )";
-constexpr const char* kSlurm8 = R"(executor: slurm
-jobs: 1000
+constexpr const char* kSlurm8 = "executor: slurm\n";
+constexpr const char* kSlurmJobs = R"(jobs: 1000
 resources:
   - timing=1000
-rerun-triggers: mtime
+latency-wait: 60
+)";
+// Times of files decide alone what is to be done again. What says that a job has ended is whole where it is
+// there: a Snakemake that was killed finds its jobs in the queue again.
+constexpr const char* kEveryProfile = R"(rerun-triggers: mtime
 ignore-incomplete: true
 keep-going: true
-latency-wait: 60
 quiet: rules
 )";
 // A job is what its rule runs: Snakemake itself, started in every job, would take seconds of it.
@@ -243,10 +232,11 @@ Result<std::string> write_jobs(const CaseSelection& cases, const fs::path& out) 
   PALPATE_TRY(folder.write("run", run_script(cases.command)));
   PALPATE_ASSIGN(const OutputFolder profiles, folder.inside("profiles"));
   PALPATE_ASSIGN(const OutputFolder local, profiles.inside("local"));
-  PALPATE_TRY(local.write("config.yaml", kLocalProfile));
+  PALPATE_TRY(local.write("config.yaml", std::string(kLocalProfile) + kEveryProfile));
   PALPATE_ASSIGN(const OutputFolder slurm, profiles.inside("slurm"));
-  PALPATE_TRY(slurm.write("config.yaml", kSlurm7));
-  PALPATE_TRY(slurm.write("config.v8+.yaml", kSlurm8));
+  const std::string queued = std::string(kSlurmJobs) + kEveryProfile;
+  PALPATE_TRY(slurm.write("config.yaml", kSlurm7 + queued));
+  PALPATE_TRY(slurm.write("config.v8+.yaml", kSlurm8 + queued));
   PALPATE_TRY(slurm.write("submit", kSlurmSubmit));
   PALPATE_TRY(slurm.write("status", kSlurmStatus));
   PALPATE_TRY(folder.complete());

@@ -204,6 +204,7 @@ Result<StreamRequest> stream_of(const RunArguments& arguments) {
 /// The images of a stream: a file, or all files of a folder in the order of their names.
 void add_stream(const std::string& source, RunKey& key) {
   if (is_recorded_session(source)) key.add_file(source);
+  if (const std::string file = simulated_file(source); !file.empty()) key.add_file(file);
   std::vector<std::string> files;
   std::error_code none;
   constexpr auto kSkip = std::filesystem::directory_options::skip_permission_denied;

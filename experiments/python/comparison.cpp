@@ -148,11 +148,7 @@ py::tuple compare(const py::list& renderers, const py::object& path, const py::o
   check_unchanged(*of);
   const trace::ProbePath* const samples = along.path == nullptr ? nullptr : &finite(along);
   if (*of->moving) raise({"a replay in another thread moves the scene's models", "load the scene once more"});
-  *of->moving = of->loaded.input.simulation != nullptr;
-  struct Rest {
-    bool& moving;
-    ~Rest() { moving = false; }
-  } const rest{*of->moving};
+  const MovesModels moves(*of);
   for (const PythonClassPtr& python : entries.python) python->forget_failure();
 
   ex::StagedStudy study = without_lock([&](Progress& progress) -> Result<ex::StagedStudy> {

@@ -114,14 +114,9 @@ Trace Renderer::replay(py::handle path, double rate_hz) {
     raise({"the first place of the HIP is not finite", "begin in free space"});
   if (python_ != nullptr) python_->forget_failure();
   render::Simulation* const simulation = simulation_of(*scene_);
-  *scene_->moving = simulation != nullptr;
-  struct Rest {
-    bool& moving;
-    ~Rest() { moving = false; }
-  };
   double seconds = 0.0;
   Result<trace::ForceTrace> replayed = [&] {
-    const Rest rest{*scene_->moving};
+    const MovesModels moves(*scene_);
     const Unlocked unlocked;
     const Stopwatch watch;
     Result<trace::ForceTrace> frames = trace::replay(*renderer_, samples, simulation);

@@ -23,6 +23,20 @@ struct Scene {
 };
 using ScenePtr = std::shared_ptr<const Scene>;
 
+/// A replay that moves the scene's models, as long as it lives. With the lock.
+class PALPATE_HIDDEN MovesModels {
+ public:
+  explicit MovesModels(const Scene& scene) : moving_(*scene.moving) {
+    moving_ = scene.loaded.input.simulation != nullptr;
+  }
+  ~MovesModels() { moving_ = false; }
+  MovesModels(const MovesModels&) = delete;
+  MovesModels& operator=(const MovesModels&) = delete;
+
+ private:
+  bool& moving_;
+};
+
 /// One model of a scene.
 struct Cloud {
   ScenePtr scene;

@@ -16,8 +16,6 @@
 namespace palpate::experiments {
 namespace {
 
-/// Seconds of a replay where no path is named: a hundred and fifty swaps at 30 Hz.
-constexpr double kUsualStreamS = 5.0;
 constexpr double kStreamFramesPerS = 1e3;
 constexpr double kStreamStepS = 1e-3;
 constexpr const char* kFeltOfStream = "depth-image";
@@ -67,12 +65,18 @@ render::SceneInput true_scene(const Stage& stage) {
   return scene;
 }
 
+bool all_have_formulas(const render::SceneInput& scene) {
+  return std::all_of(scene.models.begin(), scene.models.end(),
+                     [](const render::ModelInput& model) { return model.analytic != nullptr; });
+}
+
 /// The hand's own path.
 Status let_hand_work(Stage& stage, const NamedOptions& hand, int threads, Progress& progress) {
   progress.report("a hand feels the stream", -1.0);
   const OpenStream& open = stage.stream->open;
   PALPATE_ASSIGN(const HandView view, view_of(open.first, open.source->camera()));
-  const bool still = open.known && open.known->scene.simulation == nullptr;
+  const bool still =
+      open.known && open.known->scene.simulation == nullptr && all_have_formulas(open.known->scene);
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> felt,
                  still ? prepared("analytic", true_scene(stage), threads, progress)
                        : prepared(kFeltOfStream, stage.scene.input, threads, progress));
@@ -158,11 +162,6 @@ Status add_stream_truth(Stage& stage, int threads, Progress& progress) {
     reference.frames.push_back(frame);
   }
   return Done{};
-}
-
-bool all_have_formulas(const render::SceneInput& scene) {
-  return std::all_of(scene.models.begin(), scene.models.end(),
-                     [](const render::ModelInput& model) { return model.analytic != nullptr; });
 }
 
 Status check_stream_reference(const StageRequest& request, const OpenStream& open) {

@@ -8,12 +8,14 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/scene.h>
 #include "device/record/recording.h"
 #include "toolkit/render/camera_lens.h"
 #include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_codec.h"
 #include "toolkit/stream/depth_source.h"
 #include "toolkit/stream/openni_source.h"
+#include "toolkit/stream/simulated_camera.h"
 
 namespace palpate::experiments {
 namespace {
@@ -81,12 +83,25 @@ bool can_undo_lens(const stream::DepthCamera& camera) {
   return true;
 }
 
+/// What a simulated camera sees: a stock scene or a scene file. Models and motions are new in every call.
+Result<stream::StockScene> simulated_scene(const std::string& name, const io::Readers& readers) {
+  const std::string file = simulated_file(name);
+  if (file.empty()) return stream::stock_scene(name);
+  PALPATE_ASSIGN(const scene::SceneFile opened, scene::open_scene(file));
+  PALPATE_ASSIGN(scene::LoadedScene loaded, scene::load(opened, readers, {}, no_progress()));
+  return stream::camera_before(std::move(loaded.input), name.substr(name.find(file) + file.size()));
+}
+
 Result<std::unique_ptr<stream::DepthSource>> open_source(const std::string& name,
                                                          const io::Readers& readers) {
   if (device::is_recording(name)) {
     auto recorded = std::make_unique<RecordedStream>(name);
     PALPATE_TRY(recorded->begin());
     return std::unique_ptr<stream::DepthSource>(std::move(recorded));
+  }
+  if (name.starts_with(stream::kSimulatedPrefix)) {
+    PALPATE_ASSIGN(stream::StockScene seen, simulated_scene(name, readers));
+    return stream::simulated_camera_of(std::move(seen), name);
   }
   stream::DepthSourceOptions options;
   options.readers = &readers;
@@ -95,6 +110,13 @@ Result<std::unique_ptr<stream::DepthSource>> open_source(const std::string& name
 
 }  // namespace
 
+std::string simulated_file(const std::string& stream) {
+  const std::string_view prefix = stream::kSimulatedPrefix;
+  if (!stream.starts_with(prefix)) return {};
+  const std::string file = stream.substr(prefix.size(), stream.find(':', prefix.size()) - prefix.size());
+  return file.ends_with(".toml") ? file : std::string();
+}
+
 Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers) {
   OpenStream open;
   open.name = name;
@@ -102,7 +124,7 @@ Result<OpenStream> open_stream(const std::string& name, const io::Readers& reade
   open.is_camera = stream::is_openni_name(name) && !std::filesystem::is_directory(name, code);
   PALPATE_ASSIGN(open.source, open_source(name, readers));
   if (name.starts_with(stream::kSimulatedPrefix)) {
-    PALPATE_ASSIGN(stream::StockScene known, stream::stock_scene(name));
+    PALPATE_ASSIGN(stream::StockScene known, simulated_scene(name, readers));
     open.known = std::move(known);
   }
   if (!can_undo_lens(open.source->camera()))

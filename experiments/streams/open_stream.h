@@ -35,8 +35,11 @@ struct OpenStream {
   }
 };
 
-/// "room/", "session.palrec", "sim:wall", "openni". `readers`, which read organised point clouds, must
-/// outlive it. Errors: there is no such stream, or no image in it.
+/// The scene file that a simulated camera sees: "x.toml" of "sim:x.toml:width=320", empty of other streams.
+[[nodiscard]] std::string simulated_file(const std::string& stream);
+
+/// "room/", "session.palrec", "sim:wall", "sim:scene.toml", "openni". `readers`, which read organised point
+/// clouds, must outlive it. Errors: there is no such stream, or no image in it.
 [[nodiscard]] Result<OpenStream> open_stream(const std::string& name, const io::Readers& readers);
 
 /// The measured pixels as points, world frame. An Error where there are none.

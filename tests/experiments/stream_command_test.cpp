@@ -55,6 +55,15 @@ TEST_F(Streams, AWallIsComparedWithItsFormulaAndIsTheSameTwice) {
   EXPECT_EQ(result("again")["renderers"][0]["trace_hash"], first["trace_hash"]);
 }
 
+TEST_F(Streams, ASceneOfOnesOwnIsSeenAndItsFormulasAreTheTruth) {
+  write_text(in("my.toml"), "[[model]]\ngenerate = \"torus\"\npoints = 5000\n");
+  succeeds("compare --stream", "sim:" + in("my.toml") + ":width=160:height=120:sensor=ideal",
+           "--renderers depth-image --path press-and-slide:frames=600 --out @/out");
+  const json first = result("out")["renderers"][0];
+  EXPECT_EQ(first["accuracy"]["reference"], "analytic") << first["reason"];
+  EXPECT_GT(first["accuracy"]["contact_frames"], 100);
+}
+
 TEST_F(Streams, ARendererWithoutAReceiverFallsShort) {
   const ProcessOutcome run = palpate("compare --stream", kSmallWall,
                                      "--renderers cloud --path press-and-slide:frames=50 --out @/out");

@@ -131,6 +131,11 @@ TEST(StreamScores, AStepAtASwapIsWhatTheHandDidNotMake) {
   EXPECT_NEAR(*scores.rate_max_n_per_ms, 0.2, 1e-9);
   EXPECT_NEAR(*scores.light_to_tick_p99_ms, 5.0, 1e-9);
   EXPECT_EQ(*scores.window_p99_ms, 3.0);
+  // Contact that a swap drops is a step as well.
+  for (std::size_t i = 8; i < trace.frames.size(); ++i) trace.frames[i] = {};
+  const metrics::StreamScores dropped = metrics::score_stream(path, trace, given, 0.5);
+  EXPECT_EQ(dropped.releases, 1u);
+  EXPECT_NEAR(*dropped.swap_step_max_n, 0.05 * 7 + 0.2 - 0.05, 1e-12);
 }
 
 }  // namespace

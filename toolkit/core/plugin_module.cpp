@@ -3,9 +3,7 @@
 #include <dlfcn.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdlib>
-#include <cstring>
 #include <map>
 #include <system_error>
 
@@ -58,24 +56,17 @@ Error not_of_this_version(const fs::path& file) {
   return {"is no plug-in of this version", "build it again with this version of Palpate", file.string()};
 }
 
-Result<std::shared_ptr<const void>> load_plugin_table(const fs::path& file, const char* entry,
-                                                      std::uint32_t abi, std::size_t size) {
-  const std::shared_ptr<void> module(::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL), [](void* handle) {
+Result<std::shared_ptr<void>> load_module(const fs::path& file) {
+  std::shared_ptr<void> module(::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL), [](void* handle) {
     if (handle != nullptr) ::dlclose(handle);
   });
-  if (module == nullptr) {
-    const char* const why = ::dlerror();
-    return Error{std::string("the plug-in cannot be loaded: ") + (why != nullptr ? why : "no reason told"),
-                 "install the library that it names, or tell the loader where it is (LD_LIBRARY_PATH)",
-                 file.string()};
-  }
-  using EntryFunction = const void* (*)();
-  auto* const function = reinterpret_cast<EntryFunction>(::dlsym(module.get(), entry));
-  const void* const table = function != nullptr ? function() : nullptr;
-  std::array<std::uint32_t, 2> head{};  // version, size
-  if (table != nullptr) std::memcpy(head.data(), table, sizeof(head));
-  if (head[0] != abi || head[1] < size) return not_of_this_version(file);
-  return std::shared_ptr<const void>(module, table);
+  if (module != nullptr) return module;
+  const char* const why = ::dlerror();
+  return Error{std::string("the plug-in cannot be loaded: ") + (why != nullptr ? why : "no reason told"),
+               "install the library that it names, or tell the loader where it is (LD_LIBRARY_PATH)",
+               file.string()};
 }
+
+void* exported(void* module, const char* name) noexcept { return ::dlsym(module, name); }
 
 }  // namespace palpate

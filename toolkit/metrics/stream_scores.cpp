@@ -38,8 +38,8 @@ StreamScores score_stream(const trace::ProbePath& path, const trace::ForceTrace&
       light.push_back((path.t_s[i] - one.captured_s) * kStreamMsPerS);
     }
     if (swapped && scores.swaps_s.size() < kMostSwapTimes) scores.swaps_s.push_back(path.t_s[i]);
-    scores.releases += i > 0 && trace.frames[i - 1].contact && !trace.frames[i].contact ? 1u : 0u;
-    if (i == 0 || !trace.frames[i].contact || !trace.frames[i - 1].contact) continue;
+    if (i == 0 || (!trace.frames[i].contact && !trace.frames[i - 1].contact)) continue;
+    scores.releases += trace.frames[i].contact ? 0u : 1u;
     const double excess_n =
         std::max(0.0, (trace.frames[i].force_n - trace.frames[i - 1].force_n).norm() -
                           stiffness_n_per_mm * (path.hip_mm[i] - path.hip_mm[i - 1]).norm());

@@ -22,7 +22,7 @@ struct StreamDelivery {
 /// Half a minute at 30 Hz.
 inline constexpr std::size_t kMostSwapTimes = 1000;
 
-/// Empty where nothing was taken, or no contact lasted over a swap.
+/// Empty where nothing was taken, or no swap met contact.
 struct StreamScores {
   std::uint64_t frames = 0;  ///< given: taken, repeated, late and truncated ones
   std::uint64_t taken = 0, repeated = 0, late = 0, truncated = 0;
@@ -35,7 +35,7 @@ struct StreamScores {
   std::uint64_t swaps_in_contact = 0;
   std::uint64_t releases = 0;  ///< times that contact ended
   /// Excess of the force's change over stiffness times the HIP's way: in the tick of a swap, and per
-  /// millisecond in every tick of contact.
+  /// millisecond in every tick with contact in it or in the one before, so that contact that is lost counts.
   std::optional<double> swap_step_max_n, swap_step_p99_n, rate_max_n_per_ms;
   std::vector<double> swaps_s{};  ///< ticks of the first kMostSwapTimes new surfaces, for pictures
 };

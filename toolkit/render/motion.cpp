@@ -1,6 +1,8 @@
 #include <palpate/motion.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 namespace palpate::render {
 namespace {
@@ -37,6 +39,12 @@ PoseState ScriptedMotion::at(double t_s) const noexcept {
     now.velocity_mm_s = Vec3::Zero();
     now.angular_velocity_rad_s = Vec3::Zero();
   }
+  if (!(swing_hz > 0.0)) return now;
+  const double omega = 2.0 * std::numbers::pi * swing_hz;
+  const Vec3 swung = std::sin(omega * t_s) * swing_mm;
+  now.world_from_model.translation_mm += swung;
+  now.about_mm += swung;
+  now.velocity_mm_s += omega * std::cos(omega * t_s) * swing_mm;
   return now;
 }
 

@@ -196,12 +196,17 @@ std::unique_ptr<DepthSource> make_simulated_camera(std::unique_ptr<SimulatedScen
                                            std::move(name), threads);
 }
 
-Result<std::unique_ptr<DepthSource>> open_simulated_camera(const std::string& spec) {
-  PALPATE_ASSIGN(StockScene stock, stock_scene(spec));
+Result<std::unique_ptr<DepthSource>> simulated_camera_of(StockScene stock, std::string name) {
   PALPATE_ASSIGN(std::unique_ptr<SimulatedScene> scene, SimulatedScene::make(std::move(stock.scene)));
   return make_simulated_camera(
       std::move(scene), stock.camera, [pose = stock.world_from_camera](double) { return pose; },
-      stock.simulated, spec.starts_with(kSimulatedPrefix) ? spec : kSimulatedPrefix + spec);
+      stock.simulated, std::move(name));
+}
+
+Result<std::unique_ptr<DepthSource>> open_simulated_camera(const std::string& spec) {
+  PALPATE_ASSIGN(StockScene stock, stock_scene(spec));
+  return simulated_camera_of(std::move(stock),
+                             spec.starts_with(kSimulatedPrefix) ? spec : kSimulatedPrefix + spec);
 }
 
 }  // namespace palpate::stream

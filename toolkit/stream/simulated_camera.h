@@ -23,6 +23,8 @@ using CameraPath = std::function<geometry::RigidTransform(double t_s)>;
                                                                  const SimulatedSensor& simulated,
                                                                  std::string name, int threads = 0);
 
+/// The camera of a stock scene, at rest.
+[[nodiscard]] Result<std::unique_ptr<DepthSource>> simulated_camera_of(StockScene stock, std::string name);
 /// A stock scene with its options, as "wall:noise_mm=1".
 [[nodiscard]] Result<std::unique_ptr<DepthSource>> open_simulated_camera(const std::string& spec);
 

@@ -29,47 +29,6 @@ constexpr double kFocalPerWidth = 525.0 / 640.0;
 constexpr const char* kStockPoints = ":points=10000";
 constexpr double kTableMm = 4000.0;
 
-/// Publishes models that swing to and fro from their pose at the start.
-class Swing final : public render::Simulation {
- public:
-  Swing(const Vec3& amplitude_mm, double hz)
-      : amplitude_mm_(amplitude_mm), omega_(2.0 * std::numbers::pi * hz) {}
-
-  [[nodiscard]] std::shared_ptr<render::MovingModel> add(const geometry::RigidTransform& start) {
-    start_ = start;
-    model_ = std::make_shared<render::MovingModel>(at(0.0));
-    return model_;
-  }
-  void reset() noexcept override {
-    next_tick_ = 0.0;
-    advance(0.0);
-  }
-  void advance(double t_s) noexcept override {
-    const double ticks = std::floor(t_s * kSwingHz);
-    if (ticks < next_tick_) return;
-    next_tick_ = ticks + 1.0;
-    model_->publish(at(ticks / kSwingHz));
-  }
-  [[nodiscard]] double next_s() const noexcept override { return next_tick_ / kSwingHz; }
-
- private:
-  [[nodiscard]] render::PoseState at(double t_s) const noexcept {
-    render::PoseState state;
-    state.t_s = t_s;
-    state.world_from_model = start_;
-    state.world_from_model.translation_mm += std::sin(omega_ * t_s) * amplitude_mm_;
-    state.velocity_mm_s = omega_ * std::cos(omega_ * t_s) * amplitude_mm_;
-    state.about_mm = state.world_from_model.translation_mm;
-    return state;
-  }
-
-  Vec3 amplitude_mm_;
-  double omega_;
-  geometry::RigidTransform start_;
-  std::shared_ptr<render::MovingModel> model_;
-  double next_tick_ = 1.0;
-};
-
 struct StockModel {
   const char* name;
   std::string generator;
@@ -126,8 +85,8 @@ OptionSpec share_option(const char* key, const char* help) {
   return {key, OptionKind::kNumber, "0", help, {}, 0.0, 1.0};
 }
 
-std::vector<OptionSpec> options_of(const StockSpec& scene) {
-  std::vector<OptionSpec> specs{
+std::vector<OptionSpec> camera_options() {
+  return {
       {"width", OptionKind::kInteger, "640", "pixels across", {}, 8, 4096},
       {"height", OptionKind::kInteger, "480", "pixels down", {}, 8, 4096},
       {"rate_hz", OptionKind::kNumber, "30", "frames a second", {}, 1e-3, 1e4},
@@ -151,6 +110,10 @@ std::vector<OptionSpec> options_of(const StockSpec& scene) {
       share_option("unordered", "share of frames that come after the next one"),
       share_option("truncated", "share of frames that lose the end of their depths"),
   };
+}
+
+std::vector<OptionSpec> options_of(const StockSpec& scene) {
+  std::vector<OptionSpec> specs = camera_options();
   if (scene.swing_hz > 0.0) {
     specs.push_back({"amplitude_mm",
                      OptionKind::kNumber,
@@ -208,10 +171,12 @@ Status add_models(const StockSpec& spec, const Options& options, render::SceneIn
   }
   if (spec.swing_hz > 0.0) {
     render::ModelInput& model = scene.models.back();
-    auto swing = std::make_shared<Swing>(options.number("amplitude_mm") * spec.swing_mm.normalized(),
-                                         options.number("hz"));
-    model.motion = swing->add(model.world_from_model);
-    scene.simulation = std::move(swing);
+    render::ScriptedMotion swing{model.world_from_model};
+    swing.swing_mm = options.number("amplitude_mm") * spec.swing_mm.normalized();
+    swing.swing_hz = options.number("hz");
+    auto simulation = std::make_shared<render::ScriptedSimulation>(kSwingHz);
+    model.motion = simulation->add(swing);
+    scene.simulation = std::move(simulation);
   }
   return Done{};
 }
@@ -252,6 +217,30 @@ Result<StockScene> stock_scene(const std::string& text) {
   out.world_from_camera = spec->world_from_camera;
   set_camera(options, out);
   PALPATE_TRY(add_models(*spec, options, out.scene));
+  return out;
+}
+
+Result<StockScene> camera_before(render::SceneInput scene, const std::string& spec) {
+  const std::string name = "scene";
+  PALPATE_ASSIGN(const NamedOptions given, parse_named_options(name + spec));
+  PALPATE_ASSIGN(const Options options, validate(given.options, camera_options(), kSimulatedPrefix + name));
+  StockScene out;
+  set_camera(options, out);
+  geometry::Aabb box;
+  for (const render::ModelInput& model : scene.models) {
+    const geometry::Aabb own = model.cloud->box_mm();
+    for (const double x : {own.low_mm.x(), own.high_mm.x()})
+      for (const double y : {own.low_mm.y(), own.high_mm.y()})
+        for (const double z : {own.low_mm.z(), own.high_mm.z()})
+          box.add(model.world_from_model * Vec3(x, y, z));
+  }
+  // The tangent to a sphere at half the image's smaller side.
+  const double half_px = 0.5 * std::min(out.camera.width, out.camera.height);
+  const double away_mm = 0.5 * box.extent_mm().norm() * std::hypot(1.0, out.camera.fx_px / half_px);
+  const Vec3 middle = box.centre_mm();
+  out.world_from_camera =
+      look_at(middle + away_mm * Vec3(0.0, -1.0, 1.0).normalized(), middle, Vec3::UnitZ());
+  out.scene = std::move(scene);
   return out;
 }
 

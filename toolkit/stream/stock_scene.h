@@ -50,7 +50,7 @@ struct SimulatedSensor {
 
 /// Every call makes models and motions of its own: one for the camera, one for each renderer.
 struct StockScene {
-  render::SceneInput scene;  ///< every model has its formula
+  render::SceneInput scene;  ///< every model has a formula, or faces of its own
   geometry::RigidTransform world_from_camera;
   DepthCamera camera;
   SimulatedSensor simulated;
@@ -63,6 +63,9 @@ inline constexpr const char* kSimulatedPrefix = "sim:";
 [[nodiscard]] std::vector<OptionSpec> stock_scene_options(const std::string& name);
 /// `spec` is "wall:noise_mm=1", with or without "sim:" before it.
 [[nodiscard]] Result<StockScene> stock_scene(const std::string& spec);
+/// The same camera before other models: from above at 45 degrees, as far away as the sphere around them fills
+/// the image. `spec` is ":width=320:noise_mm=1", or empty.
+[[nodiscard]] Result<StockScene> camera_before(render::SceneInput scene, const std::string& spec);
 
 /// Pose of a camera at `eye_mm` that looks at `target_mm`, with `up` upwards in its image.
 [[nodiscard]] geometry::RigidTransform look_at(const Vec3& eye_mm, const Vec3& target_mm, const Vec3& up);

@@ -228,6 +228,26 @@ TEST(SimulatedCamera, ArrivalsNeverFallAndFollowTheCapture) {
   EXPECT_EQ(source->frames(), 100u);
 }
 
+TEST(StockScenes, ACameraStandsBeforeAnyScene) {
+  render::SceneInput scene = value_of(stock_scene("hand")).scene;
+  scene.models = {scene.models.back()};  // a ball
+  scene.models.front().motion = nullptr;
+  scene.simulation = nullptr;
+  const StockScene seen = value_of(camera_before(scene, ":sensor=ideal" + kSmall));
+  const auto source = value_of(simulated_camera_of(seen, "test"));
+  const DepthFrame frame = next_of(*source);
+  const auto width = static_cast<std::size_t>(seen.camera.width),
+             height = static_cast<std::size_t>(seen.camera.height);
+  // The sphere around its box fills the height; the ball itself has that over the root of three.
+  std::size_t column = 0;
+  for (std::size_t row = 0; row < height; ++row)
+    if (frame.depth_mm[row * width + width / 2] > 0.0f) ++column;
+  EXPECT_GT(column, height / 2);
+  EXPECT_LT(column, height * 3 / 4);
+  EXPECT_EQ(frame.depth_mm.front(), 0.0f);
+  EXPECT_TRUE(refused(camera_before(scene, ":widht=3"), "width"));
+}
+
 TEST(StockScenes, AllAreSeenAndKnowTheirOptions) {
   for (const std::string& name : stock_scene_names()) {
     const StockScene stock = value_of(stock_scene(kSimulatedPrefix + name));

@@ -110,7 +110,8 @@ class Simulation {
   [[nodiscard]] virtual double next_s() const noexcept = 0;
 };
 
-/// A motion written in a scene file: at rest, then constant velocity and turn, then at rest.
+/// A motion written in a scene file: at rest, then constant velocity and turn, then at rest. A swing to and fro
+/// adds to it.
 struct ScriptedMotion {
   geometry::RigidTransform start;              ///< pose before start_s
   Vec3 velocity_mm_s = Vec3::Zero();           ///< world
@@ -118,6 +119,8 @@ struct ScriptedMotion {
   Vec3 about_mm = Vec3::Zero();                ///< pivot at the start, world; moves with the velocity
   double start_s = 0.0;
   double stop_s = HUGE_VAL;
+  Vec3 swing_mm = Vec3::Zero();  ///< amplitude, world
+  double swing_hz = 0.0;
 
   [[nodiscard]] PoseState at(double t_s) const noexcept;
 };

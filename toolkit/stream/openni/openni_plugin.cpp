@@ -61,7 +61,6 @@ class OpenNiSource final : public DepthSource {
     if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "it measures no depth";
     if (depth_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK) return openni_says();
     (void)depth_.setMirroringEnabled(false);  // where it cannot be switched, there is none
-    if (depth_.start() != openni::STATUS_OK) return openni_says();
     const openni::VideoMode mode = depth_.getVideoMode();
     switch (mode.getPixelFormat()) {
       case openni::PIXEL_FORMAT_DEPTH_1_MM:
@@ -85,7 +84,8 @@ class OpenNiSource final : public DepthSource {
     if (mode.getFps() > 0) camera_.period_s = 1.0 / mode.getFps();
     const openni::DeviceInfo& device = device_.getDeviceInfo();
     described_ = std::string(device.getVendor()) + " " + device.getName();
-    return {};
+    // Last: what is refused has started no thread, which some drivers let run on after stop().
+    return depth_.start() == openni::STATUS_OK ? std::string() : openni_says();
   }
 
   [[nodiscard]] const DepthCamera& camera() const noexcept override { return camera_; }
