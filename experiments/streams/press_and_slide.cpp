@@ -94,6 +94,7 @@ void press_and_slide(const HandView& view, double stiffness_n_per_mm, const Name
   path.hip_mm.reserve(path.hip_mm.size() + frames);
   Vec3 h(0.0, 0.0, view.nearest_mm - clear_mm);  // camera axes
   double phase = 0.0;
+  bool returns = false;  // the way it came: where there was nothing
   for (std::size_t k = 0; k < frames; ++k) {
     const double t = static_cast<double>(k) * kHandStepS;
     const Vec3 hip = view.world_from_camera * h;
@@ -102,14 +103,16 @@ void press_and_slide(const HandView& view, double stiffness_n_per_mm, const Name
     const Vec3 force = view.world_from_camera.inverse().rotate(felt(hip, t));
     double own_n = press_n * (kMeanPress + kPressSwing * std::sin(turns(t, kPressPeriodS)));
     if (std::fmod(t, kLiftEveryS) > kLiftEveryS - kLiftS) own_n = -kLiftShare * fastest_mm_s * damping;
-    if (h.z() > view.farthest_mm + clear_mm) own_n = -press_n;
+    if (h.z() > view.farthest_mm + clear_mm) returns = true;
+    if (h.z() < view.nearest_mm) returns = false;
+    if (returns) own_n = -press_n;
     const double pace = kSlowest + (1.0 - kSlowest) * 0.5 * (1.0 - std::cos(turns(t, kPacePeriodS)));
     phase += rate * pace * kHandStepS;
     const Vec3 goal(width_mm * std::sin(phase), height_mm * std::sin(phase / std::numbers::phi), 0.0);
     const Vec3 slide(rate * pace * width_mm * std::cos(phase),
                      rate * pace * height_mm / std::numbers::phi * std::cos(phase / std::numbers::phi), 0.0);
-    Vec3 velocity = (Vec3(0.0, 0.0, own_n) + force) / damping + slide;
-    velocity.head<2>() += kReturnHz * (goal - h).head<2>();
+    Vec3 velocity = (Vec3(0.0, 0.0, own_n) + force) / damping;
+    if (!returns) velocity += slide + kReturnHz * Vec3(goal.x() - h.x(), goal.y() - h.y(), 0.0);
     if (const double fast = velocity.norm(); fast > fastest_mm_s) velocity *= fastest_mm_s / fast;
     h += velocity * kHandStepS;
   }

@@ -56,7 +56,7 @@ TEST_F(Streams, AWallIsComparedWithItsFormulaAndIsTheSameTwice) {
 }
 
 TEST_F(Streams, ASceneOfOnesOwnIsSeenAndItsFormulasAreTheTruth) {
-  write_text(in("my.toml"), "[[model]]\ngenerate = \"torus\"\npoints = 5000\n");
+  write_text(in("my.toml"), "[[model]]\ngenerate = \"ellipsoid\"\npoints = 5000\n");
   succeeds("compare --stream", "sim:" + in("my.toml") + ":width=160:height=120:sensor=ideal",
            "--renderers depth-image --path press-and-slide:frames=600 --out @/out");
   const json first = result("out")["renderers"][0];
