@@ -103,7 +103,7 @@ void press_and_slide(const HandView& view, double stiffness_n_per_mm, const Name
     const Vec3 force = view.world_from_camera.inverse().rotate(felt(hip, t));
     double own_n = press_n * (kMeanPress + kPressSwing * std::sin(turns(t, kPressPeriodS)));
     if (std::fmod(t, kLiftEveryS) > kLiftEveryS - kLiftS) own_n = -kLiftShare * fastest_mm_s * damping;
-    if (h.z() > view.farthest_mm + clear_mm) returns = true;
+    if (h.z() > view.farthest_mm + clear_mm && force.isZero()) returns = true;
     if (h.z() < view.nearest_mm) returns = false;
     if (returns) own_n = -press_n;
     const double pace = kSlowest + (1.0 - kSlowest) * 0.5 * (1.0 - std::cos(turns(t, kPacePeriodS)));
