@@ -34,6 +34,9 @@ constexpr double kInFrontCosine = 0.5;
 /// A god object that moves farther in a frame than this many spacings, five times as far as the HIP, and by a
 /// quarter of the pull (squared) is felt as a step; a hand tells directions 25 degrees apart.
 constexpr double kJumpSpacings = 0.5, kFasterSq = 25.0, kOfPullSq = 1.0 / 16.0;
+/// A replay begins inside a piece only if it begins deeper than this many spacings: the surface errs by a third
+/// of one at edges of thin walls, and the whole piece would be felt from the wrong side.
+constexpr double kSurelyInside = 0.5;
 /// Solid angle threshold as a share of the sphere: 1 inside a closed piece, 0 outside.
 constexpr double kHalfOfAll = 0.5;
 /// HIPs farther away cannot be indexed in cubes.
@@ -96,13 +99,15 @@ void SplineSdfContact::restart(const Vec3& h_mm) noexcept {
   const BrickRef place = is_far(tested_to_) ? BrickRef{} : grid_->find(tested_to_);
   for (std::size_t piece = 1; piece < free_side_.size(); ++piece) {
     const ClosedComponent& closed = grid_->closed_components[piece - 1];
+    const float outside = closed.normal_orientation;
+    bool inside = false;
     // Next to the surface the distance decides, elsewhere the piece's solid angle.
-    if (place.brick != BrickGrid::kNone && grid_->bricks[place.brick].piece == piece) {
-      free_side_[piece] = value_at(place, place_in(place, tested_to_)) < 0.0f ? -1.0f : 1.0f;
-      continue;
-    }
-    const bool inside = std::abs(geometry::winding_number(closed.parts, tested_to_)) > kHalfOfAll;
-    free_side_[piece] = inside ? -closed.normal_orientation : closed.normal_orientation;
+    if (place.brick != BrickGrid::kNone && grid_->bricks[place.brick].piece == piece)
+      inside = static_cast<double>(value_at(place, place_in(place, tested_to_)) * outside) <
+               -kSurelyInside * spacing_;
+    else
+      inside = std::abs(geometry::winding_number(closed.parts, tested_to_)) > kHalfOfAll;
+    free_side_[piece] = inside ? -outside : outside;
   }
 }
 
