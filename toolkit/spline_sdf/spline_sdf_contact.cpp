@@ -34,8 +34,8 @@ constexpr double kInFrontCosine = 0.5;
 /// A god object that moves farther in a frame than this many spacings, five times as far as the HIP, and by a
 /// quarter of the pull (squared) is felt as a step; a hand tells directions 25 degrees apart.
 constexpr double kJumpSpacings = 0.5, kFasterSq = 25.0, kOfPullSq = 1.0 / 16.0;
-/// A replay begins inside a piece only if it begins deeper than this many spacings: the surface errs by a third
-/// of one at edges of thin walls, and the whole piece would be felt from the wrong side.
+/// A replay begins inside a piece only if it begins deeper than this many spacings: the surface errs by a
+/// third of one at edges of thin walls, and the whole piece would be felt from the wrong side.
 constexpr double kSurelyInside = 0.5;
 /// Solid angle threshold as a share of the sphere: 1 inside a closed piece, 0 outside.
 constexpr double kHalfOfAll = 0.5;
