@@ -224,21 +224,25 @@ struct alignas(kLanesAlignment) FieldSums {
   }
   sums.put_mean(out);
   if (any_lane(differ)) {
-    FieldMean face = out, beside;
-    agree(near, 1, face);
+    FieldMean first = out;
+    agree(near, 1, first);
+    blend(out, first, differ);
+    FieldMean beside = first;
     most = none;
     for (const std::uint32_t s : near.heard) {
       const Near::Patch& p = near.patches[s];
       keep_largest(p, p.face == 0 ? p.wide : none, most, beside);
     }
-    const NodeBits second = differ & (most > kSecondFace * all_wide);
-    if (any_lane(second)) {
+    if (any_lane(differ & (most > none))) {
       agree(near, 2, beside);
-      NodeLanes above;
-      points_above(at, near, face, beside, above);
-      blend(face, beside, second & ((beside.distance > face.distance) == (above < none)));
+      NodeLanes second = none, above;
+      for (const std::uint32_t s : near.heard)
+        second += near.patches[s].face == 2 ? near.patches[s].wide : none;
+      points_above(at, near, first, beside, above);
+      blend(out, beside,
+            differ & (second > kSecondFace * all_wide) &
+                ((beside.distance > first.distance) == (above < none)));
     }
-    blend(out, face, differ);
   }
   for (const std::uint32_t s : near.heard) near.patches[s].weight = near.patches[s].wide = none;
 }
