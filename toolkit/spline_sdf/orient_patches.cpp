@@ -62,9 +62,17 @@ constexpr std::size_t kAskGrain = 16;
 /// Least support in spacings that is told from smaller ones where the points are a part of all.
 constexpr double kLeastOfPart = 1.0 / 256.0;
 
-/// True if two patches that meet are of one face.
+/// Farthest that patches of one surface are off each other, mm.
+double most_off(const QuadricPatch& a, const QuadricPatch& b) {
+  return std::max(kOffSpacings * std::min(a.spacing, b.spacing), kOffSigmas * std::min(a.sigma, b.sigma));
+}
+
+/// True if two patches that meet are of one face: alike, and one lies on the other. Patches of few points
+/// lean, and meet those of a wall's other side; one such link would join the two sides.
 bool continue_smoothly(const QuadricPatch& a, const QuadricPatch& b) {
-  return std::abs(a.quadric.n.dot(b.quadric.n)) > kSmoothCosine;
+  return std::abs(a.quadric.n.dot(b.quadric.n)) > kSmoothCosine &&
+         std::min(std::abs(a.quadric.residual(b.quadric.at)), std::abs(b.quadric.residual(a.quadric.at))) <=
+             most_off(a, b);
 }
 
 /// Finds where two patches meet by projecting to each in turn, from between them, nearer to the smaller.
@@ -78,9 +86,7 @@ bool meet(const QuadricPatch& a, const QuadricPatch& b, Vec3& at) {
     gap = b.quadric.residual(at);
     at -= b.quadric.n * gap;
   }
-  if (std::abs(gap) >
-      std::max(kOffSpacings * std::min(a.spacing, b.spacing), kOffSigmas * std::min(a.sigma, b.sigma)))
-    return false;
+  if (std::abs(gap) > most_off(a, b)) return false;
   const auto reaches = [&](const QuadricPatch& p) {
     const double reach = p.support + kBeyondEnd * p.spacing;
     return (at - p.quadric.at).squaredNorm() <= reach * reach;
