@@ -31,44 +31,39 @@ constexpr double kSameDirectionCosine = 0.966;
 
 /// Neighbours around a point, counter-clockwise from outside: corners of the facets there.
 struct TriangleFan {
-  std::array<Vec3, search::kNeighbours> corner;  ///< relative to the point
-  std::array<double, search::kNeighbours> u, v, square, turn;
+  struct Corner {
+    Vec3 d;  ///< relative to the point
+    double u, v, square, turn;
+  };
+  std::array<Corner, search::kNeighbours> corner;
   std::size_t size = 0;
 
+  [[nodiscard]] std::size_t after(std::size_t i) const noexcept { return i + 1 == size ? 0 : i + 1; }
   /// Adds a corner unless a nearer one in the same direction was added.
   void take(const Vec3& d, double du, double dv) noexcept {
     const double in_plane = du * du + dv * dv;
     // The place is on the normal line, or the point itself.
     if (!(in_plane > kMinFacetSine * kMinFacetSine * d.squaredNorm())) return;
     for (std::size_t i = 0; i < size; ++i) {
-      const double same = u[i] * du + v[i] * dv;
-      if (same > 0.0 && same * same > kSameDirectionCosine * kSameDirectionCosine * square[i] * in_plane)
+      const double same = corner[i].u * du + corner[i].v * dv;
+      if (same > 0.0 &&
+          same * same > kSameDirectionCosine * kSameDirectionCosine * corner[i].square * in_plane)
         return;
     }
     // Grows with the angle, from -2 to 2.
     const double share = dv / (std::abs(du) + std::abs(dv));
     const double at = du >= 0.0 ? share : dv >= 0.0 ? 2.0 - share : -2.0 - share;
     std::size_t i = size++;
-    for (; i > 0 && turn[i - 1] > at; --i) {
-      corner[i] = corner[i - 1];
-      u[i] = u[i - 1];
-      v[i] = v[i - 1];
-      square[i] = square[i - 1];
-      turn[i] = turn[i - 1];
-    }
-    corner[i] = d;
-    u[i] = du;
-    v[i] = dv;
-    square[i] = in_plane;
-    turn[i] = at;
+    for (; i > 0 && corner[i - 1].turn > at; --i) corner[i] = corner[i - 1];
+    corner[i] = {d, du, dv, in_plane, at};
   }
   /// No gap over 165 degrees: a facet fits between successive corners.
   [[nodiscard]] bool closed() const noexcept {
     if (size < 3) return false;
     for (std::size_t i = 0; i < size; ++i) {
-      const std::size_t j = i + 1 == size ? 0 : i + 1;
-      const double across = u[i] * v[j] - v[i] * u[j];
-      if (!(across > 0.0 && across * across > kMinFacetSine * kMinFacetSine * square[i] * square[j]))
+      const Corner &a = corner[i], &b = corner[after(i)];
+      const double across = a.u * b.v - a.v * b.u;
+      if (!(across > 0.0 && across * across > kMinFacetSine * kMinFacetSine * a.square * b.square))
         return false;
     }
     return true;
@@ -94,7 +89,7 @@ Vec3 pull_to(const TriangleFan& fan, const Vec3& r) noexcept {
   Vec3 best = -r;
   std::array<Vec3, search::kNeighbours> aside;  // corner x r
   for (std::size_t i = 0; i < fan.size; ++i) {
-    const Vec3& d = fan.corner[i];
+    const Vec3& d = fan.corner[i].d;
     aside[i] = d.cross(r);
     const double along = d.dot(r);
     if (!(along > 0.0)) continue;
@@ -105,8 +100,8 @@ Vec3 pull_to(const TriangleFan& fan, const Vec3& r) noexcept {
     best = to_line;
   }
   for (std::size_t i = 0; i < fan.size; ++i) {
-    const std::size_t j = i + 1 == fan.size ? 0 : i + 1;
-    const Vec3 n = fan.corner[i].cross(fan.corner[j]);
+    const std::size_t j = fan.after(i);
+    const Vec3 n = fan.corner[i].d.cross(fan.corner[j].d);
     if (!(n.dot(aside[i]) >= 0.0 && n.dot(aside[j]) <= 0.0)) continue;  // the foot is beside the facet
     const double height = n.dot(r), area_sq = n.squaredNorm();
     if (!(height * height < least * area_sq)) continue;
@@ -187,9 +182,7 @@ template <unsigned kFeatures>
 inline SurfaceContact VerticesModel::contact_at(const WalkResult& end, const Vec3& h) const noexcept {
   const PointModel& model = *body.points;
   const Vec3 g = model.points[end.place].at();
-  SurfaceContact at;
-  at.hip = h;
-  at.pull = g - h;
+  SurfaceContact at = uniform_contact(body.surface, h, g - h);
   NearestTwo two{end.place, end.place};
   const bool varied = (kFeatures & kVaried) != 0 && !body.surface.by_point.empty();
   if (shading != Shading::kNone || varied) {
@@ -225,10 +218,6 @@ inline SurfaceContact VerticesModel::contact_at(const WalkResult& end, const Vec
     at.stiffness_gradient = k.gradient;
     at.static_friction = static_cast<double>(here.static_friction);
     at.dynamic_friction = static_cast<double>(here.dynamic_friction);
-  } else {
-    at.stiffness_n_per_mm = body.surface.stiffness_n_per_mm;
-    at.static_friction = body.surface.friction.static_coefficient;
-    at.dynamic_friction = body.surface.friction.dynamic_coefficient;
   }
   return at;
 }

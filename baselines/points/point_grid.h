@@ -94,6 +94,12 @@ struct OrientedGrid {
   return sum[axis] < 0.0 ? -1.0 : 1.0;
 }
 
+/// The unit normal outwards, with the sign of open pieces; zero for a point without a plane.
+[[nodiscard]] inline Vec3 outward_normal(surface::NormalCode code, double open_sign) noexcept {
+  if (code == surface::kNoNormal) return Vec3::Zero();
+  return surface::decode_normal(code) * (surface::is_one_sided(code) ? 1.0 : open_sign);
+}
+
 /// Belongs to one thread. Closed surfaces are touched from outside. Normals of open pieces agree with each
 /// other but have no side: it is chosen when the HIP comes near and kept until it is free; pieces of a model
 /// share it.

@@ -47,6 +47,22 @@ struct RivalModel {
   }
 };
 
+/// Whether the force counts from a proxy that stays off the points, as in the sources, or from the surface
+/// that it touches.
+inline OptionSpec offset_spec() {
+  return option::choice("offset", "removed",
+                        "the distance that the proxy stays off the points: removed (the HIP is a point) or "
+                        "kept, as in the source (the tool is a sphere)",
+                        {"removed", "kept"});
+}
+inline bool is_offset_kept(const Options& options) {
+  return options.text("offset") == "kept";
+}
+inline render::Decision said_offset(bool kept) {
+  return kept ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
+              : render::Decision{"offset", "removed", "the HIP is a point"};
+}
+
 /// Origin of a rival.
 struct RivalText {
   const char* name;

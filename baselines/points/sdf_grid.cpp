@@ -79,7 +79,7 @@ class LeafFiller {
     seen.clear();
     tree_.within(centre, (half + own) * kRounded, [&](std::uint32_t place, double) {
       const surface::OrientedPoint& point = points_.points[place];
-      seen.push_back({point.at(), outward(point)});
+      seen.push_back({point.at(), outward_normal(point.normal, options_.open_sign)});
     });
     leaf_ = std::make_unique<SdfLeaf>(origin, 0.0F, false);
     fill(origin, SdfLeaf::DIM, 0);
@@ -156,11 +156,6 @@ class LeafFiller {
     return true;
   }
 
-  [[nodiscard]] Vec3 outward(const surface::OrientedPoint& point) const {
-    if (point.normal == surface::kNoNormal) return Vec3::Zero();
-    return surface::decode_normal(point.normal) *
-           (surface::is_one_sided(point.normal) ? 1.0 : options_.open_sign);
-  }
   const PointGrid& points_;
   const SphereTree& tree_;
   const SdfOptions& options_;

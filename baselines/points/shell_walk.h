@@ -37,18 +37,6 @@ struct Shells {
   bool tapered = true;  ///< weights fade to zero at r3; else all are equal
 };
 
-/// Whether the force counts from the proxy, as in the sources, or from the surface that its sphere touches.
-inline OptionSpec offset_spec() {
-  return option::choice("offset", "removed",
-                        "the distance that the proxy stays off the points: removed (the HIP is a point) or "
-                        "kept, as in the source (the tool is a sphere)",
-                        {"removed", "kept"});
-}
-inline render::Decision said_offset(bool kept) {
-  return kept ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
-              : render::Decision{"offset", "removed", "the HIP is a point"};
-}
-
 /// Belongs to one thread. Points and scales must outlive it and not move; frame functions allocate nothing.
 template <class Grid>
 class ShellWalk {
@@ -222,5 +210,48 @@ bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexc
   }
   return false;
 }
+
+/// What the rivals on a ShellWalk share.
+template <class Grid>
+class ShellRival : public RivalModel {
+ public:
+  static constexpr bool kGodObject = true;
+  void release_contact(const Vec3& h) noexcept {
+    walk_->release_contact(h);
+    state.release();
+  }
+
+ protected:
+  void take_options(const Options& options) {
+    felt_offset_ = is_offset_kept(options);
+    walk_steps_ = static_cast<int>(options.integer("walk_steps"));
+  }
+  /// `scale`: by cloud index; empty: all 1. Keeps the grid's order.
+  void build(const cloud::Cloud& cloud, std::span<const float> scale, int threads) {
+    search::PartitionOptions grid;
+    grid.cell_mm = shells_.r3;
+    points_ = build_points_in<Grid>(cloud, grid, threads);
+    scales_ = placed_scales(scale, points_.grid.order());
+    walk_ =
+        std::make_unique<ShellWalk<Grid>>(points_, shells_, scales_.by_place, scales_.least, scales_.most);
+    walk_->bound_steps(walk_steps_);
+  }
+  [[nodiscard]] RivalAnswer walk(const Vec3& h, render::FrameCounters& counters) noexcept {
+    const bool finished = walk_->walk(h, counters);
+    return walk_->answer(h, finished, felt_offset_);
+  }
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return points_.bytes() + scales_.by_place.capacity() * sizeof(float) + walk_->bytes();
+  }
+
+  PointsIn<Grid> points_;
+  PlacedScales scales_;  ///< of local radii, over the mean spacing
+  std::unique_ptr<ShellWalk<Grid>> walk_;
+  Shells shells_;  ///< at scale 1
+  bool felt_offset_ = false;
+  int walk_steps_ = kMaxShellSteps;
+  SpacingRange range_;  ///< of the scales; this and what follows: for preparation
+  Gaps gaps_;
+};
 
 }  // namespace palpate::baselines

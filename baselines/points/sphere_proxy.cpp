@@ -214,10 +214,7 @@ class SphereProxy : public RivalModel {
         option::in_spacings("radius", "4", "of the proxy, in mean spacings: larger is smoother, and rounder",
                             0.1, 16.0),
         option::in_mm("radius"),
-        option::choice("offset", "removed",
-                       "the radius by which the proxy stays off the points: removed (the HIP is a point) or "
-                       "kept, as in the source (the tool is a sphere)",
-                       {"removed", "kept"}),
+        offset_spec(),
     };
   }
   Status decide(const RivalInput& given, render::ModelDecisions& out) {
@@ -226,14 +223,12 @@ class SphereProxy : public RivalModel {
     double spacing = 0.0;
     if (!(given_mm > 0.0)) spacing = measured_gaps(*input.cloud, context, report, &out).closing_mm();
     radius_mm_ = option::length_mm(options, "radius", spacing);
-    felt_offset_ = options.text("offset") == "kept";
+    felt_offset_ = is_offset_kept(options);
     out.decisions.push_back(
         {"proxy", fmt::format("ball of {:.4g} mm", radius_mm_),
          given_mm > 0.0 ? "as given" : fmt::format("{:.3g} spacings", options.number("radius")),
          given_mm > 0.0});
-    out.decisions.push_back(felt_offset_
-                                ? render::Decision{"offset", "kept", "as given: the tool is a ball", true}
-                                : render::Decision{"offset", "removed", "the HIP is a point"});
+    out.decisions.push_back(said_offset(felt_offset_));
     report_grid(*input.cloud, spacing, kCellRadii * radius_mm_, out);
     out.bytes += NearPoints<search::UniformGrid>::bytes_for(false);
     return Done{};

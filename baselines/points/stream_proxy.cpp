@@ -42,13 +42,12 @@ bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
   return local;
 }
 
-class StreamProxy : public RivalModel {
+class StreamProxy : public ShellRival<search::DynamicGrid> {
  public:
   static constexpr RivalText kText{
       "stream-proxy", "a proxy steered by the points within three shells around it, no preparation",
       "Ryden and Chizeck 2013, from public descriptions; flights by segment, tapered weights, offset: ours",
       1.7, 496.0};
-  static constexpr bool kGodObject = true;
   static constexpr bool kFollowsPoints = true;
   static std::vector<OptionSpec> specs() {
     return {
@@ -87,8 +86,7 @@ class StreamProxy : public RivalModel {
                                  options.text("r2"), options.text("r3")),
                      "choose for example r1=1:r2=2:r3=3");
     shells_.tapered = options.text("weights") == "tapered";
-    felt_offset_ = options.text("offset") == "kept";
-    walk_steps_ = static_cast<int>(options.integer("walk_steps"));
+    take_options(options);
     out.decisions.push_back(
         {"shells",
          fmt::format(
@@ -116,31 +114,25 @@ class StreamProxy : public RivalModel {
   }
   Status prepare(const RivalInput& given) {
     const auto& [input, options, context, report] = given;
-    const auto build = [&](const cloud::Cloud& cloud) -> Status {
+    const auto build_for = [&](const cloud::Cloud& cloud) -> Status {
       std::vector<float> scale;
       if (local_) {
         PALPATE_ASSIGN(scale, local_spacings(cloud, gaps_, range_, context, report));
       }
       render::PreparePhases phases(report, context);
       phases.begin("grid");
-      search::PartitionOptions grid;
-      grid.cell_mm = shells_.r3;
-      points_ = build_points_in<Grid>(cloud, grid, context.threads);
-      scales_ = placed_scales(scale, points_.grid.order());
-      walk_ =
-          std::make_unique<ShellWalk<Grid>>(points_, shells_, scales_.by_place, scales_.least, scales_.most);
-      walk_->bound_steps(walk_steps_);
+      build(cloud, scale, context.threads);
       phases.end();
       return Done{};
     };
-    PALPATE_TRY(build(*input.cloud));
+    PALPATE_TRY(build_for(*input.cloud));
     // Points that are moved from outside all stay. Only the least of local radii may have too many points
     // within reach; the others grow with the gaps.
     const double reach_mm = walk_->reach_mm(scales_.least);
     if (input.moves == nullptr && input.camera == nullptr &&
         may_be_too_many(points_.grid.statistics().max_points, points_.cell_mm(), reach_mm)) {
       const Thinned thin = thinned_to_reach(input.cloud, scales_.least * shells_.r1, reach_mm, report);
-      if (thin.cell_mm > 0.0) PALPATE_TRY(build(*thin.cloud));
+      if (thin.cell_mm > 0.0) PALPATE_TRY(build_for(*thin.cloud));
     }
     if (input.moves != nullptr) {
       moves_ = input.moves->subscribe();
@@ -154,8 +146,7 @@ class StreamProxy : public RivalModel {
           input, input.cloud->origin_mm,
           [cell_mm = shells_.r3](const DepthPatch& patch) { return points_of(patch, cell_mm); });
     points_.grid.drop_order();
-    report.bytes += points_.bytes() + walk_->bytes() + scales_.by_place.capacity() * sizeof(float) +
-                    place_of_.capacity() * sizeof(std::uint32_t);
+    report.bytes += bytes() + place_of_.capacity() * sizeof(std::uint32_t);
     report.notes.push_back(fmt::format(
         "r1 {:.4g} mm, r2 {:.4g} mm, r3 {:.4g} mm{}, at most {} points a cell", shells_.r1, shells_.r2,
         shells_.r3,
@@ -190,15 +181,10 @@ class StreamProxy : public RivalModel {
     }
     release_contact(h);
   }
-  void release_contact(const Vec3& h) noexcept {
-    walk_->release_contact(h);
-    state.release();
-  }
   [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept {
     if (take_image(h)) ++counters.swaps;
     take_moves();
-    const bool finished = walk_->walk(h, counters);
-    return walk_->answer(h, finished, felt_offset_);
+    return walk(h, counters);
   }
 
  private:
@@ -266,16 +252,7 @@ class StreamProxy : public RivalModel {
     walk_->forget();
   }
 
-  PointsIn<Grid> points_;
-  PlacedScales scales_;  ///< of local radii
-  std::unique_ptr<ShellWalk<Grid>> walk_;
-  Shells shells_;
-  bool felt_offset_ = false;
-  int walk_steps_ = kMaxShellSteps;
-  // For preparation.
-  bool local_ = false;
-  SpacingRange range_;
-  Gaps gaps_;
+  bool local_ = false;  ///< each point has radii of its own
   // Of clouds that move.
   std::shared_ptr<render::MoveReader> moves_;
   std::shared_ptr<const cloud::Cloud> original_;

@@ -19,14 +19,13 @@ namespace {
 /// The shells in radii, as stream-proxy's defaults.
 constexpr double kTouchRadii = 4.0 / 3.0, kNormalRadii = 2.0;
 
-class VariableProxy : public RivalModel {
+class VariableProxy : public ShellRival<search::UniformGrid> {
  public:
   static constexpr RivalText kText{"variable-proxy",
                                    "a spherical proxy whose radius follows the local density of the points",
                                    "Kumari, Sreeni and Chaudhuri 2013 and 2020, from public descriptions; "
                                    "density by the eighth neighbour, steps, offset: ours",
                                    3.7, 333.0};  // sinusoid of a million
-  static constexpr bool kGodObject = true;
   static std::vector<OptionSpec> specs() {
     return {
         option::number("radius", "1.5", "of the proxy, in local spacings: larger is smoother, and rounder",
@@ -39,19 +38,17 @@ class VariableProxy : public RivalModel {
   Status decide(const RivalInput& given, render::ModelDecisions& out) {
     const auto& [input, options, context, report] = given;
     gaps_ = measured_gaps(*input.cloud, context, report, &out);
-    const Gaps& gaps = gaps_;
-    range_ = spacing_range(gaps, options.number("ratio"));
-    const double radius = options.number("radius") * gaps.spacing_mm;
+    range_ = spacing_range(gaps_, options.number("ratio"));
+    const double radius = options.number("radius") * gaps_.spacing_mm;
     shells_ = {radius, kTouchRadii * radius, kNormalRadii * radius, true};
-    felt_offset_ = options.text("offset") == "kept";
-    walk_steps_ = static_cast<int>(options.integer("walk_steps"));
+    take_options(options);
     out.decisions.push_back({"proxy",
                              fmt::format("{:.4g} to {:.4g} mm", range_.least * radius, range_.most * radius),
                              fmt::format("{:.3g} local spacings, by the {}", options.number("radius"),
-                                         gaps.lines ? "nearest in eight directions" : "eighth neighbour")});
+                                         gaps_.lines ? "nearest in eight directions" : "eighth neighbour")});
     out.decisions.push_back(said_offset(felt_offset_));
-    report_grid(*input.cloud, gaps.spacing_mm, shells_.r3, out);
-    out.bytes += sizeof(float) * out.points + NearPoints<Grid>::bytes_for(true);
+    report_grid(*input.cloud, gaps_.spacing_mm, shells_.r3, out);
+    out.bytes += sizeof(float) * out.points + NearPoints<search::UniformGrid>::bytes_for(true);
     return Done{};
   }
   Status prepare(const RivalInput& given) {
@@ -60,17 +57,12 @@ class VariableProxy : public RivalModel {
                    local_spacings(*input.cloud, gaps_, range_, context, report));
     render::PreparePhases phases(report, context);
     phases.begin("grid");
-    search::PartitionOptions grid;
-    grid.cell_mm = shells_.r3;
-    points_ = build_points_in<Grid>(*input.cloud, grid, context.threads);
-    scales_ = placed_scales(scale, points_.grid.order());
+    build(*input.cloud, scale, context.threads);
     points_.grid.drop_order();
-    const auto [least, most] = std::pair(scales_.least, scales_.most);
-    walk_ = std::make_unique<ShellWalk<Grid>>(points_, shells_, scales_.by_place, least, most);
-    walk_->bound_steps(walk_steps_);
     phases.end();
-    report.bytes += points_.bytes() + scales_.by_place.capacity() * sizeof(float) + walk_->bytes();
-    report.notes.push_back(fmt::format("radii {:.4g} to {:.4g} mm", shells_.r1 * least, shells_.r1 * most));
+    report.bytes += bytes();
+    report.notes.push_back(
+        fmt::format("radii {:.4g} to {:.4g} mm", shells_.r1 * scales_.least, shells_.r1 * scales_.most));
     return Done{};
   }
   [[nodiscard]] std::string work_bound() const {
@@ -82,26 +74,9 @@ class VariableProxy : public RivalModel {
         kPieceCells);
   }
 
-  void release_contact(const Vec3& h) noexcept {
-    walk_->release_contact(h);
-    state.release();
-  }
   [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept {
-    const bool finished = walk_->walk(h, counters);
-    return walk_->answer(h, finished, felt_offset_);
+    return walk(h, counters);
   }
-
- private:
-  using Grid = search::UniformGrid;
-
-  PointGrid points_;
-  PlacedScales scales_;  ///< local spacings over the mean spacing
-  std::unique_ptr<ShellWalk<Grid>> walk_;
-  Shells shells_;  ///< at scale 1
-  bool felt_offset_ = false;
-  int walk_steps_ = kMaxShellSteps;
-  SpacingRange range_;  ///< of the scales; this and what follows: for preparation
-  Gaps gaps_;
 };
 
 }  // namespace

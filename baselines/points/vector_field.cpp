@@ -174,8 +174,7 @@ class PlaneSampler {
     const double distance = to.norm();
     const FieldSample outside{0.0f, 0.0f, 0.0f, static_cast<float>(distance)};
     if (point.normal == surface::kNoNormal) return outside;
-    const Vec3 out =
-        surface::decode_normal(point.normal) * (surface::is_one_sided(point.normal) ? 1.0 : sign_);
+    const Vec3 out = outward_normal(point.normal, sign_);
     const double height = -out.dot(to), beside_sq = distance * distance - height * height;
     if (beside_sq > beside_sq_ && beside_sq > height * height) return outside;
     const Vec3f pull = (-height * out).cast<float>();

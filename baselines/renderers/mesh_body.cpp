@@ -32,36 +32,12 @@ constexpr double kBytesPerFacet = 196.0;
 constexpr double kDecimateMsPerMillion = 40'000.0;
 constexpr double kPerMillion = 1e-6;
 
-Decision repair_decision(const MeshDecision& d) {
-  if (d.repairs)
-    return {"repair", "on", "oriented, cut where too many facets meet, small holes filled", true};
-  return {"repair", "none", "the mesh is felt as it is"};
-}
-
 Decision refine_decision(const MeshDecision& d) {
   if (d.smoothing == 0 && !(d.keeps < 1.0))
     return {"facets", "all, where they are", "nothing asks for fewer"};
   std::string choice = d.keeps < 1.0 ? fmt::format("{:.3g} of them", d.keeps) : "all";
   if (d.smoothing > 0) choice += fmt::format(", smoothed {} times", d.smoothing);
   return {"facets", std::move(choice), "as given", true};
-}
-
-Decision frame_decision(const MeshDecision& d) {
-  if (d.frame == MeshFrame::kWorld)
-    return {"frame", "the file's", "as given: far from its origin single precision loses the mesh", true};
-  return {"frame", "the mesh's own middle", "single precision resolves the mesh wherever it lies"};
-}
-
-Decision check_decision(const MeshDecision& d) {
-  if (d.checks) return {"check", "pieces and borders", "as given: for people, frames do not read it", true};
-  return {"check", "none", "frames do not need it"};
-}
-
-Decision crossing_decision(const MeshDecision& d, const MeshProbeKind& kind) {
-  if (d.crossings)
-    return {"crossing facets", "found", "as given: where sheets cross, both hold a point", true};
-  return {"crossing facets", "not looked for",
-          kind.crossings ? "Zilles and Salisbury look for none" : "a sphere rides over folds and gaps"};
 }
 
 /// What nobody can do anew for every image.
@@ -112,16 +88,24 @@ render::ModelDecisions explanation(const render::ModelInput& input, const MeshDe
     *out.prepare_ms += kPerMillion * (kind.ms_per_million_facets * facets +
                                       (decision.keeps < 1.0 ? kDecimateMsPerMillion * made : 0.0));
   out.frame_us = kind.frame_us;
+  const auto say = [&out](const char* about, bool given, const char* choice, const char* reason,
+                          const char* usual, const char* because) {
+    out.decisions.push_back(given ? Decision{about, choice, reason, true} : Decision{about, usual, because});
+  };
   out.decisions.push_back(decision.source.explanation);
-  out.decisions.push_back(repair_decision(decision));
+  say("repair", decision.repairs, "on", "oriented, cut where too many facets meet, small holes filled",
+      "none", "the mesh is felt as it is");
   out.decisions.push_back(refine_decision(decision));
   out.decisions.push_back(kind.probe);
-  out.decisions.push_back(frame_decision(decision));
-  out.decisions.push_back(check_decision(decision));
-  out.decisions.push_back(crossing_decision(decision, kind));
-  out.decisions.push_back(decision.normals
-                              ? Decision{"shading", "interpolated vertex normals", "as given", true}
-                              : Decision{"shading", "none", "a facet's own plane"});
+  say("frame", decision.frame == MeshFrame::kWorld, "the file's",
+      "as given: far from its origin single precision loses the mesh", "the mesh's own middle",
+      "single precision resolves the mesh wherever it lies");
+  say("check", decision.checks, "pieces and borders", "as given: for people, frames do not read it", "none",
+      "frames do not need it");
+  say("crossing facets", decision.crossings, "found", "as given: where sheets cross, both hold a point",
+      "not looked for",
+      kind.crossings ? "Zilles and Salisbury look for none" : "a sphere rides over folds and gaps");
+  say("shading", decision.normals, "interpolated vertex normals", "as given", "none", "a facet's own plane");
   const bool own_vertices = !decision.source.made && input.camera == nullptr;
   render::describe_surface(input, decision.surface, kMeshFeatures,
                            own_vertices ? input.original_mesh->vertices_mm.size() : out.points, out);

@@ -117,25 +117,16 @@ struct MeshSlot {
 
   /// Held: the frictionless contact with the surface's properties.
   [[nodiscard]] render::SurfaceContact contact_at(const Vec3& h) noexcept {
-    render::SurfaceContact contact;
-    contact.hip = h;
-    contact.pull =
-        (body->geometry->vertex_normals.empty() ? probe->target(h)
-                                                : probe->shaded_target(h, body->geometry->vertex_normals)) -
-        h;
-    const render::SurfaceField& surface = body->surface;
-    if ((surface.features & render::kVaried) != 0) {
-      read_properties(contact);
-      return contact;
-    }
-    contact.stiffness_n_per_mm = surface.stiffness_n_per_mm;
-    contact.static_friction = surface.friction.static_coefficient;
-    contact.dynamic_friction = surface.friction.dynamic_coefficient;
+    const Vec3 target = body->geometry->vertex_normals.empty()
+                            ? probe->target(h)
+                            : probe->shaded_target(h, body->geometry->vertex_normals);
+    render::SurfaceContact contact = render::uniform_contact(body->surface, h, target - h);
+    if ((body->surface.features & render::kVaried) != 0) read_properties(contact);
     return contact;
   }
-
   /// Interpolates over the facets that hold the probe, by their shares.
   void read_properties(render::SurfaceContact& contact) const noexcept {
+    contact.stiffness_n_per_mm = contact.static_friction = contact.dynamic_friction = 0.0;
     probe->places([&](std::uint32_t facet, const Vec3& point, double share) {
       const Facet& f = body->mesh().facet(facet);
       std::array<render::PointSurface, 3> corner;

@@ -50,8 +50,7 @@ DeviceEntry arm_entry(const KnownArm& known) {
   // It may be another gadget with the same board.
   entry.what += "; perhaps " + where.text;
   entry.status = where.allowed ? DeviceStatus::kReady : DeviceStatus::kRefused;
-  if (!where.allowed)
-    entry.needs.emplace_back("install Palpate's udev rules (`palpate list devices --doctor` prints them)");
+  if (!where.allowed) entry.needs.emplace_back(kUdevRemedy);
   return entry;
 }
 

@@ -50,33 +50,17 @@ struct FalconRequest {
   UsbAddress address{kFalconVendor, kFalconProduct, {}};
 };
 
-Result<bool> yes_or_no(const std::string& key, const std::string& value) {
-  if (value == "yes" || value == "on") return true;
-  if (value == "no" || value == "off") return false;
-  return Error{key + " is \"" + value + "\"", "give " + key + "=yes or " + key + "=no", kDriverName};
-}
-
-Status read_option(const std::string& key, const std::string& value, FalconRequest& request) {
-  if (key == "firmware") {
-    if (value.empty()) return Error{"firmware names no file", "give firmware=FILE", kDriverName};
-    request.options.firmware = [value] { return find_falcon_firmware(falcon_firmware_places(value)); };
-  } else if (key == "k") {
-    Result<double> number = read_number(value, {kMinCounts, kMaxCounts});
-    if (!number) {
-      Error error = std::move(number).error();
-      error.what = "k: " + error.what;
-      return std::move(error).in_file(kDriverName);
-    }
-    request.options.counts_per_n_mm = *number;
-  } else if (key == "calibrated") {
-    PALPATE_ASSIGN(request.options.calibrated, yes_or_no(key, value));
-  } else if (key == "event-character") {
-    PALPATE_ASSIGN(request.options.event_character, yes_or_no(key, value));
-  } else {
-    return Error{"the Falcon has no option " + key, "it has firmware, k, calibrated and event-character",
-                 kDriverName};
-  }
-  return Done{};
+Status read_options(const DeviceRequest& asked, FalconOptions& options) {
+  const auto take_firmware = [&options](const std::string& file) -> Status {
+    if (file.empty()) return Error{"firmware names no file", "give firmware=FILE"};
+    options.firmware = [file] { return find_falcon_firmware(falcon_firmware_places(file)); };
+    return Done{};
+  };
+  return take_options(asked, "the Falcon",
+                      {{"firmware", take_firmware},
+                       number_option("k", options.counts_per_n_mm, {kMinCounts, kMaxCounts}),
+                       switch_option("calibrated", options.calibrated),
+                       switch_option("event-character", options.event_character)});
 }
 
 Result<FalconRequest> read_request(const DeviceRequest& asked) {
@@ -90,11 +74,9 @@ Result<FalconRequest> read_request(const DeviceRequest& asked) {
     return Error{"the Falcon takes no description file",
                  "leave it out; its options are firmware, k, calibrated and event-character",
                  asked.description.string()};
-  bool has_k = false;
-  for (const auto& [key, value] : asked.options) {
-    PALPATE_TRY(read_option(key, value, request));
-    has_k = has_k || key == "k";
-  }
+  PALPATE_TRY(read_options(asked, request.options));
+  const bool has_k = std::any_of(asked.options.begin(), asked.options.end(),
+                                 [](const auto& option) { return option.first == "k"; });
   if (request.options.calibrated && !has_k)
     return Error{"calibrated=yes without the number that was found",
                  "give k=COUNTS too: docs/how-to/connect-a-device.md tells how it is found by weights",
@@ -143,9 +125,7 @@ std::vector<DeviceEntry> look_for_falcons() {
   for (const UsbFound& found : usb_devices(kFalconVendor, kFalconProduct)) {
     DeviceEntry entry{kDriverName, kWhat, found.may_open ? DeviceStatus::kReady : DeviceStatus::kRefused,
                       firmware};
-    if (!found.may_open)
-      entry.needs.insert(entry.needs.begin(), "this line in /etc/udev/rules.d/70-palpate.rules: " +
-                                                  usb_udev_rule(kFalconVendor, kFalconProduct));
+    if (!found.may_open) entry.needs.insert(entry.needs.begin(), kUdevRemedy);
     entries.push_back(std::move(entry));
   }
   if (entries.empty()) {

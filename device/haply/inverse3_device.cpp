@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 
 #include <palpate/result.h>
 #include "toolkit/core/messages.h"
@@ -14,23 +15,16 @@ using ServiceJson = nlohmann::json;
 
 constexpr double kMmPerM = 1000.0;
 
-/// Member of an object; null if absent or not an object.
-const ServiceJson* member(const ServiceJson* of, const char* name) {
-  if (of == nullptr || !of->is_object()) return nullptr;
-  const auto at = of->find(name);
-  return at == of->end() ? nullptr : &*at;
+/// What stands at a JSON pointer; null if nothing does.
+const ServiceJson* at(const ServiceJson& from, const std::string& pointer) {
+  const ServiceJson::json_pointer where(pointer);
+  return from.contains(where) ? &from.at(where) : nullptr;
 }
 
-/// First object of a list; null if absent.
-const ServiceJson* first_of(const ServiceJson* list) {
-  return list != nullptr && list->is_array() && !list->empty() ? &list->front() : nullptr;
-}
-
-bool read_vector(const ServiceJson* from, Vec3& into) {
-  const char* const names[] = {"x", "y", "z"};
+bool read_vector(const ServiceJson& from, const std::string& pointer, Vec3& into) {
   Vec3 read = Vec3::Zero();
   for (int axis = 0; axis < 3; ++axis) {
-    const ServiceJson* number = member(from, names[axis]);
+    const ServiceJson* const number = at(from, pointer + "/" + "xyz"[axis]);
     if (number == nullptr || !number->is_number()) return false;
     read[axis] = number->get<double>();
   }
@@ -40,18 +34,14 @@ bool read_vector(const ServiceJson* from, Vec3& into) {
 }
 
 std::uint32_t buttons_of(const ServiceJson& whole) {
+  constexpr auto kButtons = std::to_array<std::pair<const char*, std::uint32_t>>(
+      {{"buttons/a", 1U}, {"buttons/b", 2U}, {"buttons/c", 4U}, {"button", 1U}});
   std::uint32_t bits = 0;
-  const char* const names[] = {"a", "b", "c"};
-  for (const char* grip : {"wireless_verse_grip", "verse_grip"}) {
-    const ServiceJson* const state = member(first_of(member(&whole, grip)), "state");
-    const ServiceJson* const buttons = member(state, "buttons");
-    for (unsigned i = 0; i < std::size(names); ++i) {
-      const ServiceJson* const button = member(buttons, names[i]);
-      if (button != nullptr && button->is_boolean() && button->get<bool>()) bits |= 1U << i;
+  for (const char* grip : {"/wireless_verse_grip", "/verse_grip"})
+    for (const auto& [name, bit] : kButtons) {
+      const ServiceJson* const button = at(whole, std::string(grip) + "/0/state/" + name);
+      if (button != nullptr && button->is_boolean() && button->get<bool>()) bits |= bit;
     }
-    const ServiceJson* const only = member(state, "button");
-    if (only != nullptr && only->is_boolean() && only->get<bool>()) bits |= 1U;
-  }
   return bits;
 }
 
@@ -72,21 +62,21 @@ Inverse3Text parsed_inverse3(std::string_view text, const std::string& wanted_id
   const ServiceJson whole = ServiceJson::parse(text, nullptr, kThrows);
   if (whole.is_discarded() || !whole.is_object()) return read;
   read.is_json = true;
-  const ServiceJson* const list = member(&whole, "inverse3");
+  const ServiceJson* const list = at(whole, "/inverse3");
   if (list == nullptr || !list->is_array()) return read;
   read.devices = static_cast<int>(list->size());
   for (const ServiceJson& one : *list) {
-    const ServiceJson* const id = member(&one, "device_id");
+    const ServiceJson* const id = at(one, "/device_id");
     if (id == nullptr || !id->is_string()) continue;
     if (!wanted_id.empty() && id->get_ref<const std::string&>() != wanted_id) continue;
     read.has_device = true;
     read.device_id = id->get<std::string>();
-    Vec3 position_m;
-    read.has_position = read_vector(member(member(&one, "state"), "cursor_position"), position_m);
+    Vec3 position_m = Vec3::Zero();
+    read.has_position = read_vector(one, "/state/cursor_position", position_m);
     if (read.has_position) read.position_mm = kMmPerM * position_m;
     read.has_position = read.has_position && is_finite(read.position_mm);
     if (!read.has_position) read.position_mm.setZero();
-    if (const ServiceJson* const config = member(&one, "config"))
+    if (const ServiceJson* const config = at(one, "/config"))
       read.config = config->dump(-1, ' ', false, ServiceJson::error_handler_t::replace);
     break;
   }

@@ -23,6 +23,10 @@ inline void add_counts(DeviceFacts& facts,
   for (const auto& [key, count] : counts) facts.emplace_back(key, std::to_string(count));
 }
 
+/// Where this user may not open a device.
+inline constexpr const char* kUdevRemedy =
+    "install Palpate's udev rules (`palpate list devices --doctor` prints them)";
+
 /// Sleeps; not for frames.
 void sleep_ms(int ms = 1);
 
@@ -33,7 +37,7 @@ struct DriverOption {
 };
 [[nodiscard]] DriverOption text_option(std::string name, std::string& into);
 [[nodiscard]] DriverOption number_option(std::string name, double& into, const NumberRange& range = {});
-/// "on" or "off".
+/// "on" or "off", or "yes" or "no".
 [[nodiscard]] DriverOption switch_option(std::string name, bool& into);
 /// Takes all options of a request, in order. An Error names a key that is none of `options`, as of `who`
 /// ("the 2DIY"), or a wrong value.

@@ -53,9 +53,9 @@ DriverOption number_option(std::string name, double& into, const NumberRange& ra
 
 DriverOption switch_option(std::string name, bool& into) {
   return {name, [name, &into](const std::string& value) -> Status {
-            if (value != "on" && value != "off") return Error{name + " is " + shown(value), "give on or off"};
-            into = value == "on";
-            return Done{};
+            into = value == "on" || value == "yes";
+            if (into || value == "off" || value == "no") return Done{};
+            return Error{name + " is " + shown(value), "give on or off"};
           }};
 }
 

@@ -1,5 +1,6 @@
 #include "device/links/hid_link.h"
 
+#include <fmt/format.h>
 #include <hidapi.h>
 #include <pthread.h>
 #include <sched.h>
@@ -10,7 +11,6 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <cstdio>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -41,9 +41,7 @@ std::string narrow(const wchar_t* wide) {
 }
 
 std::string ids_text(std::uint16_t vendor, std::uint16_t product) {
-  std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "%04x:%04x", vendor, product);
-  return text.data();
+  return fmt::format("{:04x}:{:04x}", vendor, product);
 }
 
 bool fits(const HidFound& found, const HidAddress& address) {
@@ -84,10 +82,8 @@ Result<HidFound> the_one(const HidAddress& address) {
                  "name one by its path or serial"};
   }
   if (!found.front().allowed)
-    return Error{
-        "you may not open " + found.front().text(),
-        "install Palpate's udev rules (`palpate list devices --doctor` prints them) and plug it in again",
-        found.front().path};
+    return Error{"you may not open " + found.front().text(),
+                 std::string(kUdevRemedy) + " and plug it in again", found.front().path};
   return found.front();
 }
 

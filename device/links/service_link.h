@@ -25,14 +25,10 @@ struct HttpAnswer {
   std::string body;  ///< at most 64 KB
 };
 
-/// Waits at most 2 s. An Error if nobody answers or the answer is not HTTP.
+/// Waits at most 2 s. An Error if nobody answers, or the answer is not HTTP, cut short, or longer.
 [[nodiscard]] Result<HttpAnswer> http_request(const HttpRequest& request);
 
-/// Parses a complete answer. The body has the announced length, else it is the rest; chunks are joined. An
-/// Error if it is not HTTP.
-[[nodiscard]] Result<HttpAnswer> parsed_http_answer(const std::string& text);
-
-/// Handles one connection's texts, always in the link's thread.
+/// Handles one connection's texts, in the link's thread.
 class TextPeer {
  public:
   TextPeer() = default;
@@ -68,7 +64,7 @@ struct ServiceAddress {
   std::string path = "/";
 };
 
-/// Uses libwebsockets. open() and close() belong to one thread.
+/// Uses Boost.Beast. open() and close() belong to one thread.
 class WebSocketLink final : public TextLink {
  public:
   explicit WebSocketLink(ServiceAddress address);

@@ -92,11 +92,9 @@ Status TtyLink::open() {
   const int fd = ::open(path->c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) {
     const int why = errno;
-    const char* remedy = why == EACCES
-                             ? "install Palpate's udev rules (`palpate list devices --doctor` prints them), "
-                               "or join the group dialout"
-                         : why == EBUSY ? "another program has it: end that one"
-                                        : "unplug it and plug it in again";
+    const std::string remedy = why == EACCES  ? std::string(kUdevRemedy) + ", or join the group dialout"
+                               : why == EBUSY ? "another program has it: end that one"
+                                              : "unplug it and plug it in again";
     return Error{std::string("the serial line cannot be opened: ") + std::strerror(why), remedy, *path};
   }
   ::ioctl(fd, TIOCEXCL);  // exclusive; the next call detects files that are no serial line

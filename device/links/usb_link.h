@@ -52,9 +52,6 @@ struct UsbFound {
 /// Lists connected devices without opening them; empty if the machine has no USB. Some milliseconds.
 [[nodiscard]] std::vector<UsbFound> usb_devices(std::uint16_t vendor, std::uint16_t product);
 
-/// The udev rule that lets the user at the machine open a device, as text to copy.
-[[nodiscard]] std::string usb_udev_rule(std::uint16_t vendor, std::uint16_t product);
-
 /// For a guard process: opens and claims the device, sends these bytes once, closes. Waits at most `wait_ms`.
 /// Not for a process with the device open.
 enum class UsbSent : std::uint8_t { kSent, kAbsent, kRefused };
@@ -89,7 +86,7 @@ class UsbLink final : public ControlLink {
   ~UsbLink() override;
 
   /// Finds, opens and claims the device, detaches a kernel driver, starts the thread. An Error if none is
-  /// connected, this user may not open it (with the udev rule), or another program has it.
+  /// connected, this user may not open it, or another program has it.
   [[nodiscard]] Status open() override;
   /// Sends the last submitted command, at most 0.2 s, then releases the device.
   void close() noexcept override;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include <palpate/result.h>
+#include "device/interface/driver_options.h"
 
 namespace palpate::device {
 namespace {
@@ -76,19 +77,12 @@ libusb_device_handle* opened_usb(const UsbList& list, const std::string& serial,
   return nullptr;
 }
 
-std::string usb_ids(std::uint16_t vendor, std::uint16_t product) {
-  return fmt::format("{:04x}:{:04x}", vendor, product);
-}
-
 Error usb_not_opened(const UsbAddress& address, const UsbList& list, int problem, const std::string& name) {
-  const std::string id = usb_ids(address.vendor, address.product);
+  const std::string id = fmt::format("{:04x}:{:04x}", address.vendor, address.product);
   if (list.matching().empty())
     return {"no device " + id + " is connected by USB", "plug it in and switch it on", name, 0};
   if (problem == LIBUSB_ERROR_ACCESS)
-    return {"this user may not open the USB device " + id,
-            "put this line into /etc/udev/rules.d/70-palpate.rules, run `udevadm control --reload`, and plug "
-            "the device in again: " +
-                usb_udev_rule(address.vendor, address.product),
+    return {"this user may not open the USB device " + id, std::string(kUdevRemedy) + " and plug it in again",
             name, 0};
   if (problem != LIBUSB_SUCCESS)
     return {"the USB device " + id + " cannot be opened: " + libusb_error_name(problem),
@@ -115,12 +109,6 @@ std::vector<UsbFound> usb_devices(std::uint16_t vendor, std::uint16_t product) {
     found.push_back(one);
   }
   return found;
-}
-
-std::string usb_udev_rule(std::uint16_t vendor, std::uint16_t product) {
-  return fmt::format(
-      R"(SUBSYSTEM=="usb", ATTR{{idVendor}}=="{:04x}", ATTR{{idProduct}}=="{:04x}", MODE="0660", TAG+="uaccess")",
-      vendor, product);
 }
 
 UsbSession::~UsbSession() {

@@ -1,5 +1,7 @@
 #include "device/simulated/packets.h"
 
+#include <boost/crc.hpp>
+
 #include "toolkit/core/bytes.h"
 
 namespace palpate::device {
@@ -8,13 +10,9 @@ namespace {
 constexpr std::size_t kCrcAt = kPacketBytes - 2;
 
 std::uint16_t crc_of(std::span<const std::uint8_t> bytes) noexcept {
-  constexpr std::uint32_t kPolynomial = 0x1021, kTop = 0x8000, kAll = 0xFFFF;
-  std::uint32_t crc = kAll;
-  for (const std::uint8_t byte : bytes) {
-    crc ^= static_cast<std::uint32_t>(byte) << 8U;
-    for (int bit = 0; bit < 8; ++bit) crc = ((crc << 1U) ^ ((crc & kTop) != 0 ? kPolynomial : 0U)) & kAll;
-  }
-  return static_cast<std::uint16_t>(crc);
+  boost::crc_ccitt_type crc;
+  crc.process_bytes(bytes.data(), bytes.size());
+  return crc.checksum();
 }
 
 bool is_kind(std::uint8_t byte) noexcept {

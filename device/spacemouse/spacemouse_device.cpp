@@ -81,8 +81,7 @@ std::vector<DeviceEntry> look_for_spacemice() {
                           "; moves the HIP, shows the force, has no motors",
                       one.allowed ? DeviceStatus::kReady : DeviceStatus::kRefused,
                       {}};
-    if (!one.allowed)
-      entry.needs.emplace_back("install Palpate's udev rules (`palpate list devices --doctor` prints them)");
+    if (!one.allowed) entry.needs.emplace_back(kUdevRemedy);
     all.push_back(std::move(entry));
   }
   if (all.empty())

@@ -1,11 +1,13 @@
 // The Inverse3 over real sockets and the real library, against a service that pretends. Nothing here is asked
 // to happen within a time of its own: what is waited for comes, or the test fails after a long patience.
-#include <libwebsockets.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
 #include <atomic>
-#include <cstring>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
 #include <mutex>
 #include <nlohmann/json.hpp>
 
@@ -16,48 +18,29 @@
 namespace palpate::device {
 namespace {
 
+namespace beast = boost::beast;
+namespace http = boost::beast::http;
+using boost::asio::ip::tcp;
 using nlohmann::json;
 
 /// A service as the Inverse3's maker ships it, as far as its public pages tell, on a port of this machine: a
-/// WebSocket server that answers commands with states, settings over HTTP, and faults.
+/// WebSocket server that answers commands with states, settings over HTTP, and faults. A thread a connection.
 class FakeInverse3Service {
  public:
   enum class Mood { kWell, kNoDevice, kGarbage, kSilent, kStalled };
 
-  explicit FakeInverse3Service(Mood mood) : mood_(mood) {
-    static const lws_protocols kProtocols[] = {
-        {"fake", &FakeInverse3Service::callback, 0, 4096, 0, nullptr, 0},
-        {nullptr, nullptr, 0, 0, 0, nullptr, 0}};
-    lws_set_log_level(0, nullptr);
-    lws_context_creation_info info{};
-    info.port = 0;
-    info.iface = "127.0.0.1";
-    info.protocols = kProtocols;
-    info.gid = -1;
-    info.uid = -1;
-    info.fd_limit_per_thread = 64;
-    info.user = this;
-    context_ = lws_create_context(&info);
-    if (context_ == nullptr) {
-      ADD_FAILURE() << "no server of WebSockets";
-      return;
-    }
-    port_ = lws_get_vhost_listen_port(lws_get_vhost_by_name(context_, "default"));
-    thread_ = std::thread([this] {
-      while (!ending_.load()) lws_service(context_, 0);
-    });
-  }
+  explicit FakeInverse3Service(Mood mood) : mood_(mood), listener_([this] { listen(); }) {}
   FakeInverse3Service(const FakeInverse3Service&) = delete;
   FakeInverse3Service& operator=(const FakeInverse3Service&) = delete;
   /// Hangs up on everybody.
   ~FakeInverse3Service() {
-    ending_ = true;
-    if (context_ != nullptr) lws_cancel_service(context_);
-    if (thread_.joinable()) thread_.join();
-    if (context_ != nullptr) lws_context_destroy(context_);
+    ::shutdown(acceptor_.native_handle(), SHUT_RDWR);
+    listener_.join();
+    for (const auto& socket : sockets_) ::shutdown(socket->native_handle(), SHUT_RDWR);
+    for (std::thread& one : talks_) one.join();
   }
 
-  [[nodiscard]] std::uint16_t port() const noexcept { return static_cast<std::uint16_t>(port_); }
+  [[nodiscard]] std::uint16_t port() const { return acceptor_.local_endpoint().port(); }
   /// From here on.
   void set_mood(Mood mood) noexcept { mood_ = mood; }
   /// What the device holds now: it never lets go by itself.
@@ -95,76 +78,57 @@ class FakeInverse3Service {
     held_n_ = Vec3{values["x"].get<double>(), values["y"].get<double>(), values["z"].get<double>()};
     ++commands_;
   }
-  int answer_http(lws* wsi) {
-    std::array<unsigned char, LWS_PRE + 1024> buffer;
-    unsigned char *at = buffer.data() + LWS_PRE, *begin = at, *end = buffer.data() + buffer.size();
-    const std::string text = R"({"enabled":false})";
-    if (lws_add_http_common_headers(wsi, HTTP_STATUS_OK, "application/json", text.size(), &at, end) != 0 ||
-        lws_finalize_write_http_header(wsi, begin, &at, end) != 0)
-      return 1;
-    std::memcpy(begin, text.data(), text.size());
-    lws_write(wsi, begin, text.size(), LWS_WRITE_HTTP_FINAL);
-    return lws_http_transaction_completed(wsi) != 0 ? -1 : 0;
-  }
-  void note(const std::string& method) {
-    const std::lock_guard lock(mutex_);
-    requests_.push_back(method + " " + path_ + (body_.empty() ? "" : " " + body_));
-  }
-  int on(lws* wsi, lws_callback_reasons reason, const char* bytes, std::size_t size) {
-    switch (static_cast<int>(reason)) {
-      case LWS_CALLBACK_ESTABLISHED:
-        owed_ = 1;
-        lws_callback_on_writable(wsi);
-        return 0;
-      case LWS_CALLBACK_RECEIVE:
-        heard(std::string(bytes, size));
-        // Without commands it would say nothing; so would one that has stalled.
-        if (mood_.load() != Mood::kStalled && mood_.load() != Mood::kSilent) owed_ = 1;
-        lws_callback_on_writable(wsi);
-        return 0;
-      case LWS_CALLBACK_SERVER_WRITEABLE: {
-        if (mood_.load() == Mood::kSilent || owed_.exchange(0) == 0) return 0;
-        const std::string text = told();
-        std::vector<unsigned char> out(LWS_PRE + text.size());
-        std::memcpy(out.data() + LWS_PRE, text.data(), text.size());
-        lws_write(wsi, out.data() + LWS_PRE, text.size(), LWS_WRITE_TEXT);
-        return 0;
-      }
-      case LWS_CALLBACK_HTTP:
-        path_.assign(bytes, size);
-        body_.clear();
-        if (lws_hdr_total_length(wsi, WSI_TOKEN_POST_URI) > 0) return 0;  // its body comes
-        note("GET");
-        return answer_http(wsi);
-      case LWS_CALLBACK_HTTP_BODY:
-        body_.append(bytes, size);
-        return 0;
-      case LWS_CALLBACK_HTTP_BODY_COMPLETION:
-        note("POST");
-        return answer_http(wsi);
-      default:
-        return lws_callback_http_dummy(wsi, reason, nullptr, const_cast<char*>(bytes), size);
+  void listen() {
+    for (;;) {
+      boost::system::error_code failed;
+      auto socket = std::make_unique<tcp::socket>(io_);
+      acceptor_.accept(*socket, failed);
+      if (failed) return;
+      talks_.emplace_back([this, raw = socket.get()] { talk(*raw); });
+      sockets_.push_back(std::move(socket));
     }
   }
-  static int callback(lws* wsi, lws_callback_reasons reason, void* /*user*/, void* in, std::size_t size) {
-    lws_context* const context = lws_get_context(wsi);
-    auto* const state =
-        context != nullptr ? static_cast<FakeInverse3Service*>(lws_context_user(context)) : nullptr;
-    return state != nullptr ? state->on(wsi, reason, static_cast<const char*>(in), size) : 0;
+  void talk(tcp::socket& socket) {
+    boost::system::error_code failed;
+    beast::flat_buffer buffer;
+    http::request<http::string_body> asked;
+    http::read(socket, buffer, asked, failed);
+    if (failed) return;
+    if (!beast::websocket::is_upgrade(asked)) return answer(socket, asked);
+    beast::websocket::stream<tcp::socket&> web(socket);
+    web.accept(asked, failed);
+    for (bool owes = true; !failed;) {
+      if (owes && mood_.load() != Mood::kSilent) web.write(boost::asio::buffer(told()), failed);
+      buffer.clear();
+      if (!failed) web.read(buffer, failed);
+      if (!failed) heard(beast::buffers_to_string(buffer.data()));
+      // Without commands it would say nothing; so would one that has stalled.
+      owes = mood_.load() != Mood::kStalled;
+    }
+  }
+  void answer(tcp::socket& socket, const http::request<http::string_body>& asked) {
+    {
+      const std::lock_guard lock(mutex_);
+      requests_.push_back(std::string(asked.method_string()) + " " + std::string(asked.target()) +
+                          (asked.body().empty() ? "" : " " + asked.body()));
+    }
+    http::response<http::string_body> answer(http::status::ok, 11, R"({"enabled":false})");
+    answer.prepare_payload();
+    boost::system::error_code failed;
+    http::write(socket, answer, failed);
   }
 
-  lws_context* context_ = nullptr;
-  int port_ = 0;
+  boost::asio::io_context io_;
+  tcp::acceptor acceptor_{io_, {boost::asio::ip::address_v4::loopback(), 0}};
   std::atomic<Mood> mood_;
-  std::atomic<bool> ending_{false};
   std::atomic<std::uint64_t> commands_{0};
   std::atomic<double> gate_{-1.0};
-  std::atomic<int> owed_{0};  // states that are to be told
   mutable std::mutex mutex_;
   Vec3 held_n_ = Vec3::Zero();
   std::vector<std::string> requests_;
-  std::string path_, body_;
-  std::thread thread_;
+  std::vector<std::unique_ptr<tcp::socket>> sockets_;  // this and the next: the listener's
+  std::vector<std::thread> talks_;
+  std::thread listener_;
 };
 
 using Mood = FakeInverse3Service::Mood;
@@ -231,6 +195,19 @@ TEST(Inverse3Service, OneThatIsNotThereIsSaid) {
   Inverse3Device device(std::make_unique<WebSocketLink>(options.service), clock, options);
   EXPECT_TRUE(refused(device.open(), "no service at ws://127.0.0.1:"));
   EXPECT_EQ(device.read().status, ReadStatus::kLost);
+}
+
+TEST(Inverse3Service, HttpSaysItsAnswerOrWhyThereIsNone) {
+  std::uint16_t port = 0;
+  {
+    const FakeInverse3Service service(Mood::kWell);
+    port = service.port();
+    const Result<HttpAnswer> answer = http_request({"127.0.0.1", port, "GET", "/", {}});
+    ASSERT_TRUE(ok(answer));
+    EXPECT_EQ(answer->status, 200);
+    EXPECT_EQ(answer->body, R"({"enabled":false})");
+  }
+  EXPECT_TRUE(refused(http_request({"127.0.0.1", port, "GET", "/", {}}), "no answer from http://127.0.0.1:"));
 }
 
 TEST(Inverse3Service, NoDeviceGarbageAndSilenceAreSaid) {

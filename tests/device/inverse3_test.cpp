@@ -82,18 +82,6 @@ TEST(PackedForce, KeepsEveryForceToItsStepAndTheDirectionBeyond) {
   EXPECT_TRUE(is_finite(packed.load()));
 }
 
-TEST(HttpAnswers, AreReadWholeInPiecesOrNotAtAll) {
-  const auto body = [](const std::string& text) { return parsed_http_answer(text)->body; };
-  EXPECT_EQ(body("HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n{}more"), "{}");
-  EXPECT_EQ(body("HTTP/1.1 404 Not Found\r\n\r\ngone"), "gone");
-  EXPECT_EQ(body("HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n2\r\nab\r\n1\r\nc\r\n0\r\n\r\n"),
-            "abc");
-  EXPECT_EQ(body("HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nffffffffff\r\nab"), "ab");
-  EXPECT_EQ(parsed_http_answer("HTTP/1.1 404 Not Found\r\n\r\n")->status, 404);
-  for (const char* text : {"", "hello", "HTTP/1.1 2", "HTTP/1.1 abc\r\n\r\n"})
-    EXPECT_FALSE(parsed_http_answer(text)) << text;
-}
-
 /// What the service would be, called by hand.
 class PretendedTextLink final : public TextLink {
  public:

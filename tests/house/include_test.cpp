@@ -138,7 +138,7 @@ const std::vector<Heavy> kHeavy = {
     {"libusb", {"device/links/", "tests/device/"}, {}},
     {"hidapi", {"device/links/", "tests/device/"}, {}},
     {"libudev", {"device/links/", "tests/device/"}, {}},
-    {"libwebsockets", {"device/links/", "tests/device/"}, {}},
+    {"boost/beast/", {"device/links/", "tests/device/"}, {}},
     {"umockdev", {"tests/device/"}, {}},
     {"OpenNI.h", {"toolkit/stream/openni/"}, {}},
     {"GLFW/", {"experiments/window/", "tests/experiments/"}, {}},

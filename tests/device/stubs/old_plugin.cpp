@@ -2,32 +2,13 @@
 #include "device/plugins/plugin.h"
 
 extern "C" __attribute__((visibility("default"))) const palpate_plugin* palpate_plugin_entry() {
+  static palpate_plugin plugin{};  // without a function
 #ifdef PALPATE_STUB_HALF
-  static const palpate_plugin plugin = {PALPATE_PLUGIN_ABI,
-                                        sizeof(palpate_plugin),
-                                        "half",
-                                        "half",
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr};
+  plugin.abi = PALPATE_PLUGIN_ABI;
 #else
-  static const palpate_plugin plugin = {PALPATE_PLUGIN_ABI + 1,
-                                        16,
-                                        "old",
-                                        "old",
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr,
-                                        nullptr};
+  plugin.abi = PALPATE_PLUGIN_ABI + 1;
 #endif
+  plugin.size = sizeof plugin;
+  plugin.name = plugin.what = "stub";
   return &plugin;
 }
