@@ -33,6 +33,7 @@ struct LiveStreamFacts {
   std::uint64_t unrecorded = 0;  ///< could not be encoded
   std::uint64_t silences = 0;    ///< times that nothing came for kSilentPeriods
   bool ended = false;            ///< the source had no more
+  /// Percentiles at most 1/32 too high, as device::DurationHistogram counts them.
   std::optional<double> window_p50_ms, window_p99_ms, whole_p50_ms, whole_p99_ms;
   /// From an image's light until the surface around the HIP could be felt.
   std::optional<double> light_to_touch_p50_ms, light_to_touch_p99_ms;
