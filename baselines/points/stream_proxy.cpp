@@ -119,13 +119,13 @@ class StreamProxy : public RivalModel {
     const auto build = [&](const cloud::Cloud& cloud) -> Status {
       std::vector<float> scale;
       if (local_) {
-        PALPATE_ASSIGN(scale, local_spacings(cloud, gaps_, range_, context, report));
+        PALPATE_ASSIGN(scale, local_spacings(cloud, gaps_, range_, given.context, given.report));
       }
-      render::PreparePhases phases(report, context);
+      render::PreparePhases phases(given.report, given.context);
       phases.begin("grid");
       search::PartitionOptions grid;
       grid.cell_mm = shells_.r3;
-      points_ = build_points_in<Grid>(cloud, grid, context.threads);
+      points_ = build_points_in<Grid>(cloud, grid, given.context.threads);
       scales_ = placed_scales(scale, points_.grid.order());
       walk_ =
           std::make_unique<ShellWalk<Grid>>(points_, shells_, scales_.by_place, scales_.least, scales_.most);
