@@ -117,11 +117,11 @@ class StreamProxy : public ShellRival<search::DynamicGrid> {
     const auto build_for = [&](const cloud::Cloud& cloud) -> Status {
       std::vector<float> scale;
       if (local_) {
-        PALPATE_ASSIGN(scale, local_spacings(cloud, gaps_, range_, context, report));
+        PALPATE_ASSIGN(scale, local_spacings(cloud, gaps_, range_, given.context, given.report));
       }
-      render::PreparePhases phases(report, context);
+      render::PreparePhases phases(given.report, given.context);
       phases.begin("grid");
-      build(cloud, scale, context.threads);
+      build(cloud, scale, given.context.threads);
       phases.end();
       return Done{};
     };

@@ -2,6 +2,7 @@
 // which is felt meanwhile, then from the whole. The frame takes the newest finished one by one exchange.
 #pragma once
 
+#include <exception>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -63,19 +64,11 @@ class DepthRebuild final : public stream::DepthReceiver {
     stream::ReceiveReport report;
     report.fate = gate_.judge(frame);
     if (report.fate != stream::FrameFate::kTaken) return report;
-    const geometry::RigidTransform& pose = frame.world_from_camera;
-    DepthPatch patch{rays_, frame, rays_.around(pose.inverse() * hip_mm, kDepthWindow)};
-    patch.turn = (model_from_world_.rotation * pose.rotation).toRotationMatrix();
-    patch.camera_mm = model_from_world_ * pose.translation_mm - origin_mm_;
-    const bool in_two = !patch.window.empty() && !patch.window.holds(rays_.whole());
-    if (in_two) {
-      publish(make_(patch));
-      report.window_ms = watch.ms();
+    try {
+      rebuild(frame, hip_mm, watch, report);
+    } catch (const std::exception&) {
+      report.fate = stream::FrameFate::kFailed;
     }
-    patch.window = rays_.whole();
-    publish(make_(patch));
-    report.whole_ms = watch.ms();
-    if (!in_two) report.window_ms = report.whole_ms;
     return report;
   }
   void forget_frames() noexcept override {
@@ -89,6 +82,22 @@ class DepthRebuild final : public stream::DepthReceiver {
   [[nodiscard]] T* newest() const noexcept { return newest_.front().get(); }
 
  private:
+  void rebuild(const stream::DepthFrame& frame, const Vec3& hip_mm, const Stopwatch& watch,
+               stream::ReceiveReport& report) {
+    const geometry::RigidTransform& pose = frame.world_from_camera;
+    DepthPatch patch{rays_, frame, rays_.around(pose.inverse() * hip_mm, kDepthWindow)};
+    patch.turn = (model_from_world_.rotation * pose.rotation).toRotationMatrix();
+    patch.camera_mm = model_from_world_ * pose.translation_mm - origin_mm_;
+    const bool in_two = !patch.window.empty() && !patch.window.holds(rays_.whole());
+    if (in_two) {
+      publish(make_(patch));
+      report.window_ms = watch.ms();
+    }
+    patch.window = rays_.whole();
+    publish(make_(patch));
+    report.whole_ms = watch.ms();
+    if (!in_two) report.window_ms = report.whole_ms;
+  }
   void publish(std::shared_ptr<T> made) noexcept {
     newest_.back() = std::move(made);
     newest_.publish();

@@ -85,8 +85,10 @@ DocumentJson stream_json(const LiveStreamFacts& s) {
           {"repeated", s.repeated},
           {"late", s.late},
           {"truncated", s.truncated},
+          {"failed", s.failed},
           {"skipped", s.skipped},
           {"unreadable", s.unreadable},
+          {"unrecorded", s.unrecorded},
           {"silences", s.silences},
           {"ended", s.ended},
           {"window_p50_ms", number_or_null(s.window_p50_ms)},
@@ -124,8 +126,8 @@ Table session_table(const LiveDocument& document) {
         fmt::format("{}, {}, {}", document.remote.counts.commands, document.remote.counts.refused,
                     document.remote.counts.bad));
   if (const LiveStreamFacts& s = document.stream; !s.source.empty()) {
-    row("depth images taken; skipped, late, repeated, truncated",
-        fmt::format("{}; {}, {}, {}, {}", s.taken, s.skipped, s.late, s.repeated, s.truncated));
+    row("depth images taken; skipped, late, repeated, truncated, failed",
+        fmt::format("{}; {}, {}, {}, {}, {}", s.taken, s.skipped, s.late, s.repeated, s.truncated, s.failed));
     row("until the window, the whole can be felt, ms: p50, p99",
         two_text(s.window_p50_ms, s.window_p99_ms) + "; " + two_text(s.whole_p50_ms, s.whole_p99_ms));
     row("from light to touch, ms: p50, p99", two_text(s.light_to_touch_p50_ms, s.light_to_touch_p99_ms));

@@ -4,23 +4,34 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <exception>
 #include <utility>
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include "experiments/window/splat_points.h"
-#include "toolkit/core/statistics.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr double kStreamMsPerS = 1e3, kStreamSPerNs = 1e-9;
+constexpr double kStreamNsPerMs = 1e6, kStreamMsPerS = 1e3, kStreamSPerNs = 1e-9;
 // A thread that waits for an arrival looks this often whether the session ends: a twentieth of the time that
 // an image at 30 Hz may take until it is felt.
 constexpr std::chrono::microseconds kArrivalNap{500};
 // Files that give nothing but errors for so long are at their end.
 constexpr std::uint64_t kMostUnreadableLive = 10'000;
+
+void count_ms(device::DurationHistogram& times, double ms) noexcept {
+  times.count(std::llround(ms * kStreamNsPerMs));
+}
+
+void tell_ms(const device::DurationHistogram& times, std::optional<double>& p50, std::optional<double>& p99) {
+  const device::DurationStatistics found = times.statistics();
+  if (found.count == 0) return;
+  p50 = static_cast<double>(found.p50_ns) / kStreamNsPerMs;
+  p99 = static_cast<double>(found.p99_ns) / kStreamNsPerMs;
+}
 
 }  // namespace
 
@@ -159,17 +170,21 @@ void LiveStream::give() {
   facts_.repeated += report.fate == stream::FrameFate::kRepeated ? 1u : 0u;
   facts_.late += report.fate == stream::FrameFate::kLate ? 1u : 0u;
   facts_.truncated += report.fate == stream::FrameFate::kTruncated ? 1u : 0u;
+  facts_.failed += report.fate == stream::FrameFate::kFailed ? 1u : 0u;
   if (report.fate == stream::FrameFate::kTaken) {
-    window_ms_.push_back(report.window_ms);
-    whole_ms_.push_back(report.whole_ms);
-    light_ms_.push_back((begun_s - frame_.captured_s) * kStreamMsPerS + report.window_ms);
+    count_ms(window_, report.window_ms);
+    count_ms(whole_, report.whole_ms);
+    count_ms(light_, (begun_s - frame_.captured_s) * kStreamMsPerS + report.window_ms);
     if (shown_) show();
   }
   given_s_.store(begun_s, std::memory_order_relaxed);
   if (recorder_ == nullptr) return;
   const Result<std::span<const std::byte>> bytes = codec_->encode(frame_);
   // The recorder tells at its end what is missing.
-  if (bytes) (void)recorder_->add_depth(*bytes);
+  if (bytes)
+    (void)recorder_->add_depth(*bytes);
+  else
+    ++facts_.unrecorded;
 }
 
 std::string LiveStream::work() {
@@ -194,9 +209,9 @@ LiveStreamFacts LiveStream::facts() const {
   LiveStreamFacts facts = facts_;
   facts.silences = silences_;
   facts.ended = ended_.load(std::memory_order_acquire);
-  median_and_tail(window_ms_, facts.window_p50_ms, facts.window_p99_ms);
-  median_and_tail(whole_ms_, facts.whole_p50_ms, facts.whole_p99_ms);
-  median_and_tail(light_ms_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
+  tell_ms(window_, facts.window_p50_ms, facts.window_p99_ms);
+  tell_ms(whole_, facts.whole_p50_ms, facts.whole_p99_ms);
+  tell_ms(light_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
   return facts;
 }
 

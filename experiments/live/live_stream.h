@@ -11,6 +11,7 @@
 #include <vector>
 
 #include <palpate/depth_stream.h>
+#include <palpate/device/loop_histogram.h>
 #include <palpate/device/servo.h>
 #include <palpate/triple_buffer.h>
 #include "device/live/mixer.h"
@@ -26,11 +27,13 @@ namespace palpate::experiments {
 struct LiveStreamFacts {
   std::string source, about;
   std::uint64_t frames = 0;  ///< given to the felt renderer
-  std::uint64_t taken = 0, repeated = 0, late = 0, truncated = 0;
+  std::uint64_t taken = 0, repeated = 0, late = 0, truncated = 0, failed = 0;
   std::uint64_t skipped = 0;  ///< not given: over a period late when their turn came
   std::uint64_t unreadable = 0;
-  std::uint64_t silences = 0;  ///< times that nothing came for kSilentPeriods
-  bool ended = false;          ///< the source had no more
+  std::uint64_t unrecorded = 0;  ///< could not be encoded
+  std::uint64_t silences = 0;    ///< times that nothing came for kSilentPeriods
+  bool ended = false;            ///< the source had no more
+  /// Percentiles at most 1/32 too high, as device::DurationHistogram counts them.
   std::optional<double> window_p50_ms, window_p99_ms, whole_p50_ms, whole_p99_ms;
   /// From an image's light until the surface around the HIP could be felt.
   std::optional<double> light_to_touch_p50_ms, light_to_touch_p99_ms;
@@ -99,7 +102,7 @@ class LiveStream final : public device::TickObserver {
   std::optional<render::PixelRays> rays_;    // of what is shown
   std::vector<std::uint32_t> shown_pixels_;  // in the order in which they are shown
   LiveStreamFacts facts_;
-  std::vector<double> window_ms_, whole_ms_, light_ms_;
+  device::DurationHistogram window_, whole_, light_;
   // Used by the worker.
   bool silent_ = false, end_said_ = false;
   std::uint64_t silences_ = 0;

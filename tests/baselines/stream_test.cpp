@@ -6,8 +6,10 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <new>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "baselines/renderers/depth_mesh.h"
 #include "tests/baselines/small_models.h"
@@ -83,6 +85,25 @@ class Streams : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Rivals, Streams, testing::Values(kMesh, kProxy), [](const auto& rival) {
   return rival.param == std::string(kMesh) ? "Mesh" : "Proxy";
 });
+
+TEST(DepthRebuilds, WithoutMemoryTheLastSurfaceStays) {
+  const stream::DepthCamera camera = small_camera();
+  render::ModelInput model = test::model_of(std::vector<Vec3>{Vec3(0, 0, 1000)});
+  model.camera = std::make_shared<const stream::DepthCamera>(camera);
+  bool memory = true;
+  DepthRebuild<int> rebuild(model, Vec3::Zero(), [&](const DepthPatch&) {
+    if (!memory) throw std::bad_alloc();
+    return std::make_shared<int>(7);
+  });
+  const Vec3 hip(0, 0, 960);
+  EXPECT_EQ(rebuild.receive(image_of(camera, plane_at(1000.0), 0), hip).fate, stream::FrameFate::kTaken);
+  ASSERT_TRUE(rebuild.take());
+  memory = false;
+  EXPECT_EQ(rebuild.receive(image_of(camera, plane_at(1000.0), 1), hip).fate, stream::FrameFate::kFailed);
+  EXPECT_FALSE(rebuild.take());
+  ASSERT_NE(rebuild.newest(), nullptr);
+  EXPECT_EQ(*rebuild.newest(), 7);
+}
 
 TEST_P(Streams, APlaneIsFeltWhereItIs) {
   Rig rig(GetParam(), plane_at(1000.0));

@@ -22,6 +22,9 @@ constexpr double kMuchNearer = 0.5, kSameWay = 0.5;
 /// A god object moves as the HIP does, and up to twice as fast at a depth of half the surface's radius.
 constexpr double kFollowedWay = 2.0;
 
+/// The mean age of a surface between its image and the next: what moves is felt as it was so long before.
+constexpr double kMeanAgePeriods = 0.5;
+
 double pixel_mm(const DepthSheets& sheets, const Vec3& q) noexcept {
   return q.z() / sheets.fx;
 }
@@ -32,6 +35,7 @@ void DepthContact::release(const Vec3& hip) noexcept {
   state_ = State::kFree;
   started_ = is_finite(hip);
   last_ = hip;
+  drift_ = velocity_ = pull_ = Vec3::Zero();
   sides_ = {};
   // Looks again from there, also where the surface stays the same.
   image_ = 0;
@@ -46,24 +50,49 @@ bool DepthContact::step(const DepthSheets& sheets, bool swapped, const Vec3& hip
   if (!started_) release(hip);
   if (swapped || image_ != sheets.image) swap(sheets, status, counters);
   started_ = true;
-  if (state_ == State::kFree) enter(sheets, hip, counters);
+  since_s_ += dt_s;
+  drift_ = drift();
+  const Vec3 h = hip - drift_;
+  if (state_ == State::kFree) enter(sheets, h, counters);
   bool held = false;
-  if (state_ == State::kHeld) held = hold(sheets, hip, dt_s, status, counters);
-  if (state_ == State::kLeaving) held = let_go(sheets, hip, dt_s);
-  last_ = hip;
+  if (state_ == State::kHeld) held = hold(sheets, h, dt_s, status, counters);
+  if (state_ == State::kLeaving) held = let_go(sheets, h, dt_s);
+  last_ = h;
   pull = pull_;
   return held;
+}
+
+/// The speed of what stands behind the place or there.
+Vec3 DepthContact::velocity_at(const DepthSheets& sheets, const Vec3& place) const noexcept {
+  const Vec3 q = sheets.to_camera(place);
+  const DepthPlace at = sheets.place(q);
+  const double w = at.pixel != 0 ? sheets.value(0, at.pixel) : 0.0;
+  if (!(w > 0.0) || 1.0 / q.z() < w - sheets.reach(w, 1.0) - w * w * kFastestMmPerS * period_s_)
+    return Vec3::Zero();
+  const Vec3 velocity = sheets.camera_from_local.transpose() *
+                        (q * (static_cast<double>(-sheets.rate[at.pixel]) / (q.z() * w * w)));
+  const double speed = velocity.norm();
+  return speed > most_mm_per_s_ ? Vec3(velocity * (most_mm_per_s_ / speed)) : velocity;
+}
+
+Vec3 DepthContact::drift() const noexcept {
+  return velocity_ * (std::min(since_s_, period_s_) - kMeanAgePeriods * period_s_);
 }
 
 /// Takes a new surface at the last frame's HIP, held or overtaken by it.
 void DepthContact::swap(const DepthSheets& sheets, FrameStatus& status, FrameCounters& counters) noexcept {
   const double images =
       image_ == 0 ? 0.0 : std::min(static_cast<double>(sheets.image - image_), kStalledPeriods);
+  if (image_ != sheets.image) since_s_ = 0.0;  // else the rest of an image whose window was felt
   image_ = sheets.image;
   const double fastest = kFastestMmPerS * period_s_ * images;
+  const Vec3 drifted = drift_;
+  velocity_ = velocity_at(sheets, last_ + drifted + pull_);
+  drift_ = drift();
+  last_ += drifted - drift_;
   const Vec3 q = sheets.to_camera(last_);
   if (state_ != State::kFree) {
-    const Vec3 before = last_ + pull_ - carried_, plane = god_, outward = outward_;
+    const Vec3 before = last_ + pull_ - carried_, plane = god_ + drifted - drift_, outward = outward_;
     god_ = before;
     const bool found = descend(sheets, q, fastest, status, counters) != Descent::kNone;
     // What lets go is caught again by a surface over the HIP only.

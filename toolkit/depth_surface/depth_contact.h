@@ -1,9 +1,10 @@
 // The contact with surfaces that come and go: a god object on the newest one.
 //
-// The felt god object moves as the HIP moves. What the surface's god object moves beyond that, as when a new
-// surface takes over, is carried: a vector from it to where it was felt, which shrinks to nothing while one
-// image passes, so that a surface that moved pushes at the speed it came with. A surface that vanished leaves
-// its tangent plane, which lets go in kLetGoSeconds.
+// Between images a surface goes on at the speed it came with: contact is a matter of the frame that drifts
+// with it, in which the HIP moves the other way. The felt god object moves as the HIP moves. What the
+// surface's god object moves beyond that, as when a new surface takes over, is carried: a vector from it to
+// where it was felt, which shrinks to nothing while one image passes. A surface that vanished leaves its
+// tangent plane, which lets go in kLetGoSeconds.
 #pragma once
 
 #include <array>
@@ -50,6 +51,8 @@ class DepthContact {
   };
   using Sides = std::array<Side, DepthSheets::kLayers>;
 
+  [[nodiscard]] Vec3 velocity_at(const DepthSheets& sheets, const Vec3& place) const noexcept;
+  [[nodiscard]] Vec3 drift() const noexcept;
   void swap(const DepthSheets& sheets, FrameStatus& status, FrameCounters& counters) noexcept;
   bool cross(const DepthSheets& sheets, const Vec3& q, double pixels, double slack) noexcept;
   [[nodiscard]] Descent descend(const DepthSheets& sheets, const Vec3& hip, double slack, FrameStatus& status,
@@ -62,14 +65,18 @@ class DepthContact {
   [[nodiscard]] bool let_go(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept;
   void leave() noexcept;
 
-  double most_mm_per_s_;  ///< of what is carried, and of what is let go along the surface: half the rate each
+  /// Of the surface's drift, of what is carried, and of what is let go along the surface: half the rate each.
+  double most_mm_per_s_;
   double period_s_;
   State state_ = State::kFree;
   std::uint64_t image_ = 0;  ///< of the last surface
   bool started_ = false;
-  Vec3 last_ = Vec3::Zero();  ///< HIP of the last frame
-  Sides sides_{};             ///< free: of last_
-  Vec3 god_ = Vec3::Zero();   ///< on the surface; leaving: on the plane
+  double since_s_ = 0.0;          ///< since the surface was taken
+  Vec3 velocity_ = Vec3::Zero();  ///< of the surface
+  Vec3 drift_ = Vec3::Zero();     ///< of the frame that moves with it, of which are the places below
+  Vec3 last_ = Vec3::Zero();      ///< HIP of the last frame
+  Sides sides_{};                 ///< free: of last_
+  Vec3 god_ = Vec3::Zero();       ///< on the surface; leaving: on the plane
   Vec3 outward_ = Vec3::Zero();
   Vec3 carried_ = Vec3::Zero();  ///< from god_ to the felt god object
   double carried_mm_per_s_ = 0.0;

@@ -65,7 +65,7 @@ DepthFusion::DepthFusion(const stream::DepthCamera& camera)
     state->right.assign(n, 0);
     state->below.assign(n, 0);
   }
-  for (Raster* raster : {&measured_, &half_, &row_change_, &row_square_, &row_counted_})
+  for (Raster* raster : {&measured_, &half_, &rate_, &row_change_, &row_square_, &row_counted_})
     raster->assign(n, 0.0F);
   for (Raster* row : {&change_, &counted_}) row->assign(static_cast<std::size_t>(grid_.stride), 0.0F);
   samples_.reserve(camera.pixels() / kSampleStep + 1);
@@ -83,7 +83,7 @@ DepthFusion::DepthFusion(const stream::DepthCamera& camera)
 }
 
 std::size_t DepthFusion::bytes() const noexcept {
-  constexpr std::size_t kRasters = 3 * 6 + 5;
+  constexpr std::size_t kRasters = 3 * 6 + 6;
   return before_.w.size() * (kRasters * sizeof(float) + 3 * 2) + grid_.bytes() +
          (lens_u_.size() + lens_v_.size()) * sizeof(float);
 }
@@ -305,17 +305,21 @@ void DepthFusion::fuse(const PixelWindow& window) noexcept {
         square += row_square_[j];
         n += row_counted_[j];
       }
-      float shift = 0.0F;
+      float shift = 0.0F, rate = 0.0F;
       bool together = false, still = false;
       if (n > 0.0F) {
         const float mean = sum / n, mean_sq = mean * mean;
         const float noise = prior_->variance[i] + variance_of(prior_->w[i]);
         const float threshold = kMotionSigmas * kMotionSigmas * noise / n;
         if (mean_sq > threshold) shift = mean * (1.0F - threshold / mean_sq);
-        together = square / n - mean_sq <= kTogether * noise;
+        const float spread = square / n - mean_sq;
+        together = spread <= kTogether * noise;
+        const bool as_one = spread <= kTogether * (noise + kMotionError * kMotionError * shift * shift);
+        if (as_one && dt_s_ > 0.0F) rate = shift / dt_s_;
         still = n > kMostOfMotion;
       }
       fuse_pixel(i, shift, together, still);
+      rate_[i] = rate;
     }
 }
 
@@ -481,6 +485,7 @@ void DepthFusion::write(const PixelWindow& window, DepthSheets& sheets) const no
       };
       const bool surface = count >= kLeastLinks && !mixed(w, e, 1) && !mixed(n, s, stride);
       sheets.front[i] = surface ? shown[k] : 0.0F;
+      sheets.rate[i] = rate_[i];
       sheets.hidden[i] = hidden[k];
     }
   }

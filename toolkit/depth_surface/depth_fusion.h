@@ -78,7 +78,7 @@ class DepthFusion {
   Raster lens_u_, lens_v_;  ///< where in the image a pixel of the raster is; empty: no lens
   State before_, now_, warped_;
   const State* prior_ = nullptr;  ///< before_, or warped_ if the camera moved
-  Raster measured_, half_;
+  Raster measured_, half_, rate_;
   Raster change_, counted_;                       ///< of one row
   Raster row_change_, row_square_, row_counted_;  ///< sums over a row's neighbours
   std::vector<float> samples_;

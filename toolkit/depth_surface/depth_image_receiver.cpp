@@ -56,7 +56,7 @@ void DepthImageReceiver::publish() noexcept {
 void DepthImageReceiver::forget_frames() noexcept {
   gate_.forget();
   fusion_.forget();
-  for (std::vector<float>* layer : {&newest_.front, &newest_.hidden})
+  for (std::vector<float>* layer : {&newest_.front, &newest_.rate, &newest_.hidden})
     std::fill(layer->begin(), layer->end(), 0.0F);
   newest_.image = 0;
   publish();

@@ -52,6 +52,7 @@ struct DepthSheets {
   double noise = 0.0;               ///< standard deviation of w, 1/mm
   std::uint64_t image = 0;          ///< counts the images; 0: none came yet
   std::vector<float> front;         ///< w, 1/mm; 0: no surface
+  std::vector<float> rate;          ///< of front where all around moves as one, 1/(mm s); 0: at rest
   std::vector<float> hidden;        ///< of a surface that `front` occludes; 0: none
   std::vector<std::uint8_t> links;  ///< neighbours of front's sheet, bits in the order of neighbour()
 
@@ -65,6 +66,7 @@ struct DepthSheets {
         cx(camera.cx_px),
         cy(camera.cy_px),
         front(static_cast<std::size_t>(stride * (rows + 2 * kBorder))),
+        rate(front.size()),
         hidden(front.size()),
         links(front.size()) {}
 
@@ -76,7 +78,7 @@ struct DepthSheets {
     return {1, -1, stride, -stride, stride + 1, stride - 1, 1 - stride, -1 - stride};
   }
   [[nodiscard]] std::size_t bytes() const noexcept {
-    return (front.capacity() + hidden.capacity()) * sizeof(float) + links.capacity();
+    return (front.capacity() + rate.capacity() + hidden.capacity()) * sizeof(float) + links.capacity();
   }
 
   [[nodiscard]] Vec3 to_camera(const Vec3& p) const noexcept { return camera_from_local * p + offset_mm; }

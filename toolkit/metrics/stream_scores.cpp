@@ -30,6 +30,7 @@ StreamScores score_stream(const trace::ProbePath& path, const trace::ForceTrace&
       scores.repeated += one.report.fate == FrameFate::kRepeated ? 1u : 0u;
       scores.late += one.report.fate == FrameFate::kLate ? 1u : 0u;
       scores.truncated += one.report.fate == FrameFate::kTruncated ? 1u : 0u;
+      scores.failed += one.report.fate == FrameFate::kFailed ? 1u : 0u;
       if (one.report.fate != FrameFate::kTaken) continue;
       ++scores.taken;
       swapped = true;

@@ -24,8 +24,8 @@ inline constexpr std::size_t kMostSwapTimes = 1000;
 
 /// Empty where nothing was taken, or no swap met contact.
 struct StreamScores {
-  std::uint64_t frames = 0;  ///< given: taken, repeated, late and truncated ones
-  std::uint64_t taken = 0, repeated = 0, late = 0, truncated = 0;
+  std::uint64_t frames = 0;  ///< given: taken, repeated, late, truncated and failed ones
+  std::uint64_t taken = 0, repeated = 0, late = 0, truncated = 0, failed = 0;
   std::uint64_t skipped = 0;  ///< not given: newer ones had come while the receiver was busy
   std::uint64_t swaps = 0, stalled_frames = 0;  ///< render::FrameCounters
   /// Time of receive(), by the machine's clock.
