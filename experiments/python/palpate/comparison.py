@@ -65,7 +65,7 @@ class Comparison:
         for name, set_scale in ((x, ax.set_xscale), (y, ax.set_yscale)):
             if drawn and all(row[name] > 0 for row in drawn):
                 set_scale("log")
-        ax.margins(0.2)  # room for names
+        ax.margins(x=0.35, y=0.2)  # room for names
         ax.set_xlabel(x)
         ax.set_ylabel(y)
         return ax
