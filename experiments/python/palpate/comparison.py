@@ -56,7 +56,10 @@ class Comparison:
                 near = get_close_matches(name, {key for row in self.rows for key in row}, 1)
                 raise Error(f"there is no column '{name}'", f"did you mean '{near[0]}'?" if near else "see .rows")
         if ax is None:
-            ax = importlib.import_module("matplotlib.pyplot").subplots()[1]
+            try:
+                ax = importlib.import_module("matplotlib.pyplot").subplots()[1]
+            except ImportError as missing:
+                raise Error("matplotlib is not installed", "install python3-matplotlib, or give ax=") from missing
         drawn = [row for row in self.rows if row.get(x) is not None and row.get(y) is not None]
         for row in drawn:
             ax.plot(row[x], row[y], "o")
