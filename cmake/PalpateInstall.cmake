@@ -103,6 +103,8 @@ if(PROJECT_IS_TOP_LEVEL)
     set(CPACK_DEBIAN_PACKAGE_SECTION science)
     set(CPACK_DEBIAN_COMMAND_PACKAGE_NAME palpate)
     set(CPACK_DEBIAN_COMMAND_PACKAGE_SHLIBDEPS ON)
+    # Programs that it starts (palpate fetch, figures of reports), and what draws the window without a graphics card.
+    set(CPACK_DEBIAN_COMMAND_PACKAGE_RECOMMENDS "ca-certificates, curl, gnuplot-nox | gnuplot, libgl1-mesa-dri")
     # The daemon reads the rules again, and devices that are plugged in already get them.
     set(CPACK_DEBIAN_COMMAND_PACKAGE_CONTROL_EXTRA "${PROJECT_SOURCE_DIR}/device/drivers/package/postinst")
     set(CPACK_DEBIAN_DEV_PACKAGE_NAME libpalpate-dev)
@@ -122,7 +124,8 @@ if(PROJECT_IS_TOP_LEVEL)
       set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
       set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
       set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-numpy")
-      set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS "python3-pandas, python3-matplotlib")
+      # Only suggested: with what they recommend in turn (numba, LLVM) they are 314 MB, numpy 48.
+      set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-pandas, python3-matplotlib")
     endif()
   endif()
   include(CPack)

@@ -11,6 +11,7 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
+#include "experiments/driver/jobs.h"
 #include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/run.h"
@@ -24,6 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kPathFile = "path.csv";
+constexpr const char* kWholePart = "whole";  ///< the part of the whole scene
 constexpr double kPercent = 100.0;
 /// Seconds of timed passes per variant.
 constexpr double kTimedS = 1.0;
@@ -126,14 +128,13 @@ Result<Run> measure_whole(const Stage& stage, const Variant& variant, const rend
                           const RunOptions& options, const Suite& suite) {
   Run run;
   const OutputFolder& folder = suite.folder();
-  const std::string name = "whole";
-  if (take_run(folder, name, name, stage, run)) return run;
+  if (take_run(folder, kWholePart, kWholePart, stage, run)) return run;
   PALPATE_ASSIGN(run, run_renderer(stage, variant.request, registry, options, suite.progress()));
   if (run.result.status != metrics::RunStatus::kOk)
     return Error{run.result.reason, "mend the scene, or take another renderer"};
   folder.start_part();
   PALPATE_TRY(write_run(stage, run, true, folder));
-  PALPATE_TRY(folder.keep(name, name, result_text(run)));
+  PALPATE_TRY(folder.keep(kWholePart, kWholePart, result_text(run)));
   return run;
 }
 
@@ -144,27 +145,44 @@ Status measure_variants(const Plan& plan, const render::Registry& registry, int 
   options.threads = threads;
   options.passes = kAblatePasses;
   options.budget_s = kTimedS;
-  Run whole;
+  std::size_t points = 0;
+  for (const render::ModelInput& model : plan.stage.scene.input.models) points += model.cloud->size();
+  const double frames = static_cast<double>((2 * kAblatePasses + 1) * plan.stage.path.size());
+  std::optional<Run> whole;
+  const auto need_whole = [&]() -> Status {
+    if (!whole) {
+      const Variant& variant = plan.variants.front();
+      PALPATE_ASSIGN(whole, measure_whole(stage_of(plan.stage, variant), variant, registry, options, suite));
+    }
+    return Done{};
+  };
   for (std::size_t i = 0; i < plan.variants.size(); ++i) {
     const Variant& variant = plan.variants[i];
     suite.progress().set_prefix(
         fmt::format("[{} of {}] {}: ", i + 1, plan.variants.size(),
                     variant.stage.empty() ? "whole scene" : "without " + variant.stage));
-    const Stage stage = stage_of(plan.stage, variant);
+    // A variant in a process of its own measures the whole scene first.
+    Case about = case_of(variant.request, *registry.find(variant.request.name), plan.stage.scene_name, points,
+                         2.0 * frames, 2.0);
+    about.setting = variant.stage;
     if (i == 0) {
-      PALPATE_ASSIGN(whole, measure_whole(stage, variant, registry, options, suite));
-      document.rows.push_back(row_of(variant, whole));
-      for (const std::string& warning : whole.result.prepare->warnings) document.warnings.push_back(warning);
+      about.name = kWholePart;
+      if (!suite.measures(about)) continue;
+      PALPATE_TRY(need_whole());
+      document.rows.push_back(row_of(variant, *whole));
+      for (const std::string& warning : whole->result.prepare->warnings) document.warnings.push_back(warning);
       continue;
     }
     const auto measure = [&]() -> Result<AblateRow> {
+      PALPATE_TRY(need_whole());
+      const Stage stage = stage_of(plan.stage, variant);
       PALPATE_ASSIGN(const Run run,
                      run_renderer(stage, variant.request, registry, options, suite.progress()));
       AblateRow measured = row_of(variant, run);
-      if (measured.reason.empty()) measured.error_percent = change_percent(whole.trace, run.trace);
+      if (measured.reason.empty()) measured.error_percent = change_percent(whole->trace, run.trace);
       return measured;
     };
-    PALPATE_ASSIGN(AblateRow row, suite.once<AblateRow>(part_of(i), variant.stage, measure));
+    PALPATE_ASSIGN(AblateRow row, suite.once<AblateRow>(part_of(i), variant.stage, measure, about));
     document.rows.push_back(std::move(row));
   }
   suite.progress().set_prefix("");
@@ -283,9 +301,10 @@ Result<int> run_ablate(const AblateArguments& arguments, Context& context) {
   document.warnings = plan.stage.warnings;
   document.notes = plan.stage.notes;
   PALPATE_TRY(suite.begin(key_of(run, plan.checked.stage).add(document.renderer)));
+  PALPATE_TRY(measure_variants(plan, registry, threads, suite, document));
+  if (suite.partial()) return suite.leave();
   PALPATE_ASSIGN(const std::string path, suite.folder().claim(kPathFile));
   PALPATE_TRY(trace::write_path_csv(plan.stage.path, path));
-  PALPATE_TRY(measure_variants(plan, registry, threads, suite, document));
   count_variants(arguments, plan, path, suite.progress(), document);
   PALPATE_TRY(suite.publish({kAblateFile, to_json(document), {ablate_table(document)}}, ablate_page(document),
                             run.json));

@@ -126,7 +126,7 @@ class Bench {
   }
 
   /// Each case's points and path, and what they are.
-  Status emit();
+  Status save_cases();
   /// Each entry on each case; without `timed` frames are run once.
   Result<BenchDocument> run(const metrics::DocumentHead& head, bool timed);
 
@@ -147,7 +147,7 @@ class Bench {
   std::vector<RendererRequest> requests_;
 };
 
-Status Bench::emit() {
+Status Bench::save_cases() {
   BenchDocument document;
   document.quick = arguments_.quick;
   document.seed = seed_.name;
@@ -319,15 +319,18 @@ Result<int> run_bench(const BenchArguments& given, Context& context) {
   if (other && (other->quick != arguments.quick || other->seed_sha256 == seed.sha256))
     return Error{"is of the same seed, or of another size", "give a run of other cases, quick or not as this",
                  arguments.against};
+  if (context.cases.list && seed.name == "secret")
+    return Error{"jobs hold their command line, and so the secret seed",
+                 "run it without --emit and --engine"};
   PALPATE_ASSIGN(std::vector<Entrant> entrants,
                  read_entries(arguments.entries.empty() ? kUsualEntries : arguments.entries, registry));
-  const std::string folder = !arguments.emit.empty() ? arguments.emit
-                             : arguments.out.empty() ? kBenchFolder
-                                                     : arguments.out;
+  const std::string folder = !arguments.save_cases.empty() ? arguments.save_cases
+                             : arguments.out.empty()       ? kBenchFolder
+                                                           : arguments.out;
   Suite suite(context);
   PALPATE_TRY(suite.open(folder, std::vector<std::string>{arguments.check, arguments.against}));
   RunKey key;
-  key.add("bench").add(seed.sha256).add(arguments.emit).add(std::uint64_t{arguments.quick});
+  key.add("bench").add(seed.sha256).add(arguments.save_cases).add(std::uint64_t{arguments.quick});
   key.add(static_cast<std::uint64_t>(arguments.threads)).add(std::uint64_t{claimed.has_value()});
   for (const Entrant& one : entrants) {
     key.add(one.entry.label).add(one.renderer ? key_of(*one.renderer) : one.traces.string());
@@ -336,14 +339,15 @@ Result<int> run_bench(const BenchArguments& given, Context& context) {
   }
   PALPATE_TRY(suite.begin(key));
   Bench bench(arguments, seed, std::move(entrants), registry, suite);
-  if (!arguments.emit.empty()) {
-    PALPATE_TRY(bench.emit());
+  if (!arguments.save_cases.empty()) {
+    PALPATE_TRY(bench.save_cases());
     suite.progress().clear();
     fmt::print("cases: {}\n", std::filesystem::absolute(suite.folder().path()).string());
     return kExitOk;
   }
   PALPATE_ASSIGN(const BenchDocument document,
                  bench.run(new_head(shown_command(arguments, seed, context.command_line)), !claimed));
+  if (suite.partial()) return suite.leave();
   results.json = to_json(document);
   results.tables = bench_tables(document);
   if (other) results.tables.push_back(tuning_table(document, *other));

@@ -16,11 +16,11 @@ struct BenchArguments {
   std::string entries;  ///< renderers with options, and folders of traces, by commas; empty: kUsualEntries
   std::string seed;     ///< read_seed()
   std::string out;
-  std::string emit;     ///< a folder for the cases' files: nothing is run
-  std::string check;    ///< a bench.json whose numbers are made again
-  std::string against;  ///< a bench.json of another seed: what is tuned to one of them
-  bool quick = false;   ///< few points and frames
-  int threads = 0;      ///< of preparation; 0: all
+  std::string save_cases;  ///< a folder for the cases' files: nothing is run
+  std::string check;       ///< a bench.json whose numbers are made again
+  std::string against;     ///< a bench.json of another seed: what is tuned to one of them
+  bool quick = false;      ///< few points and frames
+  int threads = 0;         ///< of preparation; 0: all
   bool json = false;
 };
 

@@ -164,6 +164,7 @@ void declare_ablate(const Declaration& declare, AblateArguments& a) {
                              kCountBudgetS));
   declare.rare().flag("--marked", a.marked,
                       "only step each stage's frames between callgrind's marks: what is run under valgrind");
+  declare.cases();
   declare_scene_run(declare, run);
 }
 

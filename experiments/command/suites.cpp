@@ -3,6 +3,7 @@
 
 #include "experiments/behaviours/matrix.h"
 #include "experiments/bench/bench.h"
+#include "experiments/command/cli.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/goals/goals.h"
@@ -58,6 +59,7 @@ void declare_hunt(const Declaration& declare, HuntArguments& a) {
   declare_required_out(declare, a.out);
   declare_json(declare, a.json);
   declare.verbose();
+  declare.cases();
   declare.excludes("--minutes", "--trials");
 }
 
@@ -105,7 +107,7 @@ void declare_bench(const Declaration& declare, BenchArguments& a) {
                "of the cases: public, nominal, or a secret text of 16 characters or more, which gives hidden "
                "ones and is not written anywhere (default: public)");
   declare.text("--out", a.out, "folder for the results (default: out/bench)");
-  declare.text("--emit", a.emit,
+  declare.text("--save-cases", a.save_cases,
                "folder for the points and path of every case, to be answered by traces; nothing is run");
   declare.text("--check", a.check, "bench.json whose cases and answers are made again and compared");
   declare.text("--against", a.against,
@@ -114,8 +116,9 @@ void declare_bench(const Declaration& declare, BenchArguments& a) {
   declare_threads(declare, a.threads);
   declare_json(declare, a.json);
   declare.verbose();
-  declare.excludes("--emit", "--out");
-  declare.excludes("--emit", "--check");
+  declare.cases();
+  declare.excludes("--save-cases", "--out");
+  for (const char* other : {"--check", kEmitOption, kEngineOption}) declare.excludes("--save-cases", other);
   declare.excludes("--check", "--against");
   declare.excludes("--check", "--quick");
 }
@@ -178,7 +181,7 @@ Subcommand bench_subcommand() {
       "Palpate Bench: renderers, plug-ins and recorded traces on public or hidden cases, ranked",
       {"palpate test bench --out out/bench",
        "palpate test bench --entry cloud,cloud-smooth --quick --out out/bench-quick",
-       "palpate test bench --quick --emit out/bench-cases",
+       "palpate test bench --quick --save-cases out/bench-cases",
        "palpate test bench --check out/bench-quick/bench.json --entry cloud --out out/bench-check"},
       declare_bench, run_bench);
 }

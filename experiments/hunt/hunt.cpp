@@ -32,66 +32,58 @@ std::string fault_name(std::size_t k) {
 
 }  // namespace
 
-std::string to_text(const HuntState& state) {
-  Json quests = Json::array();
-  for (const Quest& quest : state.quests) {
-    Json worst = Json::object(), faults = Json::array();
-    for (std::size_t g = 0; g < kGoals; ++g)
-      if (const auto& found = quest.worst[g])
-        worst[info_of(static_cast<HuntGoal>(g)).name] = {{"score", found->score},
-                                                         {"trial", found->trial},
-                                                         {"frame", found->frame},
-                                                         {"trial_input", to_text(found->trial_input)}};
-    for (const Fault& fault : quest.faults)
-      faults.push_back(
-          {{"what", fault.what}, {"trial", fault.trial}, {"trial_input", to_text(fault.trial_input)}});
-    quests.push_back({{"label", quest.renderer.label},
-                      {"trials", quest.trials},
-                      {"refused", quest.refused},
-                      {"bound_hits", quest.bound_hits},
-                      {"faulty", quest.faulty},
-                      {"worst", worst},
-                      {"faults", faults}});
-  }
-  return dumped({{"next_trial", state.next_trial}, {"spent_s", state.spent_s}, {"quests", quests}});
+std::string to_text(const Quest& quest) {
+  Json worst = Json::object(), faults = Json::array();
+  for (std::size_t g = 0; g < kGoals; ++g)
+    if (const auto& found = quest.worst[g])
+      worst[info_of(static_cast<HuntGoal>(g)).name] = {{"score", found->score},
+                                                       {"trial", found->trial},
+                                                       {"frame", found->frame},
+                                                       {"trial_input", to_text(found->trial_input)}};
+  for (const Fault& fault : quest.faults)
+    faults.push_back(
+        {{"what", fault.what}, {"trial", fault.trial}, {"trial_input", to_text(fault.trial_input)}});
+  return dumped({{"label", quest.renderer.label},
+                 {"trials", quest.trials},
+                 {"refused", quest.refused},
+                 {"bound_hits", quest.bound_hits},
+                 {"faulty", quest.faulty},
+                 {"spent_s", quest.spent_s},
+                 {"worst", worst},
+                 {"faults", faults}});
 }
 
-bool from_text(const std::string& text, HuntState& state) {
-  HuntState read = state;
+bool from_text(const std::string& text, Quest& quest) {
+  Quest read;
+  read.renderer = quest.renderer;
   try {
-    const nlohmann::json json = nlohmann::json::parse(text);
-    json.at("next_trial").get_to(read.next_trial);
-    json.at("spent_s").get_to(read.spent_s);
-    if (json.at("quests").size() != read.quests.size()) return false;
-    for (std::size_t q = 0; q < read.quests.size(); ++q) {
-      const nlohmann::json& from = json.at("quests").at(q);
-      Quest& quest = read.quests[q];
-      if (from.at("label") != quest.renderer.label) return false;
-      from.at("trials").get_to(quest.trials);
-      from.at("refused").get_to(quest.refused);
-      from.at("bound_hits").get_to(quest.bound_hits);
-      from.at("faulty").get_to(quest.faulty);
-      for (std::size_t g = 0; g < kGoals; ++g) {
-        const char* const name = info_of(static_cast<HuntGoal>(g)).name;
-        if (!from.at("worst").contains(name)) continue;
-        const nlohmann::json& one = from.at("worst").at(name);
-        Found found{one.at("score").get<double>(),
-                    one.at("trial").get<std::uint64_t>(),
-                    one.at("frame").get<std::size_t>(),
-                    {}};
-        if (!from_text(one.at("trial_input").get<std::string>(), found.trial_input)) return false;
-        quest.worst[g] = std::move(found);
-      }
-      for (const nlohmann::json& one : from.at("faults")) {
-        Fault fault{one.at("what").get<std::string>(), one.at("trial").get<std::uint64_t>(), {}};
-        if (!from_text(one.at("trial_input").get<std::string>(), fault.trial_input)) return false;
-        quest.faults.push_back(std::move(fault));
-      }
+    const nlohmann::json from = nlohmann::json::parse(text);
+    if (from.at("label") != read.renderer.label) return false;
+    from.at("trials").get_to(read.trials);
+    from.at("refused").get_to(read.refused);
+    from.at("bound_hits").get_to(read.bound_hits);
+    from.at("faulty").get_to(read.faulty);
+    from.at("spent_s").get_to(read.spent_s);
+    for (std::size_t g = 0; g < kGoals; ++g) {
+      const char* const name = info_of(static_cast<HuntGoal>(g)).name;
+      if (!from.at("worst").contains(name)) continue;
+      const nlohmann::json& one = from.at("worst").at(name);
+      Found found{one.at("score").get<double>(),
+                  one.at("trial").get<std::uint64_t>(),
+                  one.at("frame").get<std::size_t>(),
+                  {}};
+      if (!from_text(one.at("trial_input").get<std::string>(), found.trial_input)) return false;
+      read.worst[g] = std::move(found);
+    }
+    for (const nlohmann::json& one : from.at("faults")) {
+      Fault fault{one.at("what").get<std::string>(), one.at("trial").get<std::uint64_t>(), {}};
+      if (!from_text(one.at("trial_input").get<std::string>(), fault.trial_input)) return false;
+      read.faults.push_back(std::move(fault));
     }
   } catch (const nlohmann::json::exception&) {
     return false;
   }
-  state = std::move(read);
+  quest = std::move(read);
   return true;
 }
 
@@ -123,9 +115,14 @@ std::string command_of(const OutputFolder& folder, const std::string& name) {
   return fmt::format("palpate compare {0}.toml --renderers auto --path {0}.csv --out {0}", at);
 }
 
-Result<std::string> write_found(const OutputFolder& folder, const HuntState& state, std::uint64_t seed) {
+Result<std::string> write_found(const OutputFolder& folder, const std::vector<Quest>& quests,
+                                std::uint64_t seed) {
   Json renderers = Json::array();
-  for (const Quest& quest : state.quests) {
+  std::uint64_t trials = 0;
+  double spent_s = 0.0;
+  for (const Quest& quest : quests) {
+    trials += quest.trials;
+    spent_s += quest.spent_s;
     Json worst = Json::array(), faults = Json::array();
     const auto write = [&](const std::string& name, const TrialInput& trial_input) -> Result<Json> {
       PALPATE_TRY(write_case(folder, name, trial_input, renderer_of(quest, trial_input)));
@@ -158,8 +155,8 @@ Result<std::string> write_found(const OutputFolder& folder, const HuntState& sta
   }
   const std::string text = dumped({{"schema", "palpate-hunt-1"},
                                    {"seed", seed},
-                                   {"trials", state.next_trial},
-                                   {"spent_s", state.spent_s},
+                                   {"trials", trials},
+                                   {"spent_s", spent_s},
                                    {"renderers", renderers}},
                                   1) +
                            "\n";
@@ -169,11 +166,12 @@ Result<std::string> write_found(const OutputFolder& folder, const HuntState& sta
 
 namespace {
 
-constexpr const char* kStatePart = "hunt";
 /// Interval of saving; a stop loses at most this.
 constexpr double kKeepEveryS = 5.0;
 /// Share of trials from scratch.
 constexpr double kAfresh = 0.25;
+/// A trial's seconds on one core: 40 of two renderers took 2.8.
+constexpr double kTrialS = 0.07;
 constexpr double kSecondsAMinute = 60.0, kMsPerSecond = 1e3;
 
 /// The named renderers; ours if none is named.
@@ -202,37 +200,60 @@ class Hunt {
     for (RendererRequest& request : renderers) {
       options_.push_back(arguments.as_given ? std::vector<OptionSpec>()
                                             : free_options(*registry.find(request.name), request));
-      state_.quests.push_back({std::move(request), {}, {}, 0, 0, 0, 0});
+      quests_.push_back({std::move(request), {}, {}, 0, 0, 0, 0, 0.0});
     }
   }
 
+  /// One quest after the other: none looks at what another has found.
   Status run() {
-    (void)suite_.take(kStatePart, kStatePart, state_);
-    const double before_s = state_.spent_s;
-    const Stopwatch watch;
-    double kept_s = 0.0;
-    while (true) {
-      const double now_s = watch.ms() / kMsPerSecond;
-      state_.spent_s = before_s + now_s;
-      const double share = arguments_.trials > 0 ? static_cast<double>(state_.next_trial) /
-                                                       static_cast<double>(arguments_.trials)
-                                                 : state_.spent_s / (arguments_.minutes * kSecondsAMinute);
-      if (share >= 1.0) return Done{};
-      suite_.progress().report("hunting", share);
-      if (now_s - kept_s > kKeepEveryS) {
-        kept_s = now_s;
-        PALPATE_TRY(suite_.keep(kStatePart, kStatePart, state_));
-      }
-      one(state_.next_trial++);
+    for (std::size_t q = 0; q < quests_.size(); ++q) {
+      const RendererRequest& request = quests_[q].renderer;
+      (void)suite_.take(request.label, key_of(request), quests_[q]);
+      Case one = untimed(request);
+      one.seconds =
+          arguments_.trials > 0 ? 1.0 + kTrialS * static_cast<double>(trials_of(q)) : seconds_of_each();
+      if (share(q) < 1.0 && suite_.measures(one)) PALPATE_TRY(follow(q));
     }
+    return Done{};
   }
-  [[nodiscard]] const HuntState& state() const { return state_; }
+  [[nodiscard]] const std::vector<Quest>& quests() const { return quests_; }
 
  private:
-  /// Runs trial `number`; renderers take turns.
-  void one(std::uint64_t number) {
-    const auto q = static_cast<std::size_t>(number % state_.quests.size());
-    Quest& quest = state_.quests[q];
+  [[nodiscard]] std::uint64_t trials_of(std::size_t q) const {
+    return (arguments_.trials + quests_.size() - 1 - q) / quests_.size();
+  }
+  [[nodiscard]] double seconds_of_each() const {
+    return arguments_.minutes * kSecondsAMinute / static_cast<double>(quests_.size());
+  }
+  /// How much of its trials or time the quest has had.
+  [[nodiscard]] double share(std::size_t q) const {
+    if (arguments_.trials == 0) return quests_[q].spent_s / seconds_of_each();
+    return trials_of(q) == 0 ? 1.0
+                             : static_cast<double>(quests_[q].trials) / static_cast<double>(trials_of(q));
+  }
+
+  Status follow(std::size_t q) {
+    Quest& quest = quests_[q];
+    const double before_s = quest.spent_s;
+    double kept_s = 0.0;
+    const Stopwatch watch;
+    while (share(q) < 1.0) {
+      suite_.progress().report("hunting with " + quest.renderer.label,
+                               (static_cast<double>(q) + share(q)) / static_cast<double>(quests_.size()));
+      one(q);
+      const double now_s = watch.ms() / kMsPerSecond;
+      quest.spent_s = before_s + now_s;
+      if (now_s - kept_s < kKeepEveryS && share(q) < 1.0) continue;
+      kept_s = now_s;
+      PALPATE_TRY(suite_.keep(quest.renderer.label, key_of(quest.renderer), quest));
+    }
+    return Done{};
+  }
+
+  /// Runs the next trial of quest `q`. Trials are numbered through all quests.
+  void one(std::size_t q) {
+    Quest& quest = quests_[q];
+    const std::uint64_t number = quest.trials * quests_.size() + q;
     const Ground ground{options_[q],
                         registry_.find(quest.renderer.name)->geometry == render::Geometry::kHeights};
     Random random(arguments_.seed ^ (number + 1) * kGolden64);
@@ -268,12 +289,12 @@ class Hunt {
   const render::Registry& registry_;
   const Suite& suite_;
   std::vector<std::vector<OptionSpec>> options_;  ///< per quest
-  HuntState state_;
+  std::vector<Quest> quests_;
 };
 
 /// A line a renderer and its faults; `whole`: the worst of every goal too.
-void print(const HuntState& state, const OutputFolder& folder, bool whole) {
-  for (const Quest& quest : state.quests) {
+void print(const std::vector<Quest>& quests, const OutputFolder& folder, bool whole) {
+  for (const Quest& quest : quests) {
     fmt::print("{}: {} trials ({} without a model or refused), {} frames at the bound, {} broke a promise\n",
                quest.renderer.label, quest.trials, quest.refused, quest.bound_hits, quest.faulty);
     for (std::size_t g = 0; whole && g < kGoals; ++g) {
@@ -303,14 +324,15 @@ Result<int> hunt(const HuntArguments& arguments, Context& context) {
   PALPATE_TRY(suite.begin(key));
   Hunt hunt(arguments, registry, suite, std::move(renderers));
   PALPATE_TRY(hunt.run());
-  PALPATE_ASSIGN(const std::string json, write_found(suite.folder(), hunt.state(), arguments.seed));
+  if (suite.partial()) return suite.leave();
+  PALPATE_ASSIGN(const std::string json, write_found(suite.folder(), hunt.quests(), arguments.seed));
   PALPATE_TRY(suite.folder().complete());
   suite.progress().clear();
   if (arguments.json)
     fmt::print("{}", json);
   else
-    print(hunt.state(), suite.folder(), context.verbose);
-  for (const Quest& quest : hunt.state().quests)
+    print(hunt.quests(), suite.folder(), context.verbose);
+  for (const Quest& quest : hunt.quests())
     if (quest.faulty > 0) return kExitFellShort;
   return kExitOk;
 }

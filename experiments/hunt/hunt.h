@@ -32,17 +32,13 @@ struct Quest {
   std::array<std::optional<Found>, kGoals> worst;
   std::vector<Fault> faults;  ///< the first kMostFaults
   std::uint64_t trials = 0, refused = 0, bound_hits = 0, faulty = 0;
+  double spent_s = 0.0;
 };
 inline constexpr std::size_t kMostFaults = 5;
 
-struct HuntState {
-  std::uint64_t next_trial = 0;
-  double spent_s = 0.0;
-  std::vector<Quest> quests;
-};
-[[nodiscard]] std::string to_text(const HuntState& state);
-/// False for a text of other quests.
-[[nodiscard]] bool from_text(const std::string& text, HuntState& state);
+[[nodiscard]] std::string to_text(const Quest& quest);
+/// False for a text of another renderer's quest.
+[[nodiscard]] bool from_text(const std::string& text, Quest& quest);
 
 /// The renderer with the trial_input's options.
 [[nodiscard]] NamedOptions renderer_of(const Quest& quest, const TrialInput& trial_input);
@@ -56,7 +52,7 @@ struct HuntState {
 [[nodiscard]] std::string command_of(const OutputFolder& folder, const std::string& name);
 
 /// Writes all cases and the document that names them.
-[[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const HuntState& state,
+[[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const std::vector<Quest>& quests,
                                               std::uint64_t seed);
 
 inline constexpr double kUsualHuntMinutes = 10.0;

@@ -21,26 +21,27 @@ Path path_from_array(py::handle given, double rate_hz, ScenePtr scene) {
   return {std::move(path), std::move(scene)};
 }
 
+py::tuple pair_of(trace::PathAndTrace&& read) {
+  return py::make_tuple(Path{std::make_shared<const trace::ProbePath>(std::move(read.path)), nullptr},
+                        Trace{std::make_shared<const trace::ForceTrace>(std::move(read.trace))});
+}
+
 /// A recorded session's path and what one renderer answered in it.
 py::tuple read_recording(const py::object& file, const std::string& renderer, bool skip_damaged) {
-  trace::PathAndTrace read = without_lock([name = py::str(file).cast<std::string>(), &renderer,
-                                           skip_damaged](Progress&) -> Result<trace::PathAndTrace> {
+  return pair_of(without_lock([name = py::str(file).cast<std::string>(), &renderer,
+                               skip_damaged](Progress&) -> Result<trace::PathAndTrace> {
     PALPATE_ASSIGN(device::Recording recording, device::Recording::open(name, {skip_damaged}));
     Result<trace::PathAndTrace> frames = experiments::frames_of_recording(recording, renderer);
     if (!frames) return std::move(frames).error().in_file(name);
     frames->path.name = name;
     frames->trace.label = renderer;
     return frames;
-  });
-  return py::make_tuple(Path{std::make_shared<const trace::ProbePath>(std::move(read.path)), nullptr},
-                        Trace{std::make_shared<const trace::ForceTrace>(std::move(read.trace))});
+  }));
 }
 
 py::tuple read_trace(const py::object& file) {
-  trace::PathAndTrace read = without_lock(
-      [name = py::str(file).cast<std::string>()](Progress&) { return trace::read_trace_csv(name); });
-  return py::make_tuple(Path{std::make_shared<const trace::ProbePath>(std::move(read.path)), nullptr},
-                        Trace{std::make_shared<const trace::ForceTrace>(std::move(read.trace))});
+  return pair_of(without_lock(
+      [name = py::str(file).cast<std::string>()](Progress&) { return trace::read_trace_csv(name); }));
 }
 
 }  // namespace

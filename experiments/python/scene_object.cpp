@@ -197,7 +197,11 @@ ScenePtr with_surface(const ScenePtr& scene, py::dict& given) {
              "leave stiffness, friction and deformation to the scene"});
     scene::SceneFile uniform;
     uniform.models.emplace_back().surface = model.surface;
-    (void)value_of(ex::set_surfaces(wanted, uniform));
+    if (auto set = ex::set_surfaces(wanted, uniform); !set) {
+      Error error = std::move(set).error();
+      if (error.what.starts_with("--")) error.what.erase(0, 2);  // an option there, an argument here
+      raise(error);
+    }
     model.surface = uniform.models.front().surface;
   }
   return changed;

@@ -227,7 +227,7 @@ TEST_F(BenchCommand, APluginThatCrashesLeavesTheOthersAlone) {
 
 TEST_F(BenchCommand, TracesAnswerEmittedCasesAndASecretStaysOne) {
   const std::string secret = kSecret;
-  succeeds("test bench --quick --emit @/cases --seed", secret);
+  succeeds("test bench --quick --save-cases @/cases --seed", secret);
   std::filesystem::create_directory(in("mine"));
   const json cases = json_in("cases/bench.json")["cases"];
   ASSERT_EQ(cases.size(), 18u);

@@ -136,12 +136,61 @@ TEST_F(Cluster, EveryCommandOfManyCasesListsThem) {
            {"test stability plane:points=441 --path tap:frames=300 --renderers cloud", 2},
            {"test behaviours --renderers cloud,penalty-grid --only ridge", 2},
            {"test goals --quick", 9},
+           {"test hunt --renderers cloud,heightfield --trials 4", 2},
+           {"test bench --quick", 18},
+           {"compare ablate plane:points=441 --path tap:frames=300 --friction 0.5 --renderer cloud", 2},
            {"reproduce --quick --tables 6,10", 2}}) {
     succeeds(line, "--emit snakemake --out @/out");
     EXPECT_GE(jobs("out").size(), least) << line;
     EXPECT_FALSE(exists("out/report.html")) << line;
     std::filesystem::remove_all(in("out"));
   }
+}
+
+TEST_F(Cluster, QuestsApartFindWhatTheHuntFinds) {
+  const auto hunt = [&](const char* out, const Words& more = {}) {
+    return words("test hunt --renderers cloud,heightfield --trials 9 --as-given --seed 7 --out", in(out),
+                 more);
+  };
+  palpate(hunt("whole"));
+  succeeds(hunt("out", {"--emit", "snakemake"}));
+  for (const auto& [id, row] : jobs("out")) succeeds(hunt("out", {"--case", id}));
+  palpate(hunt("out"));
+  json whole = json_in("whole/hunt.json"), merged = json_in("out/hunt.json");
+  for (json* one : {&whole, &merged}) {
+    one->erase("spent_s");
+    for (json& renderer : (*one)["renderers"])
+      for (const char* list : {"worst", "faults"})
+        for (json& found : renderer[list]) found.erase("command");  // it names the folder
+  }
+  EXPECT_EQ(merged, whole);
+  EXPECT_EQ(whole["trials"], 9);
+}
+
+TEST_F(Cluster, StagesLeftOutApartAreTheAblation) {
+  const auto ablate = [&](const char* out, const Words& more = {}) {
+    return words("compare ablate", kSmallScene, "--renderer cloud:refine=1 --friction 0.5 --budget 0 --path",
+                 kSmallPath, "--out", in(out), more);
+  };
+  succeeds(ablate("whole"));
+  succeeds(ablate("out", {"--emit", "snakemake"}));
+  const auto rows = jobs("out");
+  EXPECT_TRUE(rows.contains("whole"));
+  for (const auto& [id, row] : rows) succeeds(ablate("out", {"--case", id}));
+  succeeds(ablate("out"));
+  const json whole = json_in("whole/ablate.json")["rows"], merged = json_in("out/ablate.json")["rows"];
+  ASSERT_EQ(merged.size(), rows.size());
+  for (std::size_t i = 0; i < whole.size(); ++i)
+    for (const char* key : {"stage", "instead", "trace_hash", "error_percent", "bytes"})
+      EXPECT_EQ(merged.at(i)[key], whole[i][key]) << i << " " << key;
+}
+
+TEST_F(Cluster, WhatHasNoCasesSaysSo) {
+  for (const char* line : {"study abx --emit snakemake", "list scans --engine snakemake"}) {
+    refuses("no jobs to make of it", line);
+  }
+  refuses("secret seed", "test bench --quick --seed 0123456789abcdef --emit snakemake --out @/out");
+  EXPECT_FALSE(exists("out"));
 }
 
 TEST_F(Cluster, OneCaseOfAMatrixIsTakenOver) {
@@ -163,6 +212,28 @@ TEST_F(Cluster, OneCaseOfAMatrixIsTakenOver) {
   write_text(in(part), kept);
   palpate(line({}));
   EXPECT_THAT(text_in("out/stress.json"), HasSubstr("feedfacefeedface"));
+}
+
+// What Snakemake 7 alone understands is in config.yaml, which 8 and later leave for config.v8+.yaml.
+TEST_F(Cluster, ProfilesKeepTheWordsOfTheirVersions) {
+  succeeds(on_scene("compare", "out", "cloud,cloud-smooth"), "--emit snakemake");
+  const std::string text = text_in("out/jobs/Snakefile"), slurm = "out/jobs/profiles/slurm/";
+  EXPECT_THAT(text, HasAll("rule prepare:", "rule case:", "rule merge:", "rule report:", "localrules:",
+                           "retries: 2", "mem_mb=", "runtime=", "slurm_extra=", "timing="));
+  EXPECT_THAT(text, HasNone("subworkflow", "version(", "dynamic(", "cluster", "time_min")) << "gone in 8";
+  EXPECT_THAT(text_in(slurm + "config.v8+.yaml"),
+              testing::AllOf(HasSubstr("executor: slurm\n"), HasNone("cluster")));
+  EXPECT_THAT(text_in(slurm + "config.yaml"),
+              testing::AllOf(HasSubstr("cluster-status:"), HasNone("executor:")));
+  if (!program_exists("snakemake")) GTEST_SKIP() << "Snakemake is not installed: the text alone was read";
+  for (const char* profile : {"local", "slurm"}) {
+    const Result<ProcessOutcome> dry =
+        run_process({"snakemake", "--profile", std::string("profiles/") + profile, "--dry-run"},
+                    {.folder = in("out/jobs")});
+    ASSERT_TRUE(dry) << dry.error().message();
+    EXPECT_EQ(dry->exit_code, 0) << dry->err;
+    EXPECT_THAT(dry->out + dry->err, HasAll("prepare", "case", "merge", "report")) << profile;
+  }
 }
 
 TEST_F(Cluster, SnakemakeRunsWhatIsWritten) {

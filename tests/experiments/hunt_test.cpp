@@ -176,18 +176,14 @@ TEST(Hunt, AQuarryIsWrittenAndReadToTheBit) {
 }
 
 TEST(Hunt, WhatWasFoundIsGoneOnWith) {
-  HuntState state;
-  state.quests.push_back({{"cloud", "cloud", {}, {}}, {}, {}, 3, 1, 2, 1});
-  state.quests[0].worst[1] = Found{0.75, 17, 4, stroke_through_a_plane()};
-  state.quests[0].faults.push_back({"what", 18, stroke_through_a_plane()});
-  state.next_trial = 19;
-  HuntState again;
-  again.quests.push_back({{"cloud", "cloud", {}, {}}, {}, {}, 0, 0, 0, 0});
-  ASSERT_TRUE(from_text(to_text(state), again));
-  EXPECT_EQ(to_text(again), to_text(state));
-  HuntState other;
-  other.quests.push_back({{"heightfield", "heightfield", {}, {}}, {}, {}, 0, 0, 0, 0});
-  EXPECT_FALSE(from_text(to_text(state), other));
+  Quest quest{{"cloud", "cloud", {}, {}}, {}, {}, 3, 1, 2, 1, 0.5};
+  quest.worst[1] = Found{0.75, 17, 4, stroke_through_a_plane()};
+  quest.faults.push_back({"what", 18, stroke_through_a_plane()});
+  Quest again{{"cloud", "cloud", {}, {}}, {}, {}, 0, 0, 0, 0, 0.0};
+  ASSERT_TRUE(from_text(to_text(quest), again));
+  EXPECT_EQ(to_text(again), to_text(quest));
+  Quest other{{"heightfield", "heightfield", {}, {}}, {}, {}, 0, 0, 0, 0, 0.0};
+  EXPECT_FALSE(from_text(to_text(quest), other));
 }
 
 class HuntCommand : public OnCommandLine {};

@@ -157,6 +157,10 @@ class Renderers(unittest.TestCase):
         for wrong in ({"refine": "maybe"}, {"shadow": 1}, {"stiffness": -1}, {"friction": (0.5, 0.7)}, {"refine": []}):
             with self.assertRaises(palpate.Error):
                 palpate.renderer("cloud", sphere(), **wrong)
+        with self.assertRaisesRegex(palpate.Error, "^stiffness: 'hard'"):
+            palpate.renderer("cloud", sphere(), stiffness="hard")
+        with self.assertRaisesRegex(palpate.Error, "mean 'stanford-bunny'"):
+            palpate.read("bunny")
         self.assertIn("cloud-smooth", palpate.renderers())
 
     def test_a_closed_renderer_answers_no_more(self):
@@ -282,6 +286,12 @@ class Comparisons(unittest.TestCase):
         axes = compared.plot()
         self.assertEqual(len(axes.lines), 2)
         self.assertEqual(axes.get_xlabel(), "frame_all.mean_us")
+        self.assertRegex(compared._repr_html_(), r"<th>memory\.<wbr>bytes</th>")
+        with self.assertRaisesRegex(palpate.Error, "'memory.byte'; did you mean 'memory.bytes'"):
+            compared.plot(x="memory.byte")
+        with self.assertRaisesRegex(palpate.Error, "Trace and a Truth"):
+            palpate.score(self.path, palpate.truth(self.path))
+        self.assertEqual(list(palpate.compare("cloud", self.path, passes=1).traces), ["cloud"])
 
     def test_a_renderer_written_in_python_is_compared(self):
         ball = sphere()

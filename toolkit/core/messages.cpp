@@ -93,9 +93,9 @@ std::string nearest_name(std::string_view wrong, const std::vector<std::string>&
   std::size_t fewest = wrong.size() / kEditsPerLetters + 1;
   for (const std::string& name : known) {
     const std::size_t distance = edits(wrong, name);
-    // A prefix of a known name ("stiffness" for "stiffness_n_per_mm") matches, whatever is missing.
-    const bool begins = wrong.size() > 2 && name.substr(0, wrong.size()) == wrong;
-    if (distance < fewest || (begins && best.empty())) {
+    // A part of a known name ("bunny" for "stanford-bunny") matches, whatever is missing.
+    const bool part = wrong.size() > 2 && name.find(wrong) != std::string::npos;
+    if (distance < fewest || (part && best.empty())) {
       best = name;
       fewest = std::min(distance, fewest);
     }

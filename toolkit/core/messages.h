@@ -43,7 +43,7 @@ template <std::ranges::range Things>
   return names;
 }
 
-/// The name in `known` with the fewest edits to `wrong`; empty if over a third of its letters differ.
+/// The known name of fewest edits, else the first that holds `wrong`; empty if over a third of it differs.
 [[nodiscard]] std::string nearest_name(std::string_view wrong, const std::vector<std::string>& known);
 
 /// "did you mean 'cloud'?", or `otherwise` if none is near.

@@ -105,6 +105,8 @@ def truth(path: Union[Path, Places], scene: Optional[SceneLike] = None, *, refer
 
 def score(trace: Trace, truth: Truth) -> Dict[str, Dict[str, Any]]:
     """Scores of a trace by their names in docs/reference/scores.md: {"accuracy": .., "energy": ..}."""
+    if not isinstance(trace, Trace) or not isinstance(truth, Truth):
+        raise Error("a score is of a Trace and a Truth", "score(renderer.replay(path), palpate.truth(path))")
     row = json.loads(truth._scores(trace))["renderers"][0]
     return {"accuracy": row["accuracy"], "energy": row["energy"]}
 
@@ -119,7 +121,7 @@ def compare(renderers: Sequence[Union[str, Renderer, PythonRenderer, type]], pat
     suits the scene. scene: that of the path or of the first prepared renderer where none is given.
     passes, budget_s: timed passes of each renderer, and seconds that they may take.
     """
-    document, walked, traces = _palpate._compare(list(renderers), path, scene, reference, passes, budget_s,
+    document, walked, traces = _palpate._compare([renderers] if isinstance(renderers, str) else list(renderers), path, scene, reference, passes, budget_s,
                                                  rate_hz, threads)
     return Comparison(json.loads(document), walked, traces)
 

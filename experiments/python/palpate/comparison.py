@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import re
+from difflib import get_close_matches
 from typing import Any, Dict, List, Mapping, Optional, Sequence
 
 from ._palpate import Path, Trace
+from .errors import Error
 
 COLUMNS = (
     "label", "status", "prepare.total_ms", "memory.bytes", "frame_all.mean_us", "frame_all.p999_us",
@@ -48,8 +51,15 @@ class Comparison:
     def plot(self, x: str = "frame_all.mean_us", y: str = "accuracy.force_rms_percent",
              ax: Optional[Any] = None) -> Any:
         """Draws one column over another, a point for each renderer that has both; matplotlib's Axes."""
+        for name in (x, y):
+            if not any(name in row for row in self.rows):
+                near = get_close_matches(name, {key for row in self.rows for key in row}, 1)
+                raise Error(f"there is no column '{name}'", f"did you mean '{near[0]}'?" if near else "see .rows")
         if ax is None:
-            ax = importlib.import_module("matplotlib.pyplot").subplots()[1]
+            try:
+                ax = importlib.import_module("matplotlib.pyplot").subplots()[1]
+            except ImportError as missing:
+                raise Error("matplotlib is not installed", "install python3-matplotlib, or give ax=") from missing
         drawn = [row for row in self.rows if row.get(x) is not None and row.get(y) is not None]
         for row in drawn:
             ax.plot(row[x], row[y], "o")
@@ -58,6 +68,7 @@ class Comparison:
         for name, set_scale in ((x, ax.set_xscale), (y, ax.set_yscale)):
             if drawn and all(row[name] > 0 for row in drawn):
                 set_scale("log")
+        ax.margins(x=0.35, y=0.2)  # room for names
         ax.set_xlabel(x)
         ax.set_ylabel(y)
         return ax
@@ -67,4 +78,8 @@ class Comparison:
 
     def _repr_html_(self) -> Optional[str]:
         table = self.table()
-        return str(table._repr_html_()) if hasattr(table, "_repr_html_") else None
+        if not hasattr(table, "to_html"):
+            return None
+        # Names may be broken where they have a joint, or ten columns are wider than a page.
+        return re.sub(r"<th>[^<]*</th>", lambda name: re.sub(r"([._])", r"\1<wbr>", name[0]),
+                      str(table.to_html(index=False, float_format="{:.4g}".format, border=0)))
