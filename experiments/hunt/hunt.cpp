@@ -1,7 +1,6 @@
 #include "experiments/hunt/hunt.h"
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include <filesystem>
 #include <utility>
@@ -11,17 +10,12 @@
 #include <palpate/trace.h>
 #include <palpate/write_mesh.h>
 #include "experiments/driver/suite.h"
+#include "experiments/hunt/input_json.h"
 #include "experiments/hunt/trial.h"
 #include "toolkit/core/hash.h"
 
 namespace palpate::experiments {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-std::string dumped(const Json& json, int indent = -1) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
-}
 
 std::string case_name(const Quest& quest, const std::string& what) {
   return quest.renderer.label + "-" + what;
@@ -32,28 +26,15 @@ std::string fault_name(std::size_t k) {
 
 }  // namespace
 
+PALPATE_JSON_MEMBERS(Found, score, trial, frame, trial_input)
+PALPATE_JSON_MEMBERS(Fault, what, trial, trial_input)
+PALPATE_JSON_MEMBERS(Quest, worst, faults, trials, refused, bound_hits, faulty)
+
 std::string to_text(const HuntState& state) {
-  Json quests = Json::array();
-  for (const Quest& quest : state.quests) {
-    Json worst = Json::object(), faults = Json::array();
-    for (std::size_t g = 0; g < kGoals; ++g)
-      if (const auto& found = quest.worst[g])
-        worst[info_of(static_cast<HuntGoal>(g)).name] = {{"score", found->score},
-                                                         {"trial", found->trial},
-                                                         {"frame", found->frame},
-                                                         {"trial_input", to_text(found->trial_input)}};
-    for (const Fault& fault : quest.faults)
-      faults.push_back(
-          {{"what", fault.what}, {"trial", fault.trial}, {"trial_input", to_text(fault.trial_input)}});
-    quests.push_back({{"label", quest.renderer.label},
-                      {"trials", quest.trials},
-                      {"refused", quest.refused},
-                      {"bound_hits", quest.bound_hits},
-                      {"faulty", quest.faulty},
-                      {"worst", worst},
-                      {"faults", faults}});
-  }
-  return dumped({{"next_trial", state.next_trial}, {"spent_s", state.spent_s}, {"quests", quests}});
+  nlohmann::json quests = nlohmann::json::array();
+  for (const Quest& quest : state.quests) quests.push_back({quest.renderer.label, quest});
+  return to_line(
+      nlohmann::json{{"next_trial", state.next_trial}, {"spent_s", state.spent_s}, {"quests", quests}});
 }
 
 bool from_text(const std::string& text, HuntState& state) {
@@ -62,31 +43,11 @@ bool from_text(const std::string& text, HuntState& state) {
     const nlohmann::json json = nlohmann::json::parse(text);
     json.at("next_trial").get_to(read.next_trial);
     json.at("spent_s").get_to(read.spent_s);
-    if (json.at("quests").size() != read.quests.size()) return false;
+    const nlohmann::json& quests = json.at("quests");
+    if (quests.size() != read.quests.size()) return false;
     for (std::size_t q = 0; q < read.quests.size(); ++q) {
-      const nlohmann::json& from = json.at("quests").at(q);
-      Quest& quest = read.quests[q];
-      if (from.at("label") != quest.renderer.label) return false;
-      from.at("trials").get_to(quest.trials);
-      from.at("refused").get_to(quest.refused);
-      from.at("bound_hits").get_to(quest.bound_hits);
-      from.at("faulty").get_to(quest.faulty);
-      for (std::size_t g = 0; g < kGoals; ++g) {
-        const char* const name = info_of(static_cast<HuntGoal>(g)).name;
-        if (!from.at("worst").contains(name)) continue;
-        const nlohmann::json& one = from.at("worst").at(name);
-        Found found{one.at("score").get<double>(),
-                    one.at("trial").get<std::uint64_t>(),
-                    one.at("frame").get<std::size_t>(),
-                    {}};
-        if (!from_text(one.at("trial_input").get<std::string>(), found.trial_input)) return false;
-        quest.worst[g] = std::move(found);
-      }
-      for (const nlohmann::json& one : from.at("faults")) {
-        Fault fault{one.at("what").get<std::string>(), one.at("trial").get<std::uint64_t>(), {}};
-        if (!from_text(one.at("trial_input").get<std::string>(), fault.trial_input)) return false;
-        quest.faults.push_back(std::move(fault));
-      }
+      if (quests.at(q).at(0) != read.quests[q].renderer.label) return false;
+      quests.at(q).at(1).get_to(read.quests[q]);
     }
   } catch (const nlohmann::json::exception&) {
     return false;
@@ -124,26 +85,26 @@ std::string command_of(const OutputFolder& folder, const std::string& name) {
 }
 
 Result<std::string> write_found(const OutputFolder& folder, const HuntState& state, std::uint64_t seed) {
-  Json renderers = Json::array();
+  DocumentJson renderers = DocumentJson::array();
   for (const Quest& quest : state.quests) {
-    Json worst = Json::array(), faults = Json::array();
-    const auto write = [&](const std::string& name, const TrialInput& trial_input) -> Result<Json> {
+    DocumentJson worst = DocumentJson::array(), faults = DocumentJson::array();
+    const auto write = [&](const std::string& name, const TrialInput& trial_input) -> Result<DocumentJson> {
       PALPATE_TRY(write_case(folder, name, trial_input, renderer_of(quest, trial_input)));
-      return Json{{"case", name + ".toml"}, {"command", command_of(folder, name)}};
+      return DocumentJson{{"case", name + ".toml"}, {"command", command_of(folder, name)}};
     };
     for (std::size_t g = 0; g < kGoals; ++g) {
       const auto& found = quest.worst[g];
       if (!found || !(found->score > 0.0)) continue;
       const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
-      PALPATE_ASSIGN(Json one, write(case_name(quest, goal.name), found->trial_input));
-      Json row = {
+      PALPATE_ASSIGN(DocumentJson one, write(case_name(quest, goal.name), found->trial_input));
+      DocumentJson row = {
           {"goal", goal.name}, {"score", found->score}, {"trial", found->trial}, {"frame", found->frame}};
       row.update(one);
       worst.push_back(std::move(row));
     }
     for (std::size_t k = 0; k < quest.faults.size(); ++k) {
-      PALPATE_ASSIGN(Json one, write(case_name(quest, fault_name(k)), quest.faults[k].trial_input));
-      Json row = {{"what", quest.faults[k].what}, {"trial", quest.faults[k].trial}};
+      PALPATE_ASSIGN(DocumentJson one, write(case_name(quest, fault_name(k)), quest.faults[k].trial_input));
+      DocumentJson row = {{"what", quest.faults[k].what}, {"trial", quest.faults[k].trial}};
       row.update(one);
       faults.push_back(std::move(row));
     }
@@ -156,13 +117,11 @@ Result<std::string> write_found(const OutputFolder& folder, const HuntState& sta
                          {"worst", worst},
                          {"faults", faults}});
   }
-  const std::string text = dumped({{"schema", "palpate-hunt-1"},
-                                   {"seed", seed},
-                                   {"trials", state.next_trial},
-                                   {"spent_s", state.spent_s},
-                                   {"renderers", renderers}},
-                                  1) +
-                           "\n";
+  const std::string text = document_text({{"schema", "palpate-hunt-1"},
+                                          {"seed", seed},
+                                          {"trials", state.next_trial},
+                                          {"spent_s", state.spent_s},
+                                          {"renderers", renderers}});
   PALPATE_TRY(folder.write("hunt.json", text));
   return text;
 }
