@@ -274,7 +274,7 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
  public:
   static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
   // Measured (see kReferenceMachine); they say what to expect, no decision rests on them. A frame in contact:
-  // bench_frame at 1,002,001 points. Preparation on two threads: reproduce, neighbours known from a scan's
+  // 1,002,001 points. Preparation on two threads: reproduce, neighbours known from a scan's
   // order or searched.
   static constexpr double kFrameUs = 0.25;
   static constexpr double kScanOrderMsPerMillion = 450.0, kSearchMsPerMillion = 900.0;

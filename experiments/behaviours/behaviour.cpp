@@ -64,16 +64,14 @@ BehaviourScene with_model(render::ModelInput model,
 }  // namespace
 
 Result<BehaviourScene> generated_scene(const std::string& generator) {
-  const Result<NamedOptions> spec = parse_named_options(generator);
-  if (!spec) return spec.error();
-  Result<cloud::GeneratedModel> made = cloud::generate(*spec);
-  if (!made) return std::move(made).error();
+  PALPATE_ASSIGN(const NamedOptions spec, parse_named_options(generator));
+  PALPATE_ASSIGN(cloud::GeneratedModel made, cloud::generate(spec));
   render::ModelInput model;
   model.name = generator;
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(made->cloud));
-  model.original_mesh = made->original_mesh;
-  model.analytic = made->surface;
-  return with_model(std::move(model), made->surface);
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(made.cloud));
+  model.original_mesh = made.original_mesh;
+  model.analytic = made.surface;
+  return with_model(std::move(model), made.surface);
 }
 
 Result<BehaviourScene> scene_of_points(const std::vector<Vec3>& points, std::string name,
@@ -89,10 +87,9 @@ Result<BehaviourScene> scene_of_points(const std::vector<Vec3>& points, std::str
 
 Result<Stroke> stroke_along(const std::vector<BehaviourScene>& scenes, std::size_t scene,
                             trace::ProbePath path) {
-  Result<trace::ReferenceTrace> truth =
-      metrics::analytic_reference(*scenes[scene].surface, path, kBehaviourStiffness, 0.0, {}, {});
-  if (!truth) return std::move(truth).error();
-  Stroke made{scene, std::move(path), *std::move(truth)};
+  PALPATE_ASSIGN(trace::ReferenceTrace truth,
+                 metrics::analytic_reference(*scenes[scene].surface, path, kBehaviourStiffness, 0.0, {}, {}));
+  Stroke made{scene, std::move(path), std::move(truth)};
   const auto first = std::find_if(made.truth.frames.begin(), made.truth.frames.end(),
                                   [](const trace::TruthFrame& t) { return t.frame.contact; });
   if (first != made.truth.frames.end()) made.entry = first->normal;

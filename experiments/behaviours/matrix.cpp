@@ -187,10 +187,8 @@ void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolde
   section.id = "behaviours";
   section.title = "Behaviour suite";
   section.paragraphs.push_back(
-      "Scenes on which the methods differ, each small, fixed and with one thing that is counted against "
-      "the "
-      "exact "
-      "surface.");
+      "Scenes on which the methods differ, each small, fixed and with one thing that is counted against the "
+      "exact surface.");
   section.tables.push_back(matrix_table(matrix));
   const Result<OutputFolder> figures = folder.inside("figures");
   for (std::size_t b = 0; b < matrix.behaviours.size() && figures; ++b) {

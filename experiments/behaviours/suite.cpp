@@ -98,8 +98,7 @@ Result<Behaviour> thin_plate() {
   Maker make("thin-plate", "thin plate");
   make->text =
       "A plate 1 mm thick of points 0.2 mm apart, pushed 20 times from above and 20 times from below, "
-      "straight "
-      "through to 1 mm behind it. Whoever takes the nearest point is thrown out at the back.";
+      "straight through to 1 mm behind it. Whoever takes the nearest point is thrown out at the back.";
   make->counted = "pushes thrown out at the back";
   const std::size_t plate = make.scene(generated_scene("slab:extent_mm=20:thickness_mm=1:spacing_mm=0.2"));
   for (const double side : {1.0, -1.0})
@@ -123,8 +122,7 @@ Result<Behaviour> voronoi_corner() {
   Maker make("voronoi-corner", "corner of a block");
   make->text =
       "Figure 25a: the probe enters a block by its side, 1 mm below the top edge, and goes 3 mm deep. From 1 "
-      "mm on "
-      "the top is nearer than the side. Points 0.25 mm apart, 20 pushes.";
+      "mm on the top is nearer than the side. Points 0.25 mm apart, 20 pushes.";
   make->counted = "pushes whose force turns to the top";
   const std::size_t block = make.scene(generated_scene("slab:extent_mm=20:thickness_mm=10:spacing_mm=0.25"));
   for (std::size_t i = 0; i < kPushes; ++i) {
@@ -149,8 +147,7 @@ Result<Behaviour> concave_wedge() {
   Maker make("concave-wedge", "bottom of a groove");
   make->text =
       "A groove of two planes, 120 degrees open, points 0.2 mm apart: down one flank 1 mm deep, through the "
-      "bottom, "
-      "where both flanks hold the god object, and up the other. Five slides.";
+      "bottom, where both flanks hold the god object, and up the other. Five slides.";
   make->counted = "frames in contact with a force off by more than 7 %";
   const std::size_t groove = make.scene(generated_scene("wedge:angle_deg=240:extent_mm=30:spacing_mm=0.2"));
   const double rise = 1.0 / std::tan(std::numbers::pi / 3.0);
@@ -171,8 +168,7 @@ Result<Behaviour> hovering() {
   Maker make("hovering", "hovering over the points");
   make->text =
       "Figure 44: the probe hovers 0.35 mm over a plane of points 1 mm apart, within the half-length of "
-      "their boxes, "
-      "and never touches it. Five lines.";
+      "their boxes, and never touches it. Five lines.";
   make->counted = "frames with a force while outside";
   const std::size_t plane = make.scene(generated_scene("plane:extent_mm=30:spacing_mm=1"));
   for (std::size_t i = 0; i < kLines; ++i) {
@@ -188,8 +184,8 @@ Result<Behaviour> narrow_groove() {
   Maker make("narrow-groove", "leaving a narrow groove");
   make->text =
       "Figure 45: a coarse narrow groove, 60 degrees open, points 1 mm apart. The probe presses 0.4 mm into "
-      "one flank, "
-      "comes back to the middle and leaves straight up, past the boxes of both flanks. Five times.";
+      "one flank, comes back to the middle and leaves straight up, past the boxes of both flanks. Five "
+      "times.";
   make->counted = "frames with a force while outside";
   const std::size_t groove = make.scene(generated_scene("wedge:angle_deg=300:extent_mm=30:spacing_mm=1"));
   for (std::size_t i = 0; i < kLines; ++i) {
@@ -206,8 +202,7 @@ Result<Behaviour> aliasing() {
   Maker make("aliasing", "crossed between two frames");
   make->text =
       "Figure 19: a plate 0.3 mm thick of points 0.1 mm apart, crossed 25 times at each of 0.15, 0.5, 1.5 "
-      "and 5 m/s. "
-      "From 0.3 m/s on no frame need find the probe inside.";
+      "and 5 m/s. From 0.3 m/s on no frame need find the probe inside.";
   make->counted = "crossings that nothing is felt of";
   const std::size_t plate = make.scene(generated_scene("slab:extent_mm=16:thickness_mm=0.3:spacing_mm=0.1"));
   constexpr std::size_t kCrossings = 25;
@@ -232,20 +227,18 @@ Result<Behaviour> holes() {
   constexpr double kHoleMm = 1.6, kApartMm = 6.0;
   make->text =
       "A plane of points 1 mm apart in which every 6 mm all points within 1.6 mm are missing, as where a "
-      "scanner did not "
-      "see. The probe slides over it 0.5 mm deep, five lines.";
+      "scanner did not see. The probe slides over it 0.5 mm deep, five lines.";
   make->counted = "frames in contact without a force";
-  Result<BehaviourScene> whole = generated_scene("plane:extent_mm=40:spacing_mm=1");
-  if (!whole) return whole.error();
+  PALPATE_ASSIGN(BehaviourScene whole, generated_scene("plane:extent_mm=40:spacing_mm=1"));
   std::vector<Vec3> left;
-  const cloud::Cloud& cloud = *whole->input.models.front().cloud;
+  const cloud::Cloud& cloud = *whole.input.models.front().cloud;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const Vec3 p = cloud.point_mm(i);
     const double dx = p.x() - kApartMm * std::round(p.x() / kApartMm),
                  dy = p.y() - kApartMm * std::round(p.y() / kApartMm);
     if (std::hypot(dx, dy) > kHoleMm) left.push_back(p);
   }
-  const std::size_t plane = make.scene(scene_of_points(left, "a plane with holes", whole->surface));
+  const std::size_t plane = make.scene(scene_of_points(left, "a plane with holes", whole.surface));
   for (std::size_t i = 0; i < kLines; ++i) {
     const double y = scattered(i, -3, 3);
     make.stroke(plane, {{-14.5, y, 1}, {-14, y, -0.5}, {14, y + 1.1, -0.5}, {14.5, y + 1.1, 1}});
@@ -262,8 +255,7 @@ Result<Behaviour> two_sheets() {
   Maker make("two-sheets", "two close sheets");
   make->text =
       "Two sheets 0.4 mm apart of points 0.3 mm apart. The probe slides over the upper one 1.2 mm deep, "
-      "three times their "
-      "distance. Five lines.";
+      "three times their distance. Five lines.";
   make->counted = "frames in contact with a force off by more than 7 %";
   const std::size_t plate = make.scene(generated_scene("slab:extent_mm=24:thickness_mm=0.4:spacing_mm=0.3"));
   for (std::size_t i = 0; i < kLines; ++i) {
@@ -280,20 +272,18 @@ Result<Behaviour> noisy() {
   constexpr double kNoiseMm = 0.02;
   make->text =
       "A wavy surface of points 0.2 mm apart, each moved along the normal by noise of 0.02 mm (one sigma, "
-      "seeded). The "
-      "truth is the surface without noise; the probe goes in and out to 1 mm.";
+      "seeded). The truth is the surface without noise; the probe goes in and out to 1 mm.";
   make->counted = "frames in contact with a force off by more than 7 %";
-  Result<BehaviourScene> clean =
-      generated_scene("sinusoid:extent_mm=40:amplitude_mm=2:wavelength_mm=20:spacing_mm=0.2");
-  if (!clean) return clean.error();
-  const cloud::Cloud& cloud = *clean->input.models.front().cloud;
+  PALPATE_ASSIGN(BehaviourScene clean,
+                 generated_scene("sinusoid:extent_mm=40:amplitude_mm=2:wavelength_mm=20:spacing_mm=0.2"));
+  const cloud::Cloud& cloud = *clean.input.models.front().cloud;
   std::vector<Vec3> points;
   Random random(1);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const Vec3 p = cloud.point_mm(i);
-    points.emplace_back(p + kNoiseMm * random.normal() * clean->surface->closest(p).normal);
+    points.emplace_back(p + kNoiseMm * random.normal() * clean.surface->closest(p).normal);
   }
-  const std::size_t scan = make.scene(scene_of_points(points, "a noisy scan", clean->surface));
+  const std::size_t scan = make.scene(scene_of_points(points, "a noisy scan", clean.surface));
   if (make.failed()) return make.done();
   paths::PathTarget target;
   target.surface = make->scenes[scan].surface.get();
@@ -309,8 +299,7 @@ Result<Behaviour> ridge() {
   constexpr double kTurnedDeg = 10.0;  // well below the 25.6 degrees that a hand distinguishes at rest
   make->text =
       "A ridge of 120 degrees, points 0.2 mm apart, crossed 0.5 mm deep in five slides: shading that smooths "
-      "too much takes "
-      "the edge away.";
+      "too much takes the edge away.";
   make->counted = "frames within 2 mm of the edge whose force is turned by more than 10 degrees";
   const std::size_t wedge = make.scene(generated_scene("wedge:angle_deg=120:extent_mm=30:spacing_mm=0.2"));
   const double fall = 1.0 / std::tan(std::numbers::pi / 3.0);
@@ -350,9 +339,8 @@ Result<std::vector<Behaviour>> behaviour_suite(Progress& progress) {
   for (const auto& make : {thin_plate, voronoi_corner, concave_wedge, hovering, narrow_groove, aliasing,
                            holes, two_sheets, noisy, ridge}) {
     progress.report("making the scenes", static_cast<double>(suite.size()) / 10.0);
-    Result<Behaviour> made = make();
-    if (!made) return std::move(made).error();
-    suite.push_back(*std::move(made));
+    PALPATE_ASSIGN(Behaviour made, make());
+    suite.push_back(std::move(made));
   }
   return suite;
 }

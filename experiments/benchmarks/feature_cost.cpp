@@ -2,8 +2,7 @@
 // with one feature, and a scene that explicitly declines it. A declining scene must match the bare one to the
 // instruction and byte.
 //
-//   feature_cost [RENDERER ..]             a table: instructions a frame (by callgrind), bytes, time
-//   feature_cost --rows [RENDERER ..]      lines "RENDERER FEATURE KIND INSTRUCTIONS REPORTED HEAP"
+//   feature_cost [RENDERER ..]             lines "RENDERER FEATURE KIND INSTRUCTIONS REPORTED HEAP"
 //   feature_cost --marked RENDERER         the frames alone, between marks, for valgrind
 #include <fmt/format.h>
 
@@ -13,15 +12,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <functional>
-#include <limits>
-#include <map>
 #include <new>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include <palpate/clock.h>
 #include <palpate/control.h>
 #include <palpate/generate.h>
 #include <palpate/paths.h>
@@ -83,7 +79,6 @@ constexpr const char* kScene = "sinusoid:points=2601";
 constexpr const char* kPath = "weave:frames=1800";
 constexpr int kModels = 100;
 constexpr double kApartMm = 300.0;
-constexpr int kTimedPasses = 50;
 constexpr double kLimitS = 300.0;
 
 struct Asked {
@@ -314,48 +309,26 @@ int run_marked(const Stand& stand, const std::string& renderer) {
   return 0;
 }
 
-double fastest_us(const Stand& stand, Prepared& made) {
-  std::int64_t fastest_ns = std::numeric_limits<std::int64_t>::max();
-  for (int i = 0; i < kTimedPasses; ++i) {
-    restart(stand, made);
-    const std::int64_t start_ns = monotonic_ns();
-    (void)step_all(*made.renderer, stand.path, simulation_of(made));
-    fastest_ns = std::min(fastest_ns, monotonic_ns() - start_ns);
-  }
-  return 1e-3 * static_cast<double>(fastest_ns) / static_cast<double>(stand.path.size());
-}
-
 const char* word(Kind kind, bool supported) {
   if (!supported) return "lacks";
   return kind == Kind::kBare ? "bare" : kind == Kind::kOn ? "on" : "off";
 }
 
-int show(const Stand& stand, const std::string& self, const std::string& renderer, bool rows) {
+int show(const Stand& stand, const std::string& self, const std::string& renderer) {
   const auto counted = count_instructions({self, "--marked", renderer}, {.time_limit_s = kLimitS});
   if (!counted) {
     fmt::print(stderr, "feature_cost: error: {}\n", counted.error().message());
     return 1;
   }
   const render::RendererInfo& info = *stand.registry.find(parse_named_options(renderer).value().name);
-  if (!rows)
-    fmt::print("{}\n{:<26} {:>6} {:>14} {:>10} {:>12} {:>10}\n", renderer, "scene", "", "instructions",
-               "more", "bytes", "us");
   // Warm-up for what libraries allocate once.
   (void)prepare(stand, renderer, all_features().front());
-  double bare = 0.0;
   for (const Feature& feature : all_features()) {
     Result<Prepared> made = prepare(stand, renderer, feature);
     const auto part = counted->find(part_name(feature));
     if (!made || part == counted->end()) continue;
-    const double each = static_cast<double>(part->second) / static_cast<double>(stand.path.size());
-    if (feature.kind == Kind::kBare) bare = each;
     const char* kind = word(feature.kind, feature.needs.without(info.supports).empty());
-    if (rows)
-      fmt::print("{} {} {} {} {} {}\n", renderer, feature.name, kind, part->second, made->reported,
-                 made->heap);
-    else
-      fmt::print("{:<26} {:>6} {:>14.1f} {:>+10.1f} {:>12} {:>10.4f}\n", feature.name, kind, each,
-                 each - bare, made->reported, fastest_us(stand, *made));
+    fmt::print("{} {} {} {} {} {}\n", renderer, feature.name, kind, part->second, made->reported, made->heap);
   }
   return 0;
 }
@@ -373,9 +346,8 @@ int run(std::span<char*> words) {
   std::vector<std::string> named(words.begin() + 1, words.end());
   Result<Stand> stand = make_stand();
   if (!stand) return 1;
-  const bool rows = !named.empty() && named.front() == "--rows";
   const bool marked = named.size() == 2 && named.front() == "--marked";
-  if (rows || marked) named.erase(named.begin());
+  if (marked) named.erase(named.begin());
   for (const std::string& name : named) {
     const Result<NamedOptions> options = parse_named_options(name);
     if (options && stand->registry.make(options->name, options->options)) continue;
@@ -384,7 +356,7 @@ int run(std::span<char*> words) {
   }
   if (marked) return run_marked(*stand, named.front());
   for (const std::string& name : named.empty() ? our_renderers(stand->registry) : named)
-    if (const int status = show(*stand, words.front(), name, rows); status != 0) return status;
+    if (const int status = show(*stand, words.front(), name); status != 0) return status;
   return 0;
 }
 

@@ -2,27 +2,17 @@
 // Paths jump across, stroke through and drag over points of no surface; the frames with the most counted
 // steps are replayed under the counter.
 //
-//   worst_frames [--step] [RENDERER ...] [POINTS ...]
+//   worst_frames [RENDERER ...] [POINTS ...]
 //
-// Marks each as NAME SCENE POINTS FRAME BOUND (default: all our renderers, 10000 300000). --step works
-// without valgrind, under which ten million points take an hour to prepare. It single-steps the frames, runs
-// the rest at full speed, and ends each line with the instructions.
+// Marks each as NAME SCENE POINTS FRAME BOUND (default: all our renderers, 10000 300000).
 #include <fmt/format.h>
-#include <sched.h>
-#include <sys/mman.h>
-#include <sys/ptrace.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <functional>
 #include <memory>
-#include <new>
 #include <string>
 #include <vector>
 
@@ -38,120 +28,9 @@ namespace {
 
 using namespace palpate;
 
-// Counts a part's instructions by single-stepping it from a second process; the rest runs at full speed. For
-// parts of some million instructions in programs too slow for an emulator; some 25 microseconds of processor
-// time per instruction. Linux only.
-
-/// Shared between the process with the part and the one that steps it.
-class SteppedPart {
- public:
-  /// Names the next part; no line breaks, truncated if too long.
-  void name(const std::string& text) noexcept;
-  /// Starts counting; includes some dozen instructions of this call's end.
-  void begin() noexcept;
-  void end() noexcept { counting_ = 0; }
-
-  [[nodiscard]] bool counting() const noexcept { return counting_ != 0; }
-  [[nodiscard]] const char* text() const noexcept { return name_.data(); }
-
- private:
-  static constexpr std::size_t kMostName = 255;
-  volatile int counting_ = 0;
-  std::array<char, kMostName + 1> name_{};
-};
-
-void SteppedPart::name(const std::string& text) noexcept {
-  const std::size_t size = std::min(text.size(), kMostName);
-  std::copy_n(text.data(), size, name_.data());
-  name_[size] = '\0';
-}
-
-void SteppedPart::begin() noexcept {
-  counting_ = 1;
-  std::raise(SIGTRAP);  // the other process single-steps from here
-}
-
-/// Waits until the traced process stops or ends; false with its status if it ended.
-bool stopped(pid_t traced, int& signal, int& status) {
-  int what = 0;
-  if (::waitpid(traced, &what, 0) != traced) {
-    status = 1;
-    return false;
-  }
-  if (WIFSTOPPED(what)) {
-    signal = WSTOPSIG(what);
-    return true;
-  }
-  status = WIFEXITED(what) ? WEXITSTATUS(what) : 1;
-  return false;
-}
-
-/// Steps through one part; false if the process ended within it.
-bool step_through(pid_t traced, const SteppedPart& part, int& status) {
-  std::uint64_t instructions = 0;
-  int signal = SIGTRAP;
-  while (part.counting()) {
-    // Foreign signals are passed on.
-    const long passed = signal == SIGTRAP ? 0 : signal;
-    if (::ptrace(PTRACE_SINGLESTEP, traced, nullptr, passed) != 0) return false;
-    if (!stopped(traced, signal, status)) return false;
-    ++instructions;
-  }
-  fmt::print("{} {}\n", part.text(), instructions);
-  std::fflush(stdout);
-  return true;
-}
-
-/// Pins both processes to one processor, so a step wakes no second one.
-void share_processor(pid_t traced) noexcept {
-  const int here = ::sched_getcpu();
-  if (here < 0) return;
-  cpu_set_t one;
-  CPU_ZERO(&one);
-  CPU_SET(static_cast<std::size_t>(here), &one);
-  ::sched_setaffinity(0, sizeof one, &one);
-  ::sched_setaffinity(traced, sizeof one, &one);
-}
-
-int trace(pid_t traced, const SteppedPart& part) {
-  int status = 1, signal = 0;
-  if (!stopped(traced, signal, status)) return status;
-  ::ptrace(PTRACE_SETOPTIONS, traced, nullptr, PTRACE_O_EXITKILL);
-  long passed = 0;
-  while (::ptrace(PTRACE_CONT, traced, nullptr, passed) == 0) {
-    if (!stopped(traced, signal, status)) return status;
-    passed = signal == SIGTRAP ? 0 : signal;
-    if (signal == SIGTRAP && part.counting() && !step_through(traced, part, status)) return status;
-  }
-  return 1;
-}
-
-/// Runs `work` in another process. It may mark any number of parts in sequence on its calling thread; a line
-/// is printed for each: name, space, instructions. Returns work's result, or 1 if tracing is refused or the
-/// process ended by itself.
-int run_stepped(const std::function<int(SteppedPart*)>& work) {
-  void* const shared =
-      ::mmap(nullptr, sizeof(SteppedPart), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-  if (shared == MAP_FAILED) return 1;
-  auto* const part = new (shared) SteppedPart;
-  std::fflush(nullptr);  // else both processes would write the buffers
-  const pid_t traced = ::fork();
-  if (traced == 0) {
-    if (::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) ::_exit(1);
-    std::raise(SIGSTOP);
-    ::_exit(work(part));
-  }
-  if (traced > 0) share_processor(traced);
-  const int status = traced > 0 ? trace(traced, *part) : 1;
-  ::munmap(shared, sizeof(SteppedPart));
-  return status;
-}
-
 constexpr double kPeriodS = 1e-3;
 constexpr int kFramesTried = 600;
 constexpr std::size_t kCounted = 3;
-/// Frames stepped, those with the most counted steps: a million instructions take half a minute.
-constexpr std::size_t kStepped = 1;
 
 // Upper bounds on instructions per unit of a written bound, from callgrind on frames that do little else.
 // Node: eight boxes at once, each child's visit and its block's layer. Triangle: corners from the ring, box,
@@ -176,10 +55,7 @@ double bound_of(const std::string& name) {
   return kPerFrame + kPerLook * render::kMaxCrossingTests + kPerSheetMove * render::kMaxDescentMoves;
 }
 
-// Unordered points make preparation try every repair: 55 us a point, twenty times a surface's. More points
-// would prepare for minutes.
-constexpr std::size_t kMostSoup = 1'000'000;
-constexpr double kSoupMm = 20.0, kSoupAboveMm = 1.0;  // side of the cube, height above a relief
+constexpr double kSoupMm = 20.0;  // side of the cube
 
 struct Stand {
   std::string scene;
@@ -187,30 +63,16 @@ struct Stand {
   geometry::Aabb around;  ///< the path's region
 };
 
-Stand stand_of(const char* scene, const std::vector<Vec3>& points, const geometry::Aabb& around) {
-  return {scene,
-          std::make_shared<const cloud::Cloud>(cloud::build_cloud(points, cloud::NonFinite::kRefuse).value()),
-          around};
-}
-
-/// Random points in a cube: no surface, facets in all directions. Points beyond kMostSoup form a plane below
-/// it, of the same spacing, so everything that grows with the number of points has its full size.
+/// Random points in a cube: no surface, facets in all directions.
 Stand soup(std::size_t count) {
   Random random(41);
-  std::vector<Vec3> points;
-  points.reserve(count);
+  std::vector<Vec3> points(count);
   const double half = 0.5 * kSoupMm;
-  const std::size_t in_cube = std::min(count, kMostSoup);
-  for (std::size_t i = 0; i < in_cube; ++i)
-    points.push_back(
-        Vec3{random.uniform(-half, half), random.uniform(-half, half), random.uniform(-half, half)});
-  const geometry::Aabb cube{Vec3::Constant(-half), Vec3::Constant(half)};
-  if (in_cube == count) return stand_of("soup", points, cube);
-  const double spacing_mm = kSoupMm / std::cbrt(static_cast<double>(in_cube));
-  const double side = 0.5 * spacing_mm * std::sqrt(static_cast<double>(count - in_cube));
-  while (points.size() < count)
-    points.push_back(Vec3{random.uniform(-side, side), random.uniform(-side, side), -half - kSoupAboveMm});
-  return stand_of("soup-over-plane", points, cube);
+  for (Vec3& point : points)
+    point = Vec3{random.uniform(-half, half), random.uniform(-half, half), random.uniform(-half, half)};
+  return {"soup",
+          std::make_shared<const cloud::Cloud>(cloud::build_cloud(points, cloud::NonFinite::kRefuse).value()),
+          {Vec3::Constant(-half), Vec3::Constant(half)}};
 }
 
 Stand generated(const char* scene, const std::string& spec) {
@@ -220,7 +82,7 @@ Stand generated(const char* scene, const std::string& spec) {
   return {scene, std::move(cloud), around};
 }
 
-/// Stands are made one at a time: ten million points are a gigabyte.
+/// Stands are made one at a time.
 std::vector<std::function<Stand()>> stands_of(const std::string& name, std::size_t points) {
   if (name == "heightfield")
     return {[=] { return generated("relief", fmt::format("relief:points={}:mesh=false:slope=1", points)); }};
@@ -271,8 +133,7 @@ struct Tried {
 };
 
 /// Frames with the most work, in order.
-std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::vector<Vec3>& path,
-                                  std::size_t wanted) {
+std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::vector<Vec3>& path) {
   renderer.restart(path[0], -kPeriodS);
   std::vector<Tried> tried;
   std::uint64_t before = 0;
@@ -284,37 +145,15 @@ std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::v
     tried.push_back({k, now - before + (frame.status == render::FrameStatus::kBoundHit ? kAtBound : 0)});
     before = now;
   }
-  std::partial_sort(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(wanted), tried.end(),
+  std::partial_sort(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(kCounted), tried.end(),
                     [](const Tried& a, const Tried& b) { return a.work > b.work; });
   std::vector<std::size_t> frames;
-  for (std::size_t i = 0; i < wanted; ++i) frames.push_back(tried[i].frame);
+  for (std::size_t i = 0; i < kCounted; ++i) frames.push_back(tried[i].frame);
   std::sort(frames.begin(), frames.end());
   return frames;
 }
 
-/// A frame's marks: callgrind's or the stepping process's.
-class Marks {
- public:
-  explicit Marks(SteppedPart* stepped) : stepped_(stepped) {}
-  void begin() const noexcept {
-    if (stepped_ != nullptr)
-      stepped_->begin();
-    else
-      begin_counting();
-  }
-  void end(const std::string& name) const noexcept {
-    if (stepped_ != nullptr)
-      stepped_->end();
-    else
-      end_counting(name.c_str());
-  }
-
- private:
-  SteppedPart* stepped_;
-};
-
-int count(const std::string& name, const Stand& stand, const render::Registry& registry,
-          SteppedPart* stepped) {
+int count(const std::string& name, const Stand& stand, const render::Registry& registry) {
   render::ModelInput model;
   model.cloud = stand.cloud;
   render::SceneInput scene;
@@ -322,8 +161,7 @@ int count(const std::string& name, const Stand& stand, const render::Registry& r
   auto renderer = registry.make(name, {});
   if (!renderer || !(*renderer)->prepare(scene, {1, nullptr})) return 1;
   const std::vector<Vec3> path = wild_path(stand.around);
-  const std::vector<std::size_t> worst = worst_of(**renderer, path, stepped != nullptr ? kStepped : kCounted);
-  const Marks marks(stepped);
+  const std::vector<std::size_t> worst = worst_of(**renderer, path);
   (*renderer)->restart(path[0], -kPeriodS);
   std::size_t next = 0;
   for (std::size_t k = 0; next < worst.size(); ++k) {
@@ -332,12 +170,10 @@ int count(const std::string& name, const Stand& stand, const render::Registry& r
       (void)(*renderer)->step(path[k], t_s);
       continue;
     }
-    const std::string part =
-        fmt::format("{} {} {} {} {:.0f}", name, stand.scene, stand.cloud->size(), k, bound_of(name));
-    if (stepped != nullptr) stepped->name(part);
-    marks.begin();
+    begin_counting();
     (void)(*renderer)->step(path[k], t_s);
-    marks.end(part);
+    end_counting(
+        fmt::format("{} {} {} {} {:.0f}", name, stand.scene, stand.cloud->size(), k, bound_of(name)).c_str());
     ++next;
   }
   return 0;
@@ -346,18 +182,15 @@ int count(const std::string& name, const Stand& stand, const render::Registry& r
 struct Wanted {
   std::vector<std::string> renderers;
   std::vector<std::size_t> sizes;
-  bool step = false;
 };
 
 /// Parses the arguments; the first invalid one is an Error.
 Result<Wanted> wanted_of(const std::vector<std::string>& words, const render::Registry& registry) {
-  constexpr NumberRange kSizes{1'000, 20'000'000};
+  constexpr NumberRange kSizes{1'000, 1'000'000};
   Wanted wanted;
   for (const std::string& word : words) {
-    if (word == "--step") {
-      wanted.step = true;
-    } else if (const render::RendererInfo* info = registry.find(word);
-               info != nullptr && info->role == render::Role::kOurs) {
+    if (const render::RendererInfo* info = registry.find(word);
+        info != nullptr && info->role == render::Role::kOurs) {
       wanted.renderers.push_back(word);
     } else {
       const Result<long long> size = read_integer(word, kSizes);
@@ -373,18 +206,6 @@ Result<Wanted> wanted_of(const std::vector<std::string>& words, const render::Re
   return wanted;
 }
 
-/// Counts one renderer at one size on all its stands.
-int count_all(const std::string& name, std::size_t size, bool step, const render::Registry& registry) {
-  for (const auto& stand : stands_of(name, size)) {
-    const auto counted = [&](SteppedPart* stepped) { return count(name, stand(), registry, stepped); };
-    const int status = step ? run_stepped(counted) : counted(nullptr);
-    if (status == 0) continue;
-    fmt::print(stderr, "worst_frames: {} was not counted at {} points: status {}\n", name, size, status);
-    return status;
-  }
-  return 0;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -393,13 +214,17 @@ int main(int argc, char** argv) {
   const Result<Wanted> wanted = wanted_of({argv + 1, argv + argc}, registry);
   if (!wanted) {
     fmt::print(stderr,
-               "worst_frames: {}\nusage: worst_frames [--step] [RENDERER ...] [POINTS ...]\n"
+               "worst_frames: {}\nusage: worst_frames [RENDERER ...] [POINTS ...]\n"
                "  a renderer of ours: cloud, cloud-smooth, heightfield\n",
                wanted.error().message());
     return 2;
   }
   for (const std::size_t size : wanted->sizes)
     for (const std::string& name : wanted->renderers)
-      if (const int status = count_all(name, size, wanted->step, registry); status != 0) return status;
+      for (const auto& stand : stands_of(name, size))
+        if (const int status = count(name, stand(), registry); status != 0) {
+          fmt::print(stderr, "worst_frames: {} was not counted at {} points\n", name, size);
+          return status;
+        }
   return 0;
 }

@@ -251,8 +251,7 @@ RunKey key_of(const RunArguments& arguments, const StageRequest& stage) {
 Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
                              Progress& progress) {
   CheckedRun prepared;
-  const Result<scene::LoadOptions> load = load_options(arguments.load);
-  if (!load) return load.error();
+  PALPATE_ASSIGN(const scene::LoadOptions load, load_options(arguments.load));
   std::string truth = arguments.reference;
   if (const Scan* scan = find_scan(truth)) {
     const std::optional<std::filesystem::path> file = locate_scan(*scan);
@@ -261,33 +260,26 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
                    fmt::format("`palpate fetch {}` brings it", truth)};
     truth = file->string();
   }
-  Result<ReferenceChoice> reference = parse_reference(truth);
-  if (!reference) return std::move(reference).error();
+  PALPATE_ASSIGN(ReferenceChoice reference, parse_reference(truth));
   PALPATE_ASSIGN(const StreamRequest stream, stream_of(arguments));
-  Result<scene::SceneFile> scene = stream.source.empty()
-                                       ? open_scene(arguments.scene, registry, progress)
-                                       : Result<scene::SceneFile>(scene_of_stream(stream.source));
-  if (!scene) return std::move(scene).error();
-  Result<SurfaceReport> surfaces = set_surfaces(arguments.surface, *scene);
-  if (!surfaces) return std::move(surfaces).error();
+  PALPATE_ASSIGN(scene::SceneFile scene, stream.source.empty()
+                                             ? open_scene(arguments.scene, registry, progress)
+                                             : Result<scene::SceneFile>(scene_of_stream(stream.source)));
+  PALPATE_ASSIGN(SurfaceReport surfaces, set_surfaces(arguments.surface, scene));
   if (!arguments.renderers.empty()) {
-    Result<std::vector<RendererRequest>> renderers = parse_renderers(arguments.renderers, registry);
-    if (!renderers) return std::move(renderers).error();
-    prepared.renderers = *std::move(renderers);
-  } else if (scene->renderer) {
-    Result<RendererRequest> renderer = request_of(*scene->renderer, registry);
-    if (!renderer) return std::move(renderer).error();
-    prepared.own = *std::move(renderer);
+    PALPATE_ASSIGN(prepared.renderers, parse_renderers(arguments.renderers, registry));
+  } else if (scene.renderer) {
+    PALPATE_ASSIGN(prepared.own, request_of(*scene.renderer, registry));
   }  // else the plan chooses, when the models are known
   prepared.stage = {scene_or_stream(arguments),
-                    *std::move(scene),
-                    *load,
+                    std::move(scene),
+                    load,
                     arguments.path,
-                    *reference,
+                    reference,
                     arguments.load.threads,
                     0,
                     truth,
-                    *std::move(surfaces)};
+                    std::move(surfaces)};
   prepared.stage.stream = stream;
   return prepared;
 }

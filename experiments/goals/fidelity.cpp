@@ -102,9 +102,6 @@ Table shapes_table(const std::vector<GoalRuns>& shapes) {
   table.title = "Geometry: against the true surface";
   table.columns = {"model, renderer", "points",           "force error, RMS %", "median %",
                    "within 7 %, %",   "direction p99, °", "missed or false",    "jump error, most N"};
-  const auto text = [](const std::optional<double>& value) {
-    return Cell{value ? format_number(*value) : std::string(kMissingNumber)};
-  };
   for (const GoalRuns& runs : shapes) {
     table.rows.push_back({{runs.name}});
     for (const metrics::RendererResult& result : runs.results) {
@@ -117,12 +114,12 @@ Table shapes_table(const std::vector<GoalRuns>& shapes) {
       const metrics::Accuracy& a = *result.accuracy;
       table.rows.push_back({{result.label},
                             {format_count(runs.points)},
-                            text(a.force_rms_percent),
-                            text(a.force_p50_percent),
-                            text(a.within_7_percent),
-                            text(a.direction_p99_deg),
-                            text(wrong_frames(runs, result.label)),
-                            text(a.jump_error_max_n)});
+                            {number_or_dash(a.force_rms_percent)},
+                            {number_or_dash(a.force_p50_percent)},
+                            {number_or_dash(a.within_7_percent)},
+                            {number_or_dash(a.direction_p99_deg)},
+                            {number_or_dash(wrong_frames(runs, result.label))},
+                            {number_or_dash(a.jump_error_max_n)}});
     }
   }
   table.bad_means = "did not run to its end";
@@ -138,12 +135,10 @@ Goal fidelity_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) 
       "each of them carries."};
   goal.method = {
       "Geometry: one path over a model that is known by its formula, through each renderer; forces are "
-      "compared "
-      "with those of the formula. Contact that is missed or false by more than the local resolution is "
-      "counted.",
+      "compared with those of the formula. Contact that is missed or false by more than the local resolution "
+      "is counted.",
       "Properties: a plane whose points carry a stiffness and a friction that rise along it. The probe "
-      "slides "
-      "over it; what is felt at a place is divided by what the points carry there."};
+      "slides over it; what is felt at a place is divided by what the points carry there."};
   for (const char* const judged : kJudged) {
     for (const GoalRuns& runs : shapes) {
       goal.findings.push_back({fmt::format("{}, force error on {}", judged, runs.name),

@@ -24,21 +24,16 @@ std::string with_unit(double value, const std::string& unit) {
   return format_number(value) + (unit.empty() ? "" : " " + unit);
 }
 
+std::string asked_text(const Finding& finding) {
+  return (finding.at_most ? "at most " : "at least ") + with_unit(finding.limit, finding.unit);
+}
+
 std::string goal_file(const Goal& goal) {
   return "goal-" + goal.id + ".html";
 }
 
 const char* class_of(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kReached:
-      return "reached";
-    case Verdict::kInPart:
-      return "part";
-    case Verdict::kMissed:
-    case Verdict::kNotMeasured:
-      break;
-  }
-  return "missed";
+  return verdict == Verdict::kReached ? "reached" : verdict == Verdict::kInPart ? "part" : "missed";
 }
 
 std::string verdict_html(const Goal& goal) {
@@ -46,8 +41,7 @@ std::string verdict_html(const Goal& goal) {
   const Verdict verdict = verdict_of(goal);
   return fmt::format(
       "<p class=\"verdict {}\"><strong>{}</strong>: {} of {} numbers are as asked. The numbers decide, "
-      "nobody "
-      "else.</p>\n",
+      "nobody else.</p>\n",
       class_of(verdict), name_of(verdict), good, goal.findings.size());
 }
 
@@ -67,12 +61,10 @@ Table findings_table(const Goal& goal) {
   table.title = "What decides";
   table.columns = {"measured", "value", "asked", "because", "mesh"};
   for (const Finding& finding : goal.findings) {
-    const std::string asked = fmt::format("{} {}", finding.at_most ? "at most" : "at least",
-                                          with_unit(finding.limit, finding.unit));
     table.rows.push_back(
         {{finding.about},
          {finding.value ? with_unit(*finding.value, finding.unit) : "not measured", false, !kept(finding)},
-         {asked},
+         {asked_text(finding)},
          {finding.limit_from},
          {finding.baseline ? with_unit(*finding.baseline, finding.unit) : std::string(kMissingNumber)}});
   }
@@ -120,17 +112,8 @@ bool kept(const Finding& finding) {
 }
 
 const char* name_of(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kReached:
-      return "reached";
-    case Verdict::kInPart:
-      return "reached in part";
-    case Verdict::kMissed:
-      return "not reached";
-    case Verdict::kNotMeasured:
-      break;
-  }
-  return "not measured";
+  constexpr const char* kNames[] = {"reached", "reached in part", "not reached", "not measured"};
+  return kNames[static_cast<std::size_t>(verdict)];
 }
 
 Verdict verdict_of(const Goal& goal) {
@@ -144,8 +127,7 @@ Verdict verdict_of(const Goal& goal) {
 
 std::string text_of(const Finding& finding) {
   std::string text = finding.value ? with_unit(*finding.value, finding.unit) : std::string("not measured");
-  text += fmt::format(" (asked: {} {}, {}", finding.at_most ? "at most" : "at least",
-                      with_unit(finding.limit, finding.unit), finding.limit_from);
+  text += fmt::format(" (asked: {}, {}", asked_text(finding), finding.limit_from);
   if (finding.baseline) text += "; mesh " + with_unit(*finding.baseline, finding.unit);
   return text + ")";
 }
@@ -214,10 +196,8 @@ Page goals_page(const GoalsDocument& document) {
         class_of(verdict_of(goal)), goal_file(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
   section.paragraphs.emplace_back(
       "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
-      "beside "
-      "the same on a mesh of the same points, and with what falls short. A goal is reached where every "
-      "number "
-      "that decides is as asked, reached in part where some are.");
+      "beside the same on a mesh of the same points, and with what falls short. A goal is reached where "
+      "every number that decides is as asked, reached in part where some are.");
   section.tables.push_back(goals_table(document));
   page.sections.push_back(std::move(section));
   return page;

@@ -137,13 +137,12 @@ Table many_table(const std::vector<ManyRow>& rows) {
                           {format_count(row.visited)},
                           {format_count(row.felt), false, row.felt != row.visited},
                           {format_number(row.mean_us)},
-                          {row.median_us ? format_number(*row.median_us) : std::string(kMissingNumber)},
-                          {row.longest_us ? format_number(*row.longest_us) : std::string(kMissingNumber)},
+                          {number_or_dash(row.median_us)},
+                          {number_or_dash(row.longest_us)},
                           {format_bytes(row.bytes)}});
   table.notes = {
       "The median and the longest are of frames timed one by one, each the median over the passes; the mean "
-      "is "
-      "timed over whole stretches of frames."};
+      "is timed over whole stretches of frames."};
   table.bad_means = "not every ball that was visited was felt";
   return table;
 }
@@ -154,16 +153,13 @@ Chart many_chart(const std::vector<ManyRow>& rows) {
   std::vector<std::string> labels;
   for (const ManyRow& row : rows)
     if (std::find(labels.begin(), labels.end(), row.label) == labels.end()) labels.push_back(row.label);
-  const std::vector<Look> looks = looks_of(labels);
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    Series line{labels[i], looks[i].colour, {}, {}, looks[i].dash};
+  chart.series = lines_of(labels);
+  for (Series& line : chart.series)
     for (const ManyRow& row : rows)
-      if (row.label == labels[i]) {
+      if (row.label == line.label) {
         line.x.push_back(static_cast<double>(row.models));
         line.y.push_back(row.mean_us);
       }
-    chart.series.push_back(std::move(line));
-  }
   return chart;
 }
 
@@ -174,8 +170,7 @@ void say_long_frame(const std::vector<ManyRow>& rows, const std::string& label, 
   if (row == nullptr || !row->longest_us || *row->longest_us <= kTickUs) return;
   goal.short_of.push_back(
       fmt::format("{} among {} models: the longest frame that repeats takes {} µs, more than a tick. It is "
-                  "frame {} on its "
-                  "ball; frame 0 goes there from the ball before, over all that lie between.",
+                  "frame {} on its ball; frame 0 goes there from the ball before, over all that lie between.",
                   label, count, format_number(*row->longest_us), row->longest_at));
 }
 
@@ -224,10 +219,8 @@ Goal many_models_goal(const GoalBench& bench) {
             "any number of models may be there, as far as memory goes, and several may be touched at once."};
   goal.method = {
       "Balls in a lattice, a renderer for all of them together. The probe presses onto 25 that are spread "
-      "over "
-      "the lattice (as many as there are, where there are fewer). Then it comes down into the crease between "
-      "two "
-      "balls that overlap, and must be held by both."};
+      "over the lattice (as many as there are, where there are fewer). Then it comes down into the crease "
+      "between two balls that overlap, and must be held by both."};
   const std::vector<std::size_t> counts =
       bench.quick ? std::vector<std::size_t>{1, 9} : std::vector<std::size_t>{1, 10, 100, 1000};
   const std::vector<ManyRow> rows = all_rows(bench, counts, goal);

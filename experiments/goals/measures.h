@@ -59,6 +59,12 @@ inline constexpr const char* kMeshLabel = "mesh";
 [[nodiscard]] Goal stability_goal(const GoalBench& bench);
 [[nodiscard]] Goal many_models_goal(const GoalBench& bench);
 
+/// A dash where there is none.
+[[nodiscard]] std::string number_or_dash(const std::optional<double>& value);
+
+/// Lines of a chart without points, one look for each label.
+[[nodiscard]] std::vector<Series> lines_of(const std::vector<std::string>& labels);
+
 /// Horizontal bars, one per label.
 struct Bar {
   std::string label;

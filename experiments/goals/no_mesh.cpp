@@ -8,22 +8,6 @@ namespace {
 
 constexpr double kAllPercent = 100.0;
 
-/// Preparation time and memory on one model, in percent of the mesh's.
-struct Share {
-  std::optional<double> time_percent, bytes_percent;
-};
-Share share_of(const GoalRuns& runs, const std::string& label) {
-  const metrics::RendererResult *ours = ran(runs, label), *mesh = ran(runs, kMeshLabel);
-  if (ours == nullptr || mesh == nullptr || !ours->prepare || !mesh->prepare) return {};
-  Share share;
-  if (mesh->prepare->total_ms > 0.0)
-    share.time_percent = kAllPercent * ours->prepare->total_ms / mesh->prepare->total_ms;
-  if (mesh->prepare->bytes > 0)
-    share.bytes_percent =
-        kAllPercent * static_cast<double>(ours->prepare->bytes) / static_cast<double>(mesh->prepare->bytes);
-  return share;
-}
-
 /// Number of models rendered from something other than points, by the renderer's declaration.
 std::optional<double> not_as_points(const std::vector<GoalRuns>& shapes, const std::string& label) {
   double count = 0.0;
@@ -47,11 +31,11 @@ void say_kept(const std::vector<GoalRuns>& shapes, const std::string& label, Goa
   if (most > kPointBytes)
     goal.short_of.push_back(
         fmt::format("{} keeps what it deduces of each place, for speed: up to {} bytes a point beside the {} "
-                    "of the point "
-                    "itself.",
+                    "of the point itself.",
                     label, format_number(most), format_number(kPointBytes)));
 }
 
+/// Preparation time and memory, in percent of the mesh's.
 struct Shares {
   std::optional<double> slowest_percent, largest_percent;
 };
@@ -59,10 +43,14 @@ struct Shares {
 Shares worst_shares(const std::vector<GoalRuns>& shapes, const std::string& label) {
   Shares worst;
   for (const GoalRuns& runs : shapes) {
-    const Share share = share_of(runs, label);
-    if (!share.time_percent || !share.bytes_percent) return {};
-    worst.slowest_percent = std::max(worst.slowest_percent.value_or(0.0), *share.time_percent);
-    worst.largest_percent = std::max(worst.largest_percent.value_or(0.0), *share.bytes_percent);
+    const metrics::RendererResult *ours = ran(runs, label), *mesh = ran(runs, kMeshLabel);
+    if (ours == nullptr || mesh == nullptr || !ours->prepare || !mesh->prepare) return {};
+    const render::PrepareReport &own = *ours->prepare, &theirs = *mesh->prepare;
+    if (!(theirs.total_ms > 0.0) || theirs.bytes == 0) return {};
+    const double bytes = static_cast<double>(own.bytes) / static_cast<double>(theirs.bytes);
+    worst.slowest_percent =
+        std::max(worst.slowest_percent.value_or(0.0), kAllPercent * own.total_ms / theirs.total_ms);
+    worst.largest_percent = std::max(worst.largest_percent.value_or(0.0), kAllPercent * bytes);
   }
   return worst;
 }
@@ -94,9 +82,9 @@ Goal no_mesh_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) {
       "of the whole is made first."};
   goal.method = {
       "The same points are prepared for each renderer; the mesh renderer's are triangulated by advancing "
-      "front "
-      "first. What a renderer works on is what it declares; what it builds is what its own report of the "
-      "preparation names, phase by phase. No two points have to agree on what is deduced at each of them."};
+      "front first. What a renderer works on is what it declares; what it builds is what its own report of "
+      "the preparation names, phase by phase. No two points have to agree on what is deduced at each of "
+      "them."};
   std::vector<Bar> bars;
   for (const char* const judged : kJudged) {
     const Shares worst = worst_shares(shapes, judged);

@@ -101,8 +101,7 @@ Table pinned_table(const std::vector<PinnedRow>& rows) {
   table.notes = {
       "Late: from when a tick was due to when it began. A step holds whatever interrupted it. A picture has "
       "1280 x 720 pixels with depth and ends after 33 ms at the latest: what is drawn by then is an even "
-      "sample "
-      "of the points."};
+      "sample of the points."};
   return table;
 }
 
@@ -119,11 +118,11 @@ Chart late_chart(const std::vector<PinnedRow>& rows) {
   chart.style = Chart::Style::kLines;
   std::vector<std::string> labels;
   for (const PinnedRow& row : rows) labels.push_back(row.label + (row.draws ? ", drawing" : ", alone"));
-  const std::vector<Look> looks = looks_of(labels);
+  chart.series = lines_of(labels);
   constexpr int kDrawn = 200;
   constexpr double kLeastUs = 0.1;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    Series line{labels[i], looks[i].colour, {}, {}, looks[i].dash};
+    Series& line = chart.series[i];
     std::vector<std::int64_t> sorted = rows[i].run.late_ns;
     std::sort(sorted.begin(), sorted.end());
     for (int k = 0; k <= kDrawn && !sorted.empty(); ++k) {
@@ -131,7 +130,6 @@ Chart late_chart(const std::vector<PinnedRow>& rows) {
       line.x.push_back(std::max(kLeastUs, static_cast<double>(sorted[at]) / kPinnedUs));
       line.y.push_back(100.0 * k / kDrawn);
     }
-    chart.series.push_back(std::move(line));
   }
   return chart;
 }
@@ -176,26 +174,21 @@ Goal one_machine_goal(const GoalBench& bench) {
   const Result<std::vector<PinnedRow>> rows = pinned_rows(bench);
   if (!rows) goal.notes.push_back("Not measured: " + rows.error().message());
   const std::vector<PinnedRow> none, &all = rows ? *rows : none;
-  const auto late = [&](const std::string& label) -> std::optional<double> {
+  const auto drawing = [&](const std::string& label, auto number) -> std::optional<double> {
     const PinnedRun* run = pinned_run(all, label, true);
-    return run != nullptr ? std::optional(quantile_us(run->late_ns, kInTime)) : std::nullopt;
+    return run != nullptr ? std::optional(number(*run)) : std::nullopt;
   };
-  const auto ticks = [&](const std::string& label) -> std::optional<double> {
-    const PinnedRun* run = pinned_run(all, label, true);
-    return run != nullptr ? std::optional(ticks_percent(*run)) : std::nullopt;
-  };
-  const auto images = [&](const std::string& label) -> std::optional<double> {
-    const PinnedRun* run = pinned_run(all, label, true);
-    return run != nullptr ? std::optional(images_per_s(*run)) : std::nullopt;
-  };
+  const auto late = [](const PinnedRun& run) { return quantile_us(run.late_ns, kInTime); };
   for (const char* const judged : kJudged) {
     goal.findings.push_back({fmt::format("{} while drawing, 99.9 % of the ticks late by less than", judged),
-                             late(judged), "µs", kMostLateUs, true, "a tick at 1 kHz", late(kMeshLabel)});
-    goal.findings.push_back({fmt::format("{} while drawing, ticks that took place", judged), ticks(judged),
-                             "%", 100.0 * kInTime, false, "one in a thousand may be lost",
-                             ticks(kMeshLabel)});
-    goal.findings.push_back({fmt::format("pictures beside {}", judged), images(judged), "a second",
-                             kLeastImages, false, "a picture that follows the hand", images(kMeshLabel)});
+                             drawing(judged, late), "µs", kMostLateUs, true, "a tick at 1 kHz",
+                             drawing(kMeshLabel, late)});
+    goal.findings.push_back({fmt::format("{} while drawing, ticks that took place", judged),
+                             drawing(judged, ticks_percent), "%", 100.0 * kInTime, false,
+                             "one in a thousand may be lost", drawing(kMeshLabel, ticks_percent)});
+    goal.findings.push_back({fmt::format("pictures beside {}", judged), drawing(judged, images_per_s),
+                             "a second", kLeastImages, false, "a picture that follows the hand",
+                             drawing(kMeshLabel, images_per_s)});
   }
   say_scheduling(all, goal);
   goal.tables.push_back(pinned_table(all));

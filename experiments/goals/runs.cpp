@@ -126,6 +126,18 @@ Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench) {
   return all;
 }
 
+std::string number_or_dash(const std::optional<double>& value) {
+  return value ? format_number(*value) : std::string(kMissingNumber);
+}
+
+std::vector<Series> lines_of(const std::vector<std::string>& labels) {
+  const std::vector<Look> looks = looks_of(labels);
+  std::vector<Series> lines;
+  for (std::size_t i = 0; i < labels.size(); ++i)
+    lines.push_back({labels[i], looks[i].colour, {}, {}, looks[i].dash});
+  return lines;
+}
+
 Chart growth_chart(const std::string& name, const std::string& counted, const std::string& caption) {
   Chart chart;
   chart.name = name;
@@ -152,7 +164,7 @@ Chart bar_chart(const std::string& name, const std::string& title, const std::st
   chart.height = kAxisHeight + kBarHeight * static_cast<int>(bars.size());
   std::vector<std::string> labels;
   for (const Bar& bar : bars) labels.push_back(bar.label);
-  const std::vector<Look> looks = looks_of(labels);
+  chart.series = lines_of(labels);
   std::string tics;
   for (std::size_t i = 0; i < bars.size(); ++i) {
     const double row = -static_cast<double>(i);
@@ -160,7 +172,8 @@ Chart bar_chart(const std::string& name, const std::string& title, const std::st
     std::string label = bars[i].label;
     for (std::size_t at = 0; (at = label.find('%', at)) != std::string::npos; at += 2) label.insert(at, "%");
     tics += fmt::format("{}'{}' {}", tics.empty() ? "" : ", ", label, row);
-    chart.series.push_back(Series{bars[i].label, looks[i].colour, {bars[i].value}, {row}, {}});
+    chart.series[i].x = {bars[i].value};
+    chart.series[i].y = {row};
   }
   chart.extra = fmt::format("set ytics ({})\nset yrange [{}:{}]\nset xrange [0:*]\nunset key\n", tics,
                             -static_cast<double>(bars.size()) + 1.0 - kMargin, kMargin);

@@ -29,16 +29,13 @@ const std::vector<std::string>& size_labels() {
 
 Chart size_chart(const std::vector<GoalRuns>& sizes) {
   Chart chart = growth_chart("goal-insensitive", "points", "One surface, one path; both axes logarithmic.");
-  const std::vector<Look> looks = looks_of(size_labels());
-  for (std::size_t i = 0; i < looks.size(); ++i) {
-    Series line{size_labels()[i], looks[i].colour, {}, {}, looks[i].dash};
+  chart.series = lines_of(size_labels());
+  for (Series& line : chart.series)
     for (const GoalRuns& runs : sizes)
-      if (const std::optional<double> here = mean_us_of(runs, size_labels()[i])) {
+      if (const std::optional<double> here = mean_us_of(runs, line.label)) {
         line.x.push_back(static_cast<double>(runs.points));
         line.y.push_back(*here);
       }
-    chart.series.push_back(std::move(line));
-  }
   return chart;
 }
 
@@ -47,18 +44,15 @@ Table size_table(const std::vector<GoalRuns>& sizes) {
   table.title = "Mean of all frames, µs, and what grows besides";
   table.columns = {"renderer"};
   for (const GoalRuns& runs : sizes) table.columns.push_back(format_count(runs.points) + " points");
-  const auto text = [](const std::optional<double>& value) {
-    return Cell{value ? format_number(*value) : std::string(kMissingNumber)};
-  };
   for (const std::string& label : size_labels()) {
     std::vector<Cell> means = {{label + ", mean"}}, long_ones = {{label + ", 99.9 % under"}},
                       ready = {{label + ", ready after, ms"}};
     for (const GoalRuns& runs : sizes) {
       const metrics::RendererResult* result = ran(runs, label);
       const bool known = result != nullptr && result->frame_all && result->prepare;
-      means.push_back(text(mean_us_of(runs, label)));
-      long_ones.push_back(text(known ? result->frame_all->p999_us : std::nullopt));
-      ready.push_back(text(known ? std::optional(result->prepare->total_ms) : std::nullopt));
+      means.push_back({number_or_dash(mean_us_of(runs, label))});
+      long_ones.push_back({number_or_dash(known ? result->frame_all->p999_us : std::nullopt)});
+      ready.push_back({number_or_dash(known ? std::optional(result->prepare->total_ms) : std::nullopt)});
     }
     table.rows.insert(table.rows.end(), {means, long_ones, ready});
   }
@@ -72,8 +66,8 @@ Goal size_goal(const GoalBench& bench, const std::vector<GoalRuns>& sizes) {
             "a frame of a model of millions of points takes hardly longer than one of thousands."};
   goal.method = {
       "One surface of 100 x 100 mm and one path, by number of points. Growth is the mean of all frames at "
-      "the "
-      "most points over that at the fewest; it holds the waits for memory of a model that fits no cache."};
+      "the most points over that at the fewest; it holds the waits for memory of a model that fits no "
+      "cache."};
   const std::string from = sizes.empty() ? "0" : format_count(sizes.front().points);
   const std::string to = sizes.empty() ? "0" : format_count(sizes.back().points);
   for (const char* const judged : kJudged)

@@ -61,8 +61,7 @@ Result<Looped> loop_renderer(const GoalBench& bench, const GoalLoop& loop, const
   PALPATE_TRY(find_limits(*made, loop, out));
   GainRenderer felt(*made, 1.0);
   PALPATE_ASSIGN(out.tasks, do_tasks(felt, loop.stage, loop.bench, loop.places, [] {}));
-  PALPATE_ASSIGN(LoopScores scores, score_loop(felt, loop.stage, loop.bench, loop.places, progress, [] {}));
-  out.scores = std::move(scores);
+  PALPATE_ASSIGN(out.scores, score_loop(felt, loop.stage, loop.bench, loop.places, progress, [] {}));
   return out;
 }
 
@@ -92,14 +91,10 @@ std::optional<double> unstable_tasks(const std::vector<Looped>& all, const std::
       std::count_if(one->tasks.begin(), one->tasks.end(), [](const TaskResult& t) { return !t.stable; }));
 }
 
-std::optional<double> ripple(const std::vector<Looped>& all, const std::string& label) {
+std::optional<double> under_hand(const std::vector<Looped>& all, const std::string& label,
+                                 std::optional<double> LoopScores::Side::*score) {
   const Looped* one = looped(all, label);
-  return one != nullptr && one->scores ? one->scores->closed.ripple_shown_ratio : std::nullopt;
-}
-
-std::optional<double> loop_error(const std::vector<Looped>& all, const std::string& label) {
-  const Looped* one = looped(all, label);
-  return one != nullptr && one->scores ? one->scores->closed.force_rms_percent : std::nullopt;
+  return one != nullptr && one->scores ? one->scores->closed.*score : std::nullopt;
 }
 
 Chart stable_chart(const std::vector<Looped>& all) {
@@ -108,8 +103,7 @@ Chart stable_chart(const std::vector<Looped>& all) {
   chart.title = "Largest stable stiffness by rate of the servo";
   chart.caption =
       "A released device, pushed steadily. Grey: the true surface in the renderer's place. A line that lies "
-      "on "
-      "it loses nothing.";
+      "on it loses nothing.";
   chart.x_label = "rate of the servo, Hz";
   chart.y_label = "N/mm";
   chart.log_y = true;
@@ -118,14 +112,11 @@ Chart stable_chart(const std::vector<Looped>& all) {
   std::vector<std::string> labels;
   for (const Looped& one : all)
     if (one.label != kTruthLabel) labels.push_back(one.label);
-  const std::vector<Look> looks = looks_of(labels);
-  std::size_t at = 0;
+  std::vector<Series> lines = lines_of(labels);
+  auto next = lines.begin();
   for (const Looped& one : all) {
     Series line{one.label, "#999999", {}, {}, {}, one.label == kTruthLabel};
-    if (!line.is_truth) {
-      line.colour = looks[at].colour;
-      line.dash = looks[at++].dash;
-    }
+    if (!line.is_truth) line = std::move(*next++);
     for (const StabilityPoint& point : one.limits) {
       line.x.push_back(point.rate_hz);
       line.y.push_back(point.largest_stable_n_per_mm);
@@ -145,7 +136,7 @@ Table loop_table(const std::vector<Looped>& all) {
           {{fmt::format("{}, {:g}", one.label, point.rate_hz)},
            {format_number(point.largest_stable_n_per_mm)},
            {point.unlimited ? std::string(kMissingNumber) : format_number(point.limit_cycle_mm)},
-           {point.theory_n_per_mm ? format_number(*point.theory_n_per_mm) : std::string(kMissingNumber)}});
+           {number_or_dash(point.theory_n_per_mm)}});
   return table;
 }
 
@@ -191,12 +182,9 @@ Goal stability_goal(const GoalBench& bench) {
             "temperate and right."};
   goal.method = {
       "A simulated hand holds a simulated desktop device (mass, friction, encoder, bandwidth of the motors) "
-      "over "
-      "the ring. The stiffness is raised until the loop swings, with each renderer and with the true surface "
-      "in "
-      "its place. Then the hand presses, slides, taps, lets go and follows a path. No device and no person "
-      "was "
-      "measured."};
+      "over the ring. The stiffness is raised until the loop swings, with each renderer and with the true "
+      "surface in its place. Then the hand presses, slides, taps, lets go and follows a path. No device and "
+      "no person was measured."};
   const std::string scene =
       std::string("torus:sampling=random:seed=11:points=") + (bench.quick ? "4000" : "40000");
   const std::string path =
@@ -214,11 +202,13 @@ Goal stability_goal(const GoalBench& bench) {
                              unstable_tasks(loops, judged), "", 0.0, true, "none may swing",
                              unstable_tasks(loops, kMeshLabel)});
     goal.findings.push_back({fmt::format("{}, ripple after the motors, of what touch notices", judged),
-                             ripple(loops, judged), "times", kNoticedRipple, true, "forces are temperate",
-                             ripple(loops, kMeshLabel)});
-    goal.findings.push_back({fmt::format("{}, force error under the hand", judged), loop_error(loops, judged),
-                             "%", kHandTellsPercent, true, "less than a hand can tell",
-                             loop_error(loops, kMeshLabel)});
+                             under_hand(loops, judged, &LoopScores::Side::ripple_shown_ratio), "times",
+                             kNoticedRipple, true, "forces are temperate",
+                             under_hand(loops, kMeshLabel, &LoopScores::Side::ripple_shown_ratio)});
+    goal.findings.push_back({fmt::format("{}, force error under the hand", judged),
+                             under_hand(loops, judged, &LoopScores::Side::force_rms_percent), "%",
+                             kHandTellsPercent, true, "less than a hand can tell",
+                             under_hand(loops, kMeshLabel, &LoopScores::Side::force_rms_percent)});
   }
   goal.tables = {loop_table(loops), hand_table(loops)};
   goal.figures.push_back(draw(stable_chart(loops), bench.figures));

@@ -48,27 +48,23 @@ Table goal_frames_table(const std::vector<const GoalRuns*>& all) {
   table.title = "All frames, µs";
   table.columns = {"model, renderer",        "mean",         "99.9 % under", "longest that repeats",
                    "longest single reading", "at the bound", "over 1 ms"};
-  const auto text = [](const std::optional<double>& value) {
-    return Cell{value ? format_number(*value) : std::string(kMissingNumber)};
-  };
   for (const GoalRuns* runs : all) {
     table.rows.push_back({{runs->name}});
     for (const metrics::RendererResult& result : runs->results) {
       if (result.status != metrics::RunStatus::kOk || !result.frame_all) continue;
       const trace::FrameStatistics& frame = *result.frame_all;
       table.rows.push_back({{result.label},
-                            text(frame.mean_us),
-                            text(frame.p999_us),
-                            text(frame.max_us),
-                            text(frame.worst_us),
+                            {number_or_dash(frame.mean_us)},
+                            {number_or_dash(frame.p999_us)},
+                            {number_or_dash(frame.max_us)},
+                            {number_or_dash(frame.worst_us)},
                             {format_count(frame.bound_hits)},
                             {format_count(frame.deadline_misses_1khz)}});
     }
   }
   table.notes = {
       "The longest frame that repeats is that of the frames' medians over the passes: the renderer's own. "
-      "The "
-      "longest single reading holds what else ran on the machine.",
+      "The longest single reading holds what else ran on the machine.",
       "At the bound: frames that reached the written bound on their work and went on in the next one."};
   return table;
 }
@@ -92,10 +88,8 @@ Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes
             "no frame takes longer than the millisecond that a loop at 1 kHz has, whatever the model."};
   goal.method = {
       "Every frame of every path of the pages on fidelity and on size, timed alone with a clock around it, "
-      "in "
-      "several passes. What hits a frame once is the machine's; what hits it in most passes is the "
-      "renderer's. "
-      "Each renderer states a bound on its work that does not depend on the number of points."};
+      "in several passes. What hits a frame once is the machine's; what hits it in most passes is the "
+      "renderer's. Each renderer states a bound on its work that does not depend on the number of points."};
   std::vector<const GoalRuns*> all;
   for (const GoalRuns& runs : shapes) all.push_back(&runs);
   for (const GoalRuns& runs : sizes) all.push_back(&runs);

@@ -1,7 +1,6 @@
 #include "experiments/hunt/hunt.h"
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include <filesystem>
 #include <utility>
@@ -11,17 +10,12 @@
 #include <palpate/trace.h>
 #include <palpate/write_mesh.h>
 #include "experiments/driver/suite.h"
+#include "experiments/hunt/input_json.h"
 #include "experiments/hunt/trial.h"
 #include "toolkit/core/hash.h"
 
 namespace palpate::experiments {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-std::string dumped(const Json& json, int indent = -1) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
-}
 
 std::string case_name(const Quest& quest, const std::string& what) {
   return quest.renderer.label + "-" + what;
@@ -32,54 +26,21 @@ std::string fault_name(std::size_t k) {
 
 }  // namespace
 
+PALPATE_JSON_MEMBERS(Found, score, trial, frame, trial_input)
+PALPATE_JSON_MEMBERS(Fault, what, trial, trial_input)
+PALPATE_JSON_MEMBERS(Quest, worst, faults, trials, refused, bound_hits, faulty, spent_s)
+
 std::string to_text(const Quest& quest) {
-  Json worst = Json::object(), faults = Json::array();
-  for (std::size_t g = 0; g < kGoals; ++g)
-    if (const auto& found = quest.worst[g])
-      worst[info_of(static_cast<HuntGoal>(g)).name] = {{"score", found->score},
-                                                       {"trial", found->trial},
-                                                       {"frame", found->frame},
-                                                       {"trial_input", to_text(found->trial_input)}};
-  for (const Fault& fault : quest.faults)
-    faults.push_back(
-        {{"what", fault.what}, {"trial", fault.trial}, {"trial_input", to_text(fault.trial_input)}});
-  return dumped({{"label", quest.renderer.label},
-                 {"trials", quest.trials},
-                 {"refused", quest.refused},
-                 {"bound_hits", quest.bound_hits},
-                 {"faulty", quest.faulty},
-                 {"spent_s", quest.spent_s},
-                 {"worst", worst},
-                 {"faults", faults}});
+  return to_line(nlohmann::json::array({quest.renderer.label, quest}));
 }
 
 bool from_text(const std::string& text, Quest& quest) {
   Quest read;
   read.renderer = quest.renderer;
   try {
-    const nlohmann::json from = nlohmann::json::parse(text);
-    if (from.at("label") != read.renderer.label) return false;
-    from.at("trials").get_to(read.trials);
-    from.at("refused").get_to(read.refused);
-    from.at("bound_hits").get_to(read.bound_hits);
-    from.at("faulty").get_to(read.faulty);
-    from.at("spent_s").get_to(read.spent_s);
-    for (std::size_t g = 0; g < kGoals; ++g) {
-      const char* const name = info_of(static_cast<HuntGoal>(g)).name;
-      if (!from.at("worst").contains(name)) continue;
-      const nlohmann::json& one = from.at("worst").at(name);
-      Found found{one.at("score").get<double>(),
-                  one.at("trial").get<std::uint64_t>(),
-                  one.at("frame").get<std::size_t>(),
-                  {}};
-      if (!from_text(one.at("trial_input").get<std::string>(), found.trial_input)) return false;
-      read.worst[g] = std::move(found);
-    }
-    for (const nlohmann::json& one : from.at("faults")) {
-      Fault fault{one.at("what").get<std::string>(), one.at("trial").get<std::uint64_t>(), {}};
-      if (!from_text(one.at("trial_input").get<std::string>(), fault.trial_input)) return false;
-      read.faults.push_back(std::move(fault));
-    }
+    const nlohmann::json json = nlohmann::json::parse(text);
+    if (json.at(0) != read.renderer.label) return false;
+    json.at(1).get_to(read);
   } catch (const nlohmann::json::exception&) {
     return false;
   }
@@ -117,30 +78,30 @@ std::string command_of(const OutputFolder& folder, const std::string& name) {
 
 Result<std::string> write_found(const OutputFolder& folder, const std::vector<Quest>& quests,
                                 std::uint64_t seed) {
-  Json renderers = Json::array();
+  DocumentJson renderers = DocumentJson::array();
   std::uint64_t trials = 0;
   double spent_s = 0.0;
   for (const Quest& quest : quests) {
     trials += quest.trials;
     spent_s += quest.spent_s;
-    Json worst = Json::array(), faults = Json::array();
-    const auto write = [&](const std::string& name, const TrialInput& trial_input) -> Result<Json> {
+    DocumentJson worst = DocumentJson::array(), faults = DocumentJson::array();
+    const auto write = [&](const std::string& name, const TrialInput& trial_input) -> Result<DocumentJson> {
       PALPATE_TRY(write_case(folder, name, trial_input, renderer_of(quest, trial_input)));
-      return Json{{"case", name + ".toml"}, {"command", command_of(folder, name)}};
+      return DocumentJson{{"case", name + ".toml"}, {"command", command_of(folder, name)}};
     };
     for (std::size_t g = 0; g < kGoals; ++g) {
       const auto& found = quest.worst[g];
       if (!found || !(found->score > 0.0)) continue;
       const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
-      PALPATE_ASSIGN(Json one, write(case_name(quest, goal.name), found->trial_input));
-      Json row = {
+      PALPATE_ASSIGN(DocumentJson one, write(case_name(quest, goal.name), found->trial_input));
+      DocumentJson row = {
           {"goal", goal.name}, {"score", found->score}, {"trial", found->trial}, {"frame", found->frame}};
       row.update(one);
       worst.push_back(std::move(row));
     }
     for (std::size_t k = 0; k < quest.faults.size(); ++k) {
-      PALPATE_ASSIGN(Json one, write(case_name(quest, fault_name(k)), quest.faults[k].trial_input));
-      Json row = {{"what", quest.faults[k].what}, {"trial", quest.faults[k].trial}};
+      PALPATE_ASSIGN(DocumentJson one, write(case_name(quest, fault_name(k)), quest.faults[k].trial_input));
+      DocumentJson row = {{"what", quest.faults[k].what}, {"trial", quest.faults[k].trial}};
       row.update(one);
       faults.push_back(std::move(row));
     }
@@ -153,13 +114,11 @@ Result<std::string> write_found(const OutputFolder& folder, const std::vector<Qu
                          {"worst", worst},
                          {"faults", faults}});
   }
-  const std::string text = dumped({{"schema", "palpate-hunt-1"},
-                                   {"seed", seed},
-                                   {"trials", trials},
-                                   {"spent_s", spent_s},
-                                   {"renderers", renderers}},
-                                  1) +
-                           "\n";
+  const std::string text = document_text({{"schema", "palpate-hunt-1"},
+                                          {"seed", seed},
+                                          {"trials", trials},
+                                          {"spent_s", spent_s},
+                                          {"renderers", renderers}});
   PALPATE_TRY(folder.write("hunt.json", text));
   return text;
 }

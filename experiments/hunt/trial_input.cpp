@@ -6,11 +6,11 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include <palpate/accuracy.h>
 #include <palpate/generate.h>
+#include "experiments/hunt/input_json.h"
 
 namespace palpate::experiments {
 namespace {
@@ -262,23 +262,6 @@ void flatten(TrialInput& trial_input) {
   }
 }
 
-nlohmann::json json_of(const Vec3& v) {
-  return {v.x(), v.y(), v.z()};
-}
-nlohmann::json json_of(const Options& options) {
-  nlohmann::json json = nlohmann::json::object();
-  for (const auto& [key, value] : options.all()) json[key] = value;
-  return json;
-}
-Options given_in(const nlohmann::json& json) {
-  Options options;
-  for (const auto& [key, value] : json.items()) options.set(key, value.get<std::string>());
-  return options;
-}
-Vec3 vector_of(const nlohmann::json& json) {
-  return {json.at(0).get<double>(), json.at(1).get<double>(), json.at(2).get<double>()};
-}
-
 }  // namespace
 
 bool TrialInput::keeps_raster() const {
@@ -370,67 +353,10 @@ TrialInput mutated(const TrialInput& trial_input, Random& random, const Ground& 
 }
 
 std::string to_text(const TrialInput& trial_input) {
-  nlohmann::json edits = nlohmann::json::array(), way = nlohmann::json::array();
-  for (const PointEdit& e : trial_input.edits)
-    edits.push_back({{"kind", e.kind}, {"which", e.which}, {"other", e.other}, {"by", json_of(e.by)}});
-  for (const Waypoint& w : trial_input.way)
-    way.push_back({{"kind", w.kind},
-                   {"at", json_of(w.at)},
-                   {"which", w.which},
-                   {"other", w.other},
-                   {"frames", w.frames}});
-  nlohmann::json text{{"shape", trial_input.shape},
-                      {"form", json_of(trial_input.form)},
-                      {"points", trial_input.points},
-                      {"sampling", trial_input.sampling},
-                      {"noise", trial_input.noise},
-                      {"outliers", trial_input.outliers},
-                      {"seed", trial_input.model_seed},
-                      {"scale", trial_input.scale},
-                      {"offset", trial_input.offset},
-                      {"friction", trial_input.friction},
-                      {"edits", edits},
-                      {"way", way},
-                      {"options", json_of(trial_input.options)}};
-  if (trial_input.hand)
-    text["hand"] = {{"force_n", trial_input.hand->force_n},
-                    {"fastest_mm_s", trial_input.hand->fastest_mm_s},
-                    {"spacing_mm", trial_input.hand->spacing_mm},
-                    {"seed", trial_input.hand->seed}};
-  return text.dump();
+  return to_line(trial_input);
 }
-
 bool from_text(const std::string& text, TrialInput& trial_input) {
-  try {
-    const nlohmann::json json = nlohmann::json::parse(text);
-    trial_input = {};
-    json.at("shape").get_to(trial_input.shape);
-    trial_input.form = given_in(json.at("form"));
-    json.at("points").get_to(trial_input.points);
-    json.at("sampling").get_to(trial_input.sampling);
-    json.at("noise").get_to(trial_input.noise);
-    json.at("outliers").get_to(trial_input.outliers);
-    json.at("seed").get_to(trial_input.model_seed);
-    json.at("scale").get_to(trial_input.scale);
-    json.at("offset").get_to(trial_input.offset);
-    json.at("friction").get_to(trial_input.friction);
-    for (const auto& e : json.at("edits"))
-      trial_input.edits.push_back({e.at("kind").get<PointEdit::Kind>(), e.at("which").get<double>(),
-                                   e.at("other").get<double>(), vector_of(e.at("by"))});
-    for (const auto& w : json.at("way"))
-      trial_input.way.push_back({w.at("kind").get<Waypoint::Kind>(), vector_of(w.at("at")),
-                                 w.at("which").get<double>(), w.at("other").get<double>(),
-                                 w.at("frames").get<int>()});
-    trial_input.options = given_in(json.at("options"));
-    if (json.contains("hand")) {
-      const nlohmann::json& hand = json.at("hand");
-      trial_input.hand = HandWay{hand.at("force_n").get<double>(), hand.at("fastest_mm_s").get<double>(),
-                                 hand.at("spacing_mm").get<double>(), hand.at("seed").get<std::uint64_t>()};
-    }
-    return true;
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  }
+  return from_line(text, trial_input);
 }
 
 }  // namespace palpate::experiments

@@ -3,11 +3,23 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_document.h"
+#include "experiments/driver/json_members.h"
 #include "experiments/live/live.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
+
+PALPATE_JSON_MEMBERS(SessionMark, t_s, text)
+PALPATE_JSON_MEMBERS(RemoteCounts, packets, bad, refused, commands)
+PALPATE_JSON_MEMBERS(LiveRecorded, file, ticks, written, lost, bytes)
+PALPATE_JSON_MEMBERS(LiveRenderer, label, name, prepare_ms, bytes, shared_bytes, frames, contact_frames,
+                     felt_frames, late_frames, coarse_frames, swaps, stalled_frames, largest_step_n, made,
+                     disqualified)
+PALPATE_JSON_MEMBERS(LiveDocument, scene, path, device, hand, grip, rule, accelerated, rate_hz, seconds,
+                     fade_ms, scheduling, steal_percent, force_limit_n, ticks, switches, fades, refused,
+                     waited, largest_step_n, largest_excess_n, faults, fault_names, rearmed, half_rate_ticks,
+                     decisions_lost, watchdog_trips, replugged, guarded, unproven, marks, warnings, notes)
+
 namespace {
 
 constexpr double kUsPerNs = 1e-3;
@@ -41,35 +53,19 @@ DocumentJson steps_json(const metrics::ForceSteps& steps) {
 }
 
 DocumentJson renderer_json(const LiveRenderer& r) {
-  DocumentJson options = DocumentJson::object();
-  for (const auto& [key, value] : r.options) options[key] = value;
-  return {{"label", r.label},
-          {"name", r.name},
-          {"options", std::move(options)},
-          {"prepare_ms", r.prepare_ms},
-          {"bytes", r.bytes},
-          {"shared_bytes", r.shared_bytes},
-          {"frames", r.frames},
-          {"contact_frames", r.contact_frames},
-          {"felt_frames", r.felt_frames},
-          {"late_frames", r.late_frames},
-          {"coarse_frames", r.coarse_frames},
-          {"swaps", r.swaps},
-          {"stalled_frames", r.stalled_frames},
-          {"step_us", durations_json(r.step)},
-          {"largest_step_n", r.largest_step_n},
-          {"felt_steps", steps_json(r.felt_steps)},
-          {"made", r.made},
-          {"disqualified", r.disqualified}};
+  DocumentJson json = r;
+  json["options"] = DocumentJson::object();
+  for (const auto& [key, value] : r.options) json["options"][key] = value;
+  json["step_us"] = durations_json(r.step);
+  json["felt_steps"] = steps_json(r.felt_steps);
+  return json;
 }
 
 DocumentJson remote_json(const LiveRemote& remote) {
   if (remote.where.empty()) return nullptr;
-  return {{"listened", remote.where},
-          {"packets", remote.counts.packets},
-          {"bad", remote.counts.bad},
-          {"refused", remote.counts.refused},
-          {"commands", remote.counts.commands}};
+  DocumentJson json = {{"listened", remote.where}};
+  to_json(json, remote.counts);
+  return json;
 }
 
 DocumentJson number_or_null(const std::optional<double>& value) {
@@ -104,8 +100,8 @@ std::string two_text(const std::optional<double>& p50, const std::optional<doubl
   return p50 && p99 ? fmt::format("{}, {}", format_number(*p50), format_number(*p99)) : std::string("-");
 }
 
-std::string us_text(double us) {
-  return format_number(us);
+std::string us_text(std::int64_t ns) {
+  return format_number(static_cast<double>(ns) * kUsPerNs);
 }
 
 Table session_table(const LiveDocument& document) {
@@ -139,10 +135,9 @@ Table session_table(const LiveDocument& document) {
   row("largest step of the force, N", format_number(document.largest_step_n));
   row("of it more than renderers and fade explain, N", format_number(document.largest_excess_n));
   row("late, µs: p50, p99, p99.9, most",
-      fmt::format("{}, {}, {}, {}", us_text(static_cast<double>(document.loop.lateness.p50_ns) * kUsPerNs),
-                  us_text(static_cast<double>(document.loop.lateness.p99_ns) * kUsPerNs),
-                  us_text(static_cast<double>(document.loop.lateness.p999_ns) * kUsPerNs),
-                  us_text(static_cast<double>(document.loop.lateness.max_ns) * kUsPerNs)));
+      fmt::format("{}, {}, {}, {}", us_text(document.loop.lateness.p50_ns),
+                  us_text(document.loop.lateness.p99_ns), us_text(document.loop.lateness.p999_ns),
+                  us_text(document.loop.lateness.max_ns)));
   row("felt stiffness, N/mm",
       fmt::format("{} ({} N/mm, {} mm of the scene for a mm of the device)",
                   format_number(document.felt_stiffness_n_per_mm), format_number(document.stiffness_n_per_mm),
@@ -161,8 +156,8 @@ Table renderers_table(const LiveDocument& document) {
     table.rows.push_back({{r.label},
                           {format_number(100.0 * static_cast<double>(r.felt_frames) / all)},
                           {format_count(r.contact_frames)},
-                          {us_text(static_cast<double>(r.step.p50_ns) * kUsPerNs)},
-                          {us_text(static_cast<double>(r.step.p999_ns) * kUsPerNs)},
+                          {us_text(r.step.p50_ns)},
+                          {us_text(r.step.p999_ns)},
                           {format_number(r.largest_step_n)},
                           {format_count(r.made)},
                           {format_bytes(static_cast<double>(r.bytes))},
@@ -275,34 +270,11 @@ Chart lateness_chart(const LiveDocument& document) {
 
 std::string to_json(const LiveDocument& document) {
   DocumentJson json = begin_json(kLiveSchema, document.head);
-  json["scene"] = document.scene;
-  json["path"] = document.path;
-  json["device"] = document.device;
-  json["hand"] = document.hand;
-  json["grip"] = document.grip;
-  json["rule"] = document.rule;
-  json["accelerated"] = document.accelerated;
-  json["rate_hz"] = document.rate_hz;
-  json["seconds"] = document.seconds;
-  json["fade_ms"] = document.fade_ms;
-  json["scheduling"] = document.scheduling;
-  json["steal_percent"] = document.steal_percent;
+  to_json(json, document);
   json["mapping"] = {{"world_per_device", document.world_per_device},
                      {"stiffness_n_per_mm", document.stiffness_n_per_mm},
                      {"felt_stiffness_n_per_mm", document.felt_stiffness_n_per_mm}};
-  json["force_limit_n"] = document.force_limit_n;
-  json["ticks"] = document.ticks;
   json["late"] = document.loop.missed;
-  json["switches"] = document.switches;
-  json["fades"] = document.fades;
-  json["refused"] = document.refused;
-  json["waited"] = document.waited;
-  json["largest_step_n"] = document.largest_step_n;
-  json["largest_excess_n"] = document.largest_excess_n;
-  json["faults"] = document.faults;
-  json["fault_names"] = document.fault_names;
-  json["rearmed"] = document.rearmed;
-  json["half_rate_ticks"] = document.half_rate_ticks;
   json["jitter_us"] = durations_json(document.loop.lateness);
   json["lateness_histogram"] = DocumentJson::array();
   for (const device::DurationBin& bin : document.lateness)
@@ -316,25 +288,10 @@ std::string to_json(const LiveDocument& document) {
   for (const LiveRenderer& r : document.renderers) json["renderers"].push_back(renderer_json(r));
   json["decisions"] = DocumentJson::array();
   for (const LiveDecision& d : document.decisions) json["decisions"].push_back(decision_json(d));
-  json["decisions_lost"] = document.decisions_lost;
-  json["watchdog_trips"] = document.watchdog_trips;
-  json["replugged"] = document.replugged;
-  json["guarded"] = document.guarded;
-  json["unproven"] = document.unproven;
-  json["marks"] = DocumentJson::array();
-  for (const SessionMark& mark : document.marks)
-    json["marks"].push_back({{"t_s", mark.t_s}, {"text", mark.text}});
   json["remote"] = remote_json(document.remote);
   json["stream"] = stream_json(document.stream);
-  const LiveRecorded& recording = document.recording;
-  json["recording"] = recording.file.empty() ? DocumentJson(nullptr)
-                                             : DocumentJson{{"file", recording.file},
-                                                            {"ticks", recording.ticks},
-                                                            {"written", recording.written},
-                                                            {"lost", recording.lost},
-                                                            {"bytes", recording.bytes}};
-  json["warnings"] = document.warnings;
-  json["notes"] = document.notes;
+  json["recording"] =
+      document.recording.file.empty() ? DocumentJson(nullptr) : DocumentJson(document.recording);
   return document_text(json);
 }
 
@@ -352,8 +309,7 @@ Page live_page(const LiveDocument& document, const OutputFolder& folder) {
       document.grip.empty()
           ? "A person holds the device. All renderers follow it in every tick; one is felt at a time."
           : "A simulated hand holds a simulated device. All renderers follow it in every tick; one is felt "
-            "at a "
-            "time. No device and no person was measured.");
+            "at a time. No device and no person was measured.");
   if (const Result<OutputFolder> figures = folder.inside("figures")) {
     const Chart chart = force_chart(document);
     if (has_points(chart)) section.figures.push_back(draw(chart, *figures));

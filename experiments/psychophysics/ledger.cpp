@@ -1,11 +1,10 @@
 #include "experiments/psychophysics/ledger.h"
 
-#include <nlohmann/json.hpp>
-
 #include <filesystem>
 #include <utility>
 
 #include <palpate/result.h>
+#include "experiments/driver/json_members.h"
 #include "toolkit/core/files.h"
 
 namespace palpate::experiments::psychophysics {
@@ -15,51 +14,30 @@ namespace {
 constexpr std::uint64_t kMostSessionBytes = std::uint64_t{1} << 24;
 constexpr const char* kSessionRemedy = "take the line out; the trials do not need it";
 
-using SessionJson = nlohmann::ordered_json;
+}  // namespace
 
-SessionRecord session_of(const SessionJson& json) {
-  SessionRecord s;
-  s.started_utc = json.at("started_utc").get<std::string>();
-  s.first_trial = json.at("first_trial").get<std::uint64_t>();
-  s.last_trial = json.at("last_trial").get<std::uint64_t>();
-  s.real_time = json.at("real_time").get<bool>();
-  s.scheduling = json.at("scheduling").get<std::string>();
-  s.notes = json.at("notes").get<std::vector<std::string>>();
-  s.rate_hz = json.at("rate_hz").get<double>();
-  s.ticks = json.at("ticks").get<std::uint64_t>();
-  s.missed = json.at("missed").get<std::uint64_t>();
-  const SessionJson& late = json.at("late_us");
-  s.late_p50_us = late.at("p50").get<double>();
-  s.late_p99_us = late.at("p99").get<double>();
-  s.late_p999_us = late.at("p999").get<double>();
-  s.late_most_us = late.at("max").get<double>();
-  s.trial_frames = json.at("trial_frames").get<std::uint64_t>();
-  s.whole_frames = json.at("whole_frames").get<std::uint64_t>();
-  s.watchdog_trips = json.at("watchdog_trips").get<std::uint64_t>();
-  s.begun_again = json.at("begun_again").get<std::uint64_t>();
+PALPATE_JSON_MEMBERS(SessionRecord, started_utc, first_trial, last_trial, real_time, scheduling, rate_hz,
+                     ticks, missed, trial_frames, whole_frames, watchdog_trips, begun_again, notes)
+
+namespace {
+
+SessionRecord session_of(const DocumentJson& json) {
+  SessionRecord s = json.get<SessionRecord>();
+  const DocumentJson& late = json.at("late_us");
+  late.at("p50").get_to(s.late_p50_us);
+  late.at("p99").get_to(s.late_p99_us);
+  late.at("p999").get_to(s.late_p999_us);
+  late.at("max").get_to(s.late_most_us);
   return s;
 }
 
 }  // namespace
 
 std::string session_line(const SessionRecord& s) {
-  const SessionJson json = {
-      {"started_utc", s.started_utc},
-      {"first_trial", s.first_trial},
-      {"last_trial", s.last_trial},
-      {"real_time", s.real_time},
-      {"scheduling", s.scheduling},
-      {"rate_hz", s.rate_hz},
-      {"ticks", s.ticks},
-      {"missed", s.missed},
-      {"late_us",
-       {{"p50", s.late_p50_us}, {"p99", s.late_p99_us}, {"p999", s.late_p999_us}, {"max", s.late_most_us}}},
-      {"trial_frames", s.trial_frames},
-      {"whole_frames", s.whole_frames},
-      {"watchdog_trips", s.watchdog_trips},
-      {"begun_again", s.begun_again},
-      {"notes", s.notes}};
-  return json.dump(-1, ' ', false, SessionJson::error_handler_t::replace);
+  DocumentJson json = s;
+  json["late_us"] = {
+      {"p50", s.late_p50_us}, {"p99", s.late_p99_us}, {"p999", s.late_p999_us}, {"max", s.late_most_us}};
+  return json.dump(-1, ' ', false, DocumentJson::error_handler_t::replace);
 }
 
 Result<std::vector<SessionRecord>> sessions_of(std::string_view text, const std::string& file) {
@@ -67,7 +45,7 @@ Result<std::vector<SessionRecord>> sessions_of(std::string_view text, const std:
   for (std::int64_t line = 1; !text.empty(); ++line) {
     const std::size_t end = text.find('\n');
     if (end == std::string_view::npos) return Error{"the last line is cut short", kSessionRemedy, file, line};
-    const SessionJson json = SessionJson::parse(text.substr(0, end), nullptr, false);
+    const DocumentJson json = DocumentJson::parse(text.substr(0, end), nullptr, false);
     text.remove_prefix(end + 1);
     try {
       sessions.push_back(session_of(json));

@@ -368,13 +368,12 @@ Result<PersonSession> ask_person(const Plan& plan, Bench& bench, SessionClock& c
   PALPATE_ASSIGN(const std::unique_ptr<Rig> rig, Rig::make(bench, clock, device, first->level, progress));
   PersonTasks tasks(plan, bench, *rig, ledger, folder, markers, clock.clock());
   tasks.level_is(first->level);
-  const Result<SessionEnd> end = rig->run(tasks, progress);
-  if (!end) return end.error();
+  PALPATE_ASSIGN(const SessionEnd end, rig->run(tasks, progress));
   if (!tasks.failed().what.empty()) return tasks.failed();
   PersonSession session = tasks.session();
   session.sat = true;
   session.record.started_utc = started_utc;
-  tell_loop(*end, !clock.accelerated(), bench.options().rate_hz, session.record);
+  tell_loop(end, !clock.accelerated(), bench.options().rate_hz, session.record);
   return session;
 }
 

@@ -117,8 +117,7 @@ Result<FeltTrial> feel_alone(Bench& bench, const DeviceChoice& choice, const Pas
                  SessionDevice::make(choice, clock.clock(), 1.0 / bench.options().rate_hz));
   PALPATE_ASSIGN(const std::unique_ptr<Rig> rig, Rig::make(bench, clock, device, level, progress));
   OneTrial tasks(*rig, passes, static_cast<double>(bench.most_samples()) / bench.options().rate_hz);
-  const Result<SessionEnd> end = rig->run(tasks, progress);
-  if (!end) return end.error();
+  PALPATE_ASSIGN(const SessionEnd end, rig->run(tasks, progress));
   switch (rig->conductor().passage()) {
     case Passage::kDone:
       return rig->conductor().take();

@@ -51,8 +51,8 @@ Chart frame_times(const Study& study, const std::string& prefix) {
   constexpr double kPercent = 100.0;
   Chart chart = begin(prefix, "frame-times", "Frame times",
                       "Share of all frames that took longer than the time on the x axis, back to back, every "
-                      "frame's median over the passes, the clock's own cost included. "
-                      "Further left is faster; a steep fall is steadier.");
+                      "frame's median over the passes, the clock's own cost included. Further left is "
+                      "faster; a steep fall is steadier.");
   chart.nothing = "No frame was timed.";
   chart.x_label = "frame time, µs";
   chart.y_label = "frames that took longer, %";

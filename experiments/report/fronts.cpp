@@ -180,8 +180,7 @@ Chart kinds_chart(const std::string& name, const std::string& title, const std::
   Chart chart = cost_chart(name, title, cost);
   chart.caption =
       "Left is more accurate, down is cheaper; bars are 95 % intervals. Each line joins the settings of one "
-      "kind "
-      "that no other of its kind beats; the pale ones are beaten.";
+      "kind that no other of its kind beats; the pale ones are beaten.";
   std::vector<std::vector<FrontPoint>> fronts;
   std::vector<Series> above;
   for (const KindLook& look : kKindLooks) {

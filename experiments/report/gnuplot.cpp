@@ -165,8 +165,7 @@ std::string panels_text(const Chart& chart) {
     s += fmt::format(
         "set title {0} noenhanced offset 0,-0.6 font ',13'\n"
         "plot '{1}.dat' index 0 using 1:2 with lines lw 5 lc rgb '{2}', '{1}.dat' index {3} using 1:{6} with "
-        "{4} "
-        "lc rgb '{5}'\n",
+        "{4} lc rgb '{5}'\n",
         quoted(chart.series[i].label), chart.name, chart.series.front().colour, i, style_name(chart.style),
         chart.series[i].colour, chart.log_y ? "2" : column_within(range));
   }

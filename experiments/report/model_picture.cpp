@@ -297,8 +297,8 @@ std::string svg_of(const Study& study, const std::vector<Panel>& panels, const M
   const int height = rows * row_height + (legend ? kLegendHeight : 0) + kModelGap;
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
-      "font-family=\"Helvetica,Arial,sans-serif\" font-size=\"14\" fill=\"#222222\">"
-      "<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>{2}",
+      "font-family=\"Helvetica,Arial,sans-serif\" font-size=\"14\" fill=\"#222222\"><rect width=\"{0}\" "
+      "height=\"{1}\" fill=\"#ffffff\"/>{2}",
       width, height, shared_parts(study, view, name + "-model"));
   if (legend) svg += legend_svg(study, kLegendHeight - kModelGap / 2);
   for (std::size_t i = 0; i < panels.size(); ++i) {

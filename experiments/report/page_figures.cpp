@@ -124,9 +124,8 @@ std::string shown_number(const Json& value, const std::string& unit) {
 }
 
 Result<Json> read_json(const fs::path& file) {
-  const Result<std::string> text = read_file(file.string(), kMemoryLimitBytes);
-  if (!text) return text.error();
-  Json json = Json::parse(*text, nullptr, false);
+  PALPATE_ASSIGN(const std::string text, read_file(file.string(), kMemoryLimitBytes));
+  Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded() || !json.is_object()) return Error{"is no JSON document", {}, file.string()};
   return json;
 }
@@ -138,10 +137,9 @@ struct Template {
 
 Result<Template> read_template(const fs::path& file) {
   static const std::regex kFirst(R"(^<!-- from ([\w.-]+\.json) -->\n)");
-  const Result<std::string> text = read_file(file.string(), kMemoryLimitBytes);
-  if (!text) return text.error();
+  PALPATE_ASSIGN(const std::string text, read_file(file.string(), kMemoryLimitBytes));
   std::smatch first;
-  if (!std::regex_search(*text, first, kFirst))
+  if (!std::regex_search(text, first, kFirst))
     return Error{"does not say from which results it is filled", "begin it with <!-- from FILE.json -->",
                  file.string(), 1};
   return Template{first[1], first.suffix()};
@@ -169,14 +167,12 @@ Result<std::string> filled(const std::string& text, const std::string& file, con
 
 Result<std::string> block(const fs::path& checkout, const std::string& name) {
   const fs::path file = checkout / kFolder / (name + ".txt");
-  const Result<Template> form = read_template(file);
-  if (!form) return form.error();
-  const Result<Json> results = read_json(checkout / kFolder / form->results);
-  if (!results) return results.error();
-  return filled(form->text, file.string(), [&](const Asked& asked) -> std::optional<std::string> {
-    const Json* document = &*results;
+  PALPATE_ASSIGN(const Template form, read_template(file));
+  PALPATE_ASSIGN(const Json results, read_json(checkout / kFolder / form.results));
+  return filled(form.text, file.string(), [&](const Asked& asked) -> std::optional<std::string> {
+    const Json* document = &results;
     if (!asked.document.empty()) {
-      document = find(*results, "documents");
+      document = find(results, "documents");
       if (document == nullptr || !document->contains(asked.document)) return std::nullopt;
       document = &document->at(asked.document);
     }
@@ -188,9 +184,8 @@ Result<std::string> block(const fs::path& checkout, const std::string& name) {
 
 Result<PageWithFigures> page_of(const fs::path& checkout, const fs::path& file) {
   static const std::regex kBegin(R"(<!-- figures: ([\w-]+) -->\n)");
-  Result<std::string> text = read_file(file.string(), kMemoryLimitBytes);
-  if (!text) return std::move(text).error();
-  PageWithFigures page{file, *std::move(text), {}, 0};
+  PALPATE_ASSIGN(std::string text, read_file(file.string(), kMemoryLimitBytes));
+  PageWithFigures page{file, std::move(text), {}, 0};
   std::string::const_iterator at = page.before.begin();
   std::smatch begin;
   while (std::regex_search(at, page.before.cend(), begin, kBegin)) {
@@ -199,9 +194,8 @@ Result<PageWithFigures> page_of(const fs::path& checkout, const fs::path& file) 
     const std::size_t closed = page.before.find(kEnd, end);
     if (closed == std::string::npos)
       return Error{"the figures have no end", fmt::format("write {} below them", kEnd), file.string(), line};
-    const Result<std::string> figures = block(checkout, begin[1]);
-    if (!figures) return figures.error();
-    page.after.append(at, begin[0].second).append(*figures);
+    PALPATE_ASSIGN(const std::string figures, block(checkout, begin[1]));
+    page.after.append(at, begin[0].second).append(figures);
     at = page.before.cbegin() + static_cast<std::ptrdiff_t>(closed);
     ++page.blocks;
   }
@@ -219,18 +213,16 @@ Result<std::vector<PageWithFigures>> pages_with_figures(const fs::path& checkout
   std::sort(files.begin() + 1, files.end());
   std::vector<PageWithFigures> pages;
   for (const fs::path& file : files) {
-    Result<PageWithFigures> page = page_of(checkout, file);
-    if (!page) return std::move(page).error();
-    if (page->blocks > 0) pages.push_back(*std::move(page));
+    PALPATE_ASSIGN(PageWithFigures page, page_of(checkout, file));
+    if (page.blocks > 0) pages.push_back(std::move(page));
   }
   return pages;
 }
 
 Result<std::vector<std::string>> write_page_figures(const fs::path& checkout) {
-  const Result<std::vector<PageWithFigures>> pages = pages_with_figures(checkout);
-  if (!pages) return pages.error();
+  PALPATE_ASSIGN(const std::vector<PageWithFigures> pages, pages_with_figures(checkout));
   std::vector<std::string> written;
-  for (const PageWithFigures& page : *pages) {
+  for (const PageWithFigures& page : pages) {
     if (page.before == page.after) continue;
     PALPATE_TRY(write_file(page.file.string(), page.after));
     written.push_back(page.file.string());
@@ -273,10 +265,9 @@ Status take_page_figures(const fs::path& checkout, const std::string& file, cons
     if (entry.path().extension() == ".txt") forms.push_back(entry.path());
   std::sort(forms.begin(), forms.end());
   for (const fs::path& path : forms) {
-    const Result<Template> form = read_template(path);
-    if (!form) return form.error();
-    if (form->results != file) continue;
-    const Result<std::string> all = filled(form->text, path.string(), take);
+    PALPATE_ASSIGN(const Template form, read_template(path));
+    if (form.results != file) continue;
+    const Result<std::string> all = filled(form.text, path.string(), take);
     if (!all) return wrong ? *wrong : all.error();
   }
   if (read.empty()) return Error{"no template is filled from " + file, {}, (checkout / kFolder).string()};

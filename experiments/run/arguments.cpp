@@ -35,19 +35,17 @@ Status check_label(const std::string& label) {
 }
 
 Result<trace::ProbePath> read_recording(const NamedOptions& named, std::uint64_t max_bytes) {
-  const Result<Options> options = validate(named.options, recording_columns(), named.name);
-  if (!options) return options.error();
+  PALPATE_ASSIGN(const Options options, validate(named.options, recording_columns(), named.name));
   trace::TrajColumns columns;
-  columns.t = static_cast<int>(options->integer("t"));
-  columns.x = static_cast<int>(options->integer("x"));
-  columns.y = static_cast<int>(options->integer("y"));
-  columns.z = static_cast<int>(options->integer("z"));
-  columns.mm_per_unit = options->number("mm_per_unit");
-  columns.s_per_unit = options->number("s_per_unit");
-  columns.sample_rate_hz = options->number("rate_hz");
-  Result<trace::TrajRecording> recording = trace::read_traj(named.name, columns, max_bytes);
-  if (!recording) return std::move(recording).error();
-  return std::move(recording->path);
+  columns.t = static_cast<int>(options.integer("t"));
+  columns.x = static_cast<int>(options.integer("x"));
+  columns.y = static_cast<int>(options.integer("y"));
+  columns.z = static_cast<int>(options.integer("z"));
+  columns.mm_per_unit = options.number("mm_per_unit");
+  columns.s_per_unit = options.number("s_per_unit");
+  columns.sample_rate_hz = options.number("rate_hz");
+  PALPATE_ASSIGN(trace::TrajRecording recording, trace::read_traj(named.name, columns, max_bytes));
+  return std::move(recording.path);
 }
 
 bool ends_in(const std::string& argument, const char* ending) {
@@ -68,9 +66,7 @@ Result<RendererRequest> request_of(NamedOptions named, const render::Registry& r
     if (key == "label") {
       request.label = value;
     } else if (key == "clean") {
-      Result<std::vector<NamedOptions>> steps = all_cleaning().parse(value);
-      if (!steps) return std::move(steps).error();
-      request.clean = *std::move(steps);
+      PALPATE_ASSIGN(request.clean, all_cleaning().parse(value));
     } else {
       request.options.set(key, value);
     }
@@ -94,14 +90,12 @@ Result<std::vector<RendererRequest>> parse_renderers(std::string_view text,
   std::vector<RendererRequest> requests;
   std::set<std::string> labels;
   for (const std::string& item : split_list(text)) {
-    Result<NamedOptions> named = parse_named_options(item);
-    if (!named) return std::move(named).error();
-    Result<RendererRequest> request = request_of(*std::move(named), registry);
-    if (!request) return std::move(request).error();
-    if (!labels.insert(request->label).second)
-      return Error{fmt::format("two renderers are called '{}'", request->label),
+    PALPATE_ASSIGN(NamedOptions named, parse_named_options(item));
+    PALPATE_ASSIGN(RendererRequest request, request_of(std::move(named), registry));
+    if (!labels.insert(request.label).second)
+      return Error{fmt::format("two renderers are called '{}'", request.label),
                    fmt::format("name one: {}:label=another", item)};
-    requests.push_back(*std::move(request));
+    requests.push_back(std::move(request));
   }
   return requests;
 }
@@ -161,14 +155,13 @@ Result<trace::ProbePath> open_path(const std::string& argument, const paths::Pat
     return std::move(recorded.path);
   }
   if (exists && !ends_in(argument, ".traj")) return trace::read_path_csv(argument, max_bytes);
-  Result<NamedOptions> named = exists ? NamedOptions{argument, {}} : parse_named_options(argument);
-  if (!named) return std::move(named).error();
-  if (!exists && paths::find_path_generator(named->name) != nullptr) return paths::make_path(*named, target);
-  if (exists || ends_in(named->name, ".traj") || std::filesystem::exists(named->name, code))
-    return read_recording(*named, max_bytes);
+  PALPATE_ASSIGN(NamedOptions named, exists ? NamedOptions{argument, {}} : parse_named_options(argument));
+  if (!exists && paths::find_path_generator(named.name) != nullptr) return paths::make_path(named, target);
+  if (exists || ends_in(named.name, ".traj") || std::filesystem::exists(named.name, code))
+    return read_recording(named, max_bytes);
   if (ends_in(argument, ".csv")) return trace::read_path_csv(argument, max_bytes);
   return Error{"there is no such file, and no path generator of this name",
-               did_you_mean(named->name, generator_names(),
+               did_you_mean(named.name, generator_names(),
                             "give a .csv or .traj file, or one of " + joined(generator_names()) +
                                 " (`palpate list paths`)"),
                argument};
@@ -252,9 +245,8 @@ Result<double> number(const char* option, const std::string& text, const NumberR
 Result<surface::Friction> friction(const std::string& text) {
   std::vector<double> values;
   for (const std::string& part : split_list(text)) {
-    const Result<double> mu = number("friction", part, kFrictionCoefficients);
-    if (!mu) return mu.error();
-    values.push_back(*mu);
+    PALPATE_ASSIGN(const double mu, number("friction", part, kFrictionCoefficients));
+    values.push_back(mu);
   }
   if (values.size() > 2 || values.back() > values.front())
     return Error{
@@ -267,21 +259,18 @@ Result<surface::Friction> friction(const std::string& text) {
 Result<Given> parse(const SurfaceArguments& arguments) {
   Given given;
   if (!arguments.stiffness.empty()) {
-    const Result<double> k = number("stiffness", arguments.stiffness, kStiffnessesNPerMm);
-    if (!k) return k.error();
-    given.stiffness_n_per_mm = *k;
+    PALPATE_ASSIGN(const double k, number("stiffness", arguments.stiffness, kStiffnessesNPerMm));
+    given.stiffness_n_per_mm = k;
   }
   if (!arguments.friction.empty()) {
-    const Result<surface::Friction> mu = friction(arguments.friction);
-    if (!mu) return mu.error();
-    given.friction = *mu;
+    PALPATE_ASSIGN(const surface::Friction mu, friction(arguments.friction));
+    given.friction = mu;
   }
   if (!arguments.deformation.empty()) {
-    const Result<double> c = number("deformation", arguments.deformation, {0.0, 1.0});
-    if (!c) return c.error();
-    if (!(*c < 1.0))
+    PALPATE_ASSIGN(const double c, number("deformation", arguments.deformation, {0.0, 1.0}));
+    if (!(c < 1.0))
       return Error{"--deformation: 1 would take all of the force away", "give a number from 0, below 1"};
-    given.deformation = *c;
+    given.deformation = c;
   }
   return given;
 }
@@ -341,13 +330,12 @@ std::string text_of(const Given& given) {
 Result<SurfaceReport> set_surfaces(const SurfaceArguments& arguments, scene::SceneFile& scene) {
   SurfaceReport report;
   if (!arguments.any()) return report;
-  const Result<Given> given = parse(arguments);
-  if (!given) return given.error();
+  PALPATE_ASSIGN(const Given given, parse(arguments));
   for (scene::SceneModel& model : scene.models) {
-    PALPATE_TRY(check_sources(scene, model, *given));
-    set(*given, model, report);
+    PALPATE_TRY(check_sources(scene, model, given));
+    set(given, model, report);
   }
-  report.notes.push_back(fmt::format("From the command line, for every model: {}.", text_of(*given)));
+  report.notes.push_back(fmt::format("From the command line, for every model: {}.", text_of(given)));
   return report;
 }
 

@@ -123,8 +123,7 @@ std::string size_hint(const geometry::Aabb& box_mm) {
   if (!(times > kFarFromAHand || times < 1.0 / kFarFromAHand) || !(times > 0.0)) return {};
   return fmt::format(
       "The model is {} mm across, and the path is as large: nobody feels that with one hand. --scale {} "
-      "brings "
-      "it to a hand's size.",
+      "brings it to a hand's size.",
       format_number(times * kHandMm), round_text(1.0 / times));
 }
 

@@ -118,8 +118,7 @@ std::vector<std::string> doubts_about_tiles(const render::FrameCounters& counted
   if (counted.coarse_frames > 0)
     doubts.push_back(
         fmt::format("{} frames looked for a part of the prepared surface that was not in memory; a coarser "
-                    "one answered {} frames. "
-                    "Give more by resident_mb.",
+                    "one answered {} frames. Give more by resident_mb.",
                     counted.late_frames, counted.coarse_frames));
   return doubts;
 }
@@ -222,10 +221,10 @@ std::vector<std::string> remarks_on_reference(const StagedStudy& study) {
   for (const Run& run : study.runs)
     if (run.own_faces) same.push_back(run.result.label);
   if (same.empty()) return remarks;
-  remarks.push_back(fmt::format(
-      "The ground truth is the file's own faces, and {} feels the same ones: an error of 0 says that "
-      "it follows them, not that they are the thing that was scanned.",
-      joined(same, " as well as ")));
+  remarks.push_back(
+      fmt::format("The ground truth is the file's own faces, and {} feels the same ones: an error of 0 says "
+                  "that it follows them, not that they are the thing that was scanned.",
+                  joined(same, " as well as ")));
   return remarks;
 }
 

@@ -109,22 +109,19 @@ Status write_stage(StagedStudy& study, const OutputFolder& folder) {
   if (!stage.reference) return Done{};
   document.truth = {stage.reference->name, stage.reference->exactness, kReferenceFile,
                     trace::trace_hash(metrics::as_trace(*stage.reference))};
-  const Result<std::string> file = folder.claim(kReferenceFile);
-  if (!file) return file.error();
-  return trace::write_reference_csv(stage.path, *stage.reference, *file);
+  PALPATE_ASSIGN(const std::string file, folder.claim(kReferenceFile));
+  return trace::write_reference_csv(stage.path, *stage.reference, file);
 }
 
 Status write_run(const Stage& stage, Run& run, bool alone, const OutputFolder& folder) {
   if (run.trace.frames.empty()) return Done{};
   run.result.trace_file = trace_name(run.result.label, alone);
-  const Result<std::string> file = folder.claim(run.result.trace_file);
-  if (!file) return file.error();
-  PALPATE_TRY(trace::write_trace_csv(stage.path, run.trace, *file));
+  PALPATE_ASSIGN(const std::string file, folder.claim(run.result.trace_file));
+  PALPATE_TRY(trace::write_trace_csv(stage.path, run.trace, file));
   if (run.per_frame.missed_contact.empty()) return Done{};
   run.result.scores_file = scores_name(run.result.label, alone);
-  const Result<std::string> scores = folder.claim(run.result.scores_file);
-  if (!scores) return scores.error();
-  return metrics::write_scores_csv(stage.path, run.per_frame, *scores);
+  PALPATE_ASSIGN(const std::string scores, folder.claim(run.result.scores_file));
+  return metrics::write_scores_csv(stage.path, run.per_frame, scores);
 }
 
 Status write_study(StagedStudy& study, const OutputFolder& folder) {

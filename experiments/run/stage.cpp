@@ -139,16 +139,14 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequ
   read.unit = loaded.provenance.front().unit;
   read.scale = request.load.scale.value_or(request.scene.models.front().scale);
   read.max_bytes = request.load.max_bytes;
-  Result<io::ReadModel> got = readers.read(request.reference_file, read, progress);
-  if (!got) return std::move(got).error();
-  if (got->mesh == nullptr || got->mesh->empty())
+  PALPATE_ASSIGN(io::ReadModel got, readers.read(request.reference_file, read, progress));
+  if (got.mesh == nullptr || got.mesh->empty())
     return Error{"has no faces, so it cannot be the truth", "give a mesh, or --reference none",
                  request.reference_file};
-  const Result<std::vector<std::string>> doubts =
-      doubts_about_reference(*got->mesh, loaded.input.models.front(), request.reference_file);
-  if (!doubts) return doubts.error();
-  add(warnings, *doubts);
-  return std::shared_ptr<const geometry::TriangleMesh>(std::move(got->mesh));
+  PALPATE_ASSIGN(const std::vector<std::string> doubts,
+                 doubts_about_reference(*got.mesh, loaded.input.models.front(), request.reference_file));
+  add(warnings, doubts);
+  return std::shared_ptr<const geometry::TriangleMesh>(std::move(got.mesh));
 }
 
 /// `model` is the first one, with the truth as its mesh.
@@ -264,14 +262,10 @@ Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> 
   add(stage.warnings, request.surfaces.warnings);
   add(stage.warnings, doubts_about_models(stage.scene));
   add(stage.notes, request.surfaces.notes);
-  const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene, stage.notes);
-  if (!choice) return choice.error();
+  PALPATE_ASSIGN(const ReferenceChoice choice, resolve(request.reference, stage.scene, stage.notes));
   render::ModelInput model = with_truth(stage.scene);
-  if (*choice == ReferenceChoice::kMeshFile) {
-    Result<std::shared_ptr<const geometry::TriangleMesh>> truth =
-        read_truth(request, stage.scene, readers, stage.warnings, progress);
-    if (!truth) return std::move(truth).error();
-    model.original_mesh = *std::move(truth);
+  if (choice == ReferenceChoice::kMeshFile) {
+    PALPATE_ASSIGN(model.original_mesh, read_truth(request, stage.scene, readers, stage.warnings, progress));
     model.analytic = nullptr;
   }
 
@@ -300,7 +294,7 @@ Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> 
   bool felt_the_truth = false;
   target.felt = [&] {
     FeltKind kind = FeltKind::kPoints;
-    felt_the_truth = *choice != ReferenceChoice::kNone;
+    felt_the_truth = choice != ReferenceChoice::kNone;
     if (felt_the_truth) kind = model.analytic != nullptr ? FeltKind::kFormula : FeltKind::kFaces;
     return felt_of(kind, model, stage.scene.input, request.threads, progress);
   };
@@ -319,18 +313,17 @@ Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> 
     if (!m.analytic) continue;
     PALPATE_TRY(paths::check_path_starts_free(stage.path, *m.analytic, m.world_from_model));
   }
-  stage.starts_free = formulas || *choice != ReferenceChoice::kNone || is_generated_path(named);
+  stage.starts_free = formulas || choice != ReferenceChoice::kNone || is_generated_path(named);
   const surface::Surface& surface = model.surface;
   stage.forces_comparable = !surface.friction.any() && surface.deformation == 0.0 && !surface.texture.any() &&
                             !surface.dent.any() && surface.per_point == nullptr;
-  if (*choice != ReferenceChoice::kNone && !stage.forces_comparable)
+  if (choice != ReferenceChoice::kNone && !stage.forces_comparable)
     stage.notes.push_back(
         "The ground truth is the rigid surface without friction, deformation or texture: contact is compared "
-        "with "
-        "it, forces are not.");
-  if (*choice != ReferenceChoice::kNone) PALPATE_TRY(add_reference(stage, model, *choice, nearest, progress));
-  if (felt_the_truth && *choice != ReferenceChoice::kClosest) keep_history_of_hand(stage);
-  if (*choice == ReferenceChoice::kMeshFile) add(stage.warnings, doubts_about_alignment(stage));
+        "with it, forces are not.");
+  if (choice != ReferenceChoice::kNone) PALPATE_TRY(add_reference(stage, model, choice, nearest, progress));
+  if (felt_the_truth && choice != ReferenceChoice::kClosest) keep_history_of_hand(stage);
+  if (choice == ReferenceChoice::kMeshFile) add(stage.warnings, doubts_about_alignment(stage));
   cut(stage, request.contact_frames);
   return stage;
 }

@@ -82,9 +82,8 @@ Status save_edited(const render::HapticRenderer& renderer, const std::string& fi
   if (editable == nullptr)
     return Error{"this renderer does not change its model",
                  "run cloud, on a scene with [model.surface.dent]"};
-  const Result<cloud::Cloud> edited = editable->edited(0);
-  if (!edited) return edited.error();
-  return io::write_cloud(file, *edited);
+  PALPATE_ASSIGN(const cloud::Cloud edited, editable->edited(0));
+  return io::write_cloud(file, edited);
 }
 
 /// Whether the mesh is the file's own, with none of its faces changed.
@@ -161,12 +160,12 @@ std::string result_text(const Run& run) {
 Result<Run> run_of(const std::string& text) {
   const nlohmann::json kept = nlohmann::json::parse(text, nullptr, false);
   const bool is_run = kept.is_object() && kept.contains("result") && kept["result"].is_string();
-  Result<metrics::ResultDocument> document = metrics::parse_result(
-      is_run ? kept["result"].get<std::string>() : std::string(), "what was kept of an interrupted run");
-  if (!document) return std::move(document).error();
+  PALPATE_ASSIGN(metrics::ResultDocument document,
+                 metrics::parse_result(is_run ? kept["result"].get<std::string>() : std::string(),
+                                       "what was kept of an interrupted run"));
   Run run;
-  if (document->renderers.size() != 1) return Error{"what was kept is not one run"};
-  run.result = std::move(document->renderers.front());
+  if (document.renderers.size() != 1) return Error{"what was kept is not one run"};
+  run.result = std::move(document.renderers.front());
   run.saved_mesh = kept.contains("saved_mesh") && kept["saved_mesh"] == true;
   run.own_faces = kept.contains("own_faces") && kept["own_faces"] == true;
   return run;

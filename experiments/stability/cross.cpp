@@ -97,8 +97,7 @@ Chart cross_chart(const StabilityDocument& document, const CrossedAxes& axes, co
   chart.style = Chart::Style::kMarkedLines;
   chart.caption =
       "Colour: control. Dashes: delay. A line ends where nothing was stable; at the top even the stiffest "
-      "wall "
-      "that was tried is stable.";
+      "wall that was tried is stable.";
   for (const std::string& control : axes.controls)
     for (std::size_t d = 0; d < axes.delays.size(); ++d) {
       const ControlLook& look = look_of(control);

@@ -4,34 +4,25 @@
 #include <map>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_document.h"
+#include "experiments/driver/json_members.h"
 #include "experiments/stability/stability.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StabilityPoint, renderer, hand, varied, control, rate_hz, delay_ms,
-                                   damping_n_s_per_mm, largest_stable_n_per_mm, unlimited, theory_n_per_mm,
-                                   passive_n_per_mm, lost, limit_cycle_mm, limit_cycle_hz, generated_mj)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TaskResult, renderer, task, stable, contour_rms_mm, contour_max_mm,
-                                   generated_mj, largest_step_n, largest_excess_n, truth_largest_excess_n)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopScores::Side, force_rms_percent, direction_p99_deg,
-                                   indistinguishable_percent, ripple_ratio, ripple_shown_ratio, frames,
-                                   contact_frames)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LoopScores, renderer, open, closed)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(MeasuredLoop, points, tasks, scores)
+PALPATE_JSON_MEMBERS(StabilityPoint, renderer, hand, varied, control, rate_hz, delay_ms, damping_n_s_per_mm,
+                     largest_stable_n_per_mm, unlimited, theory_n_per_mm, passive_n_per_mm, lost,
+                     limit_cycle_mm, limit_cycle_hz, generated_mj)
+PALPATE_JSON_MEMBERS(TaskResult, renderer, task, stable, contour_rms_mm, contour_max_mm, generated_mj,
+                     largest_step_n, largest_excess_n, truth_largest_excess_n)
+PALPATE_JSON_MEMBERS(LoopScores::Side, frames, contact_frames, force_rms_percent, direction_p99_deg,
+                     indistinguishable_percent, ripple_ratio, ripple_shown_ratio)
+PALPATE_JSON_MEMBERS(LoopScores, renderer, open, closed)
+PALPATE_JSON_MEMBERS(MeasuredLoop, points, tasks, scores)
+PALPATE_JSON_MEMBERS(StabilityDocument, scene, path, truth, device, hand, stiffness_n_per_mm, truth_stable,
+                     warnings, notes, points, tasks, scores)
 
 namespace {
-
-DocumentJson side_json(const LoopScores::Side& side) {
-  return {{"frames", side.frames},
-          {"contact_frames", side.contact_frames},
-          {"force_rms_percent", side.force_rms_percent},
-          {"direction_p99_deg", side.direction_p99_deg},
-          {"indistinguishable_percent", side.indistinguishable_percent},
-          {"ripple_ratio", side.ripple_ratio},
-          {"ripple_shown_ratio", side.ripple_shown_ratio}};
-}
 
 std::string shown_number(const std::optional<double>& number) {
   return number ? format_number(*number) : kMissingNumber;
@@ -75,8 +66,7 @@ Table limits_table(const StabilityDocument& document) {
   table.notes.emplace_back("Truth: the true surface in the renderer's place.");
   table.notes.emplace_back(
       "Plane, linear: where the loop of a plane without friction and encoder loses its stability, exactly. "
-      "Any "
-      "hand: the bound below which no hand can make it swing.");
+      "Any hand: the bound below which no hand can make it swing.");
   return table;
 }
 
@@ -132,8 +122,7 @@ Table scores_table(const StabilityDocument& document) {
                             {shown_number(side->ripple_shown_ratio)}});
   table.notes.emplace_back(
       "The truth is the closest point of the true surface, in both. Closed: along the way that the hand "
-      "took, "
-      "as the encoders saw it.");
+      "took, as the encoders saw it.");
   return table;
 }
 
@@ -156,8 +145,7 @@ Chart limit_chart(const StabilityDocument& document, const std::string& varied, 
   chart.style = Chart::Style::kMarkedLines;
   chart.caption =
       "Grey: the linear loop of a plane, exactly. Below a line the renderer rests under the hand; a line "
-      "ends "
-      "where nothing was stable.";
+      "ends where nothing was stable.";
   std::vector<std::string> labels;
   std::map<std::string, Series> lines;
   Series theory{"plane, linear", "#999999", {}, {}, {}, true};
@@ -197,47 +185,7 @@ bool from_text(const std::string& text, MeasuredLoop& loop) {
 
 std::string to_json(const StabilityDocument& document) {
   DocumentJson json = begin_json(kStabilitySchema, document.head);
-  json["scene"] = document.scene;
-  json["path"] = document.path;
-  json["truth"] = document.truth;
-  json["device"] = document.device;
-  json["hand"] = document.hand;
-  json["stiffness_n_per_mm"] = document.stiffness_n_per_mm;
-  json["truth_stable"] = document.truth_stable;
-  json["warnings"] = document.warnings;
-  json["notes"] = document.notes;
-  json["points"] = DocumentJson::array();
-  for (const StabilityPoint& p : document.points)
-    json["points"].push_back({{"renderer", p.renderer},
-                              {"hand", p.hand},
-                              {"varied", p.varied},
-                              {"control", p.control},
-                              {"rate_hz", p.rate_hz},
-                              {"delay_ms", p.delay_ms},
-                              {"damping_n_s_per_mm", p.damping_n_s_per_mm},
-                              {"largest_stable_n_per_mm", p.largest_stable_n_per_mm},
-                              {"unlimited", p.unlimited},
-                              {"theory_n_per_mm", p.theory_n_per_mm},
-                              {"passive_n_per_mm", p.passive_n_per_mm},
-                              {"lost", p.lost},
-                              {"limit_cycle_mm", p.limit_cycle_mm},
-                              {"limit_cycle_hz", p.limit_cycle_hz},
-                              {"generated_mj", p.generated_mj}});
-  json["tasks"] = DocumentJson::array();
-  for (const TaskResult& t : document.tasks)
-    json["tasks"].push_back({{"renderer", t.renderer},
-                             {"task", t.task},
-                             {"stable", t.stable},
-                             {"contour_rms_mm", t.contour_rms_mm},
-                             {"contour_max_mm", t.contour_max_mm},
-                             {"generated_mj", t.generated_mj},
-                             {"largest_step_n", t.largest_step_n},
-                             {"largest_excess_n", t.largest_excess_n},
-                             {"truth_largest_excess_n", t.truth_largest_excess_n}});
-  json["scores"] = DocumentJson::array();
-  for (const LoopScores& s : document.scores)
-    json["scores"].push_back(
-        {{"renderer", s.renderer}, {"open", side_json(s.open)}, {"closed", side_json(s.closed)}});
+  to_json(json, document);
   return document_text(json);
 }
 

@@ -201,14 +201,12 @@ Status ask_truth(const Stage& stage, const AskedLoop& asked, const Places& place
   if (!document.truth_stable)
     document.warnings.push_back(
         fmt::format("At {} N/mm the true surface itself is not stable on this device: paths and scores under "
-                    "the hand say "
-                    "little. Choose a smaller --stiffness.",
+                    "the hand say little. Choose a smaller --stiffness.",
                     document.stiffness_n_per_mm));
   if (!stage.forces_comparable)
     document.warnings.emplace_back(
         "The truth is a rigid surface without friction or texture, and the scene asks for more: the hand's "
-        "way "
-        "differs from the truth's for that too, and forces are not scored.");
+        "way differs from the truth's for that too, and forces are not scored.");
   if (!places.has_edge)
     document.notes.emplace_back("The path meets no edge: the task of following one was left out.");
   return Done{};

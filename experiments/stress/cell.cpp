@@ -240,17 +240,8 @@ void fill_cell(const StressCase& one, const RendererRequest& request, const rend
 }  // namespace
 
 const char* name_of(CellStatus status) noexcept {
-  switch (status) {
-    case CellStatus::kOk:
-      return "ok";
-    case CellStatus::kLimit:
-      return "limit";
-    case CellStatus::kFailed:
-      return "failed";
-    case CellStatus::kSkipped:
-      return "skipped";
-  }
-  return "";
+  constexpr const char* kNames[] = {"ok", "limit", "failed", "skipped"};
+  return kNames[static_cast<std::size_t>(status)];
 }
 
 std::string to_text(const std::vector<StressCell>& cells) {

@@ -27,17 +27,8 @@ std::string cause_of(const StressMatrix& matrix, std::size_t r, std::size_t c) {
 }
 
 const char* colour_of(CellStatus status) noexcept {
-  switch (status) {  // colours of Okabe and Ito
-    case CellStatus::kOk:
-      return "#009e73";
-    case CellStatus::kLimit:
-      return "#f0e442";
-    case CellStatus::kFailed:
-      return "#d55e00";
-    case CellStatus::kSkipped:
-      break;
-  }
-  return "#e6e6e6";
+  constexpr const char* kColours[] = {"#009e73", "#f0e442", "#d55e00", "#e6e6e6"};  // of Okabe and Ito
+  return kColours[static_cast<std::size_t>(status)];
 }
 
 constexpr CellStatus kStatuses[] = {CellStatus::kOk, CellStatus::kLimit, CellStatus::kFailed,
@@ -225,11 +216,9 @@ Page stress_page(const StressMatrix& matrix) {
   section.opening = "<figure>" + stress_picture(matrix) + "</figure>";
   section.paragraphs.push_back(
       "Every renderer at every extreme. Each cell must answer with finite forces within the limit, in frames "
-      "of less "
-      "than 1 ms of processor time, the same again in a second replay; contact must end where the HIP is "
-      "free and be "
-      "felt where it is deep; and the forces must be those of the same scene at unit scale, to within "
-      "rounding.");
+      "of less than 1 ms of processor time, the same again in a second replay; contact must end where the "
+      "HIP is free and be felt where it is deep; and the forces must be those of the same scene at unit "
+      "scale, to within rounding.");
   section.tables = {stress_summary(matrix), stress_table(matrix)};
   Fact cases{"Cases", {}};
   for (const StressCase& one : matrix.cases) cases.sentences.push_back(one.name + ": " + one.text);
@@ -340,17 +329,14 @@ struct Reason {
 
 constexpr std::string_view kSinglePrecision =
     "Embree reads coordinates in single precision, here as the file has them: far from its origin they lose "
-    "the "
-    "mesh. frame=local, which is usual, keeps it";
+    "the mesh. frame=local, which is usual, keeps it";
 
 constexpr std::string_view kBetweenCoarse =
     "Its size follows the gap that one in a hundred exceed: where a few points stand a hundred times as far "
-    "apart as "
-    "the rest it falls between them";
+    "apart as the rest it falls between them";
 constexpr std::string_view kGraphWalk =
     "It walks from vertex to nearer vertex, and facets around the last one alone count: on thin and pointed "
-    "bodies, "
-    "and from afar, these are of another sheet";
+    "bodies, and from afar, these are of another sheet";
 
 constexpr std::array kReasons = {
     Reason{"penalty-grid", "free", "",
@@ -381,16 +367,14 @@ constexpr std::array kReasons = {
     Reason{"sdf-godobject", "felt", "", kBetweenCoarse},
     Reason{"sdf-godobject", "free", "",
            "The sign of its field is that of the nearest points' planes: past an open border, at a tip and "
-           "inside a "
-           "hollow body it is not the side that the HIP came from"},
+           "inside a hollow body it is not the side that the HIP came from"},
     Reason{"vgraph", "free", "", kGraphWalk},
     Reason{"vgraph", "felt", "", kGraphWalk},
     Reason{"mesh-proxy", "twin", "",
            "Which of several facets stops its sphere hangs on rounding in that frame"},
     Reason{"analytic", "bounded", "probe",
            "The truth looks for its way in by steps that are safe, up to the number that its bound states: "
-           "from so "
-           "far off it takes them all"},
+           "from so far off it takes them all"},
     Reason{"mesh-godobject:frame=world", "twin", "offset", kSinglePrecision},
     Reason{"mesh-godobject:frame=world", "felt", "offset", kSinglePrecision},
     Reason{"mesh-godobject:frame=world", "free", "offset", kSinglePrecision},

@@ -27,8 +27,7 @@ Result<Unit> unit_of(const char* generator) {
   PALPATE_ASSIGN(cloud::Cloud stored, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
   stored.raster = model.cloud->raster;
   model.cloud = std::make_shared<const cloud::Cloud>(std::move(stored));
-  const auto surface = model.analytic;
-  weave(setup, *surface, 5.0, 0.8, 3.0, 0.2, 600);
+  weave(setup, 5.0, 0.8, 3.0, 0.2, 600);
   return Unit(std::make_shared<const StressSetup>(std::move(setup)));
 }
 
@@ -41,30 +40,30 @@ Result<Unit> slope() {
     for (int i = -kHalf; i <= kHalf; ++i)
       points.emplace_back(kStep * i, kStep * j, kStep * (kAlongX * i + kAlongY * j));
   PALPATE_ASSIGN(StressSetup setup, setup_of_points(points, "slope"));
-  Dip d{{-3.1, 2.2, 0}, {2.7, -1.3, 0}};
-  d.out_mm = 6.0;
-  d.clear_mm = 5.0;
-  d.deep_mm = 2.0;
-  d.felt_mm = 1.5;
-  d.frames = 150;
-  dip(setup, d);
+  dip(setup, {.from = {-3.1, 2.2, 0},
+              .to = {2.7, -1.3, 0},
+              .out_mm = 6.0,
+              .deep_mm = 2.0,
+              .clear_mm = 5.0,
+              .felt_mm = 1.5,
+              .frames = 150});
   return Unit(std::make_shared<const StressSetup>(std::move(setup)));
 }
-std::function<Result<StressSetup>()> slope_by(const Stretch& by) {
+MakeSetup slope_by(const Stretch& by) {
   return [by]() -> Result<StressSetup> {
     PALPATE_ASSIGN(const Unit unit, slope());
     return stretched(unit, by);
   };
 }
 
-std::function<Result<StressSetup>()> stretched_by(const char* generator, const Stretch& by) {
+MakeSetup stretched_by(const char* generator, const Stretch& by) {
   return [generator, by]() -> Result<StressSetup> {
     PALPATE_ASSIGN(const Unit unit, unit_of(generator));
     return stretched(unit, by);
   };
 }
 
-void add_scales(std::vector<StressCase>& cases) {
+void add_scales(CaseGroup scales) {
   struct Scale {
     const char* name;
     double factor;
@@ -77,31 +76,29 @@ void add_scales(std::vector<StressCase>& cases) {
                          {"scale-1e-6", 1e-6, "A millionth: every coordinate is rounded anew.", true},
                          {"scale-1e-3", 1e-3, "A thousandth.", false},
                          {"scale-1e3", 1e3, "A thousand times.", false},
-                         {"scale-1e6", 1e6, "A million times: a wave of 30 km.", true}}) {
-    cases.push_back(
-        {s.name, "scale", s.text, s.quick, false, stretched_by(kWave, {s.factor, Vec3::Zero(), {}})});
-  }
-  cases.push_back({"scale-closed-2^-20", "scale", "A closed pebble at a millionth, as a power of two.", false,
-                   false, stretched_by(kStone, {0x1p-20, Vec3::Zero(), {}})});
-  cases.push_back({"scale-closed-1e6", "scale", "A closed pebble a million times as large.", false, false,
-                   stretched_by(kStone, {1e6, Vec3::Zero(), {}})});
-  cases.push_back({"scale-slope-2^-20", "scale", "A slope on a grid at a millionth, as a power of two.", true,
-                   false, slope_by({0x1p-20, Vec3::Zero(), {}})});
-  cases.push_back({"scale-slope-1e6", "scale", "A slope on a grid a million times as large.", true, false,
-                   slope_by({1e6, Vec3::Zero(), {}})});
-  cases.push_back({"scale-denormal", "scale", "All coordinates below the normal numbers of single precision.",
-                   true, false, []() -> Result<StressSetup> {
-                     PALPATE_ASSIGN(const Unit wave, unit_of(kWave));
-                     auto unit = std::make_shared<StressSetup>(*wave);
-                     unit->scene.models.front().analytic = nullptr;  // no generator has this scale
-                     PALPATE_ASSIGN(StressSetup setup, stretched(unit, {0x1p-140, Vec3::Zero(), {}}));
-                     setup.twin = nullptr;  // the points themselves lose digits
-                     for (Due& due : setup.due) due = due == Due::kInside ? Due::kAny : due;
-                     return setup;
-                   }});
+                         {"scale-1e6", 1e6, "A million times: a wave of 30 km.", true}})
+    scales.add(s.name, s.text, stretched_by(kWave, {s.factor, Vec3::Zero(), {}}), s.quick);
+  scales.add("scale-closed-2^-20", "A closed pebble at a millionth, as a power of two.",
+             stretched_by(kStone, {0x1p-20, Vec3::Zero(), {}}));
+  scales.add("scale-closed-1e6", "A closed pebble a million times as large.",
+             stretched_by(kStone, {1e6, Vec3::Zero(), {}}));
+  scales.quick("scale-slope-2^-20", "A slope on a grid at a millionth, as a power of two.",
+               slope_by({0x1p-20, Vec3::Zero(), {}}));
+  scales.quick("scale-slope-1e6", "A slope on a grid a million times as large.",
+               slope_by({1e6, Vec3::Zero(), {}}));
+  scales.quick("scale-denormal", "All coordinates below the normal numbers of single precision.",
+               []() -> Result<StressSetup> {
+                 PALPATE_ASSIGN(const Unit wave, unit_of(kWave));
+                 auto unit = std::make_shared<StressSetup>(*wave);
+                 unit->scene.models.front().analytic = nullptr;  // no generator has this scale
+                 PALPATE_ASSIGN(StressSetup setup, stretched(unit, {0x1p-140, Vec3::Zero(), {}}));
+                 setup.twin = nullptr;  // the points themselves lose digits
+                 let_nothing_be_due(setup);
+                 return setup;
+               });
 }
 
-void add_offsets(std::vector<StressCase>& cases) {
+void add_offsets(CaseGroup offsets) {
   struct Offset {
     const char *name, *text;
     double mm;
@@ -113,59 +110,51 @@ void add_offsets(std::vector<StressCase>& cases) {
                           {"1e6", "a kilometre", 1e6, true},
                           {"1e9", "a thousand kilometres", 1e9, true}}) {
     const Vec3 by = o.mm * Vec3(1.0, -0.7, 0.4);
-    cases.push_back({fmt::format("offset-{}", o.name), "offset",
-                     fmt::format("The points {} from the origin of their file.", o.text), o.quick, false,
-                     stretched_by(kWave, {1.0, by, {}})});
+    offsets.add(fmt::format("offset-{}", o.name),
+                fmt::format("The points {} from the origin of their file.", o.text),
+                stretched_by(kWave, {1.0, by, {}}), o.quick);
     geometry::RigidTransform pose;
     pose.translation_mm = by;
-    cases.push_back({fmt::format("placed-{}", o.name), "offset",
-                     fmt::format("The model placed {} from the origin of the world.", o.text), false, false,
-                     stretched_by(kWave, {1.0, Vec3::Zero(), pose})});
+    offsets.add(fmt::format("placed-{}", o.name),
+                fmt::format("The model placed {} from the origin of the world.", o.text),
+                stretched_by(kWave, {1.0, Vec3::Zero(), pose}));
   }
-  cases.push_back({"offset-slope-1e9", "offset",
-                   "A slope on a grid a thousand kilometres from the origin of its file.", true, false,
-                   slope_by({1.0, 1e9 * Vec3(1.0, -0.7, 0.4), {}})});
+  offsets.quick("offset-slope-1e9", "A slope on a grid a thousand kilometres from the origin of its file.",
+                slope_by({1.0, 1e9 * Vec3(1.0, -0.7, 0.4), {}}));
   geometry::RigidTransform turned;
   turned.translation_mm = 1e9 * Vec3(-0.3, 1.0, 0.2);
   turned.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vec3(1, 2, 3).normalized()));
-  cases.push_back({"turned-1e9", "offset", "Placed a thousand kilometres away and turned.", false, false,
-                   [turned]() -> Result<StressSetup> {
-                     PALPATE_ASSIGN(const Unit unit, unit_of(kStone));
-                     PALPATE_ASSIGN(StressSetup setup, stretched(unit, {1.0, Vec3::Zero(), turned}));
-                     setup.twin = nullptr;  // the forces are rotated
-                     return setup;
-                   }});
-  cases.push_back({"offset-closed-1e9", "offset",
-                   "A closed pebble a thousand kilometres from the origin of its file.", true, false,
-                   stretched_by(kStone, {1.0, 1e9 * Vec3(0.5, 1.0, -0.25), {}})});
+  offsets.add("turned-1e9", "Placed a thousand kilometres away and turned.",
+              [turned]() -> Result<StressSetup> {
+                PALPATE_ASSIGN(StressSetup setup, stretched_by(kStone, {1.0, Vec3::Zero(), turned})());
+                setup.twin = nullptr;  // the forces are rotated
+                return setup;
+              });
+  offsets.quick("offset-closed-1e9", "A closed pebble a thousand kilometres from the origin of its file.",
+                stretched_by(kStone, {1.0, 1e9 * Vec3(0.5, 1.0, -0.25), {}}));
 }
 
-Result<StressSetup> many_points(const char* generator) {
-  PALPATE_ASSIGN(StressSetup setup, setup_of_generator(generator));
-  const auto surface = setup.scene.models.front().analytic;
-  weave(setup, *surface, 3.0, 1.0, 1.5, 0.2, 1000);
-  return setup;
+void add_points(CaseGroup points) {
+  const Change woven = [](StressSetup& setup) { weave(setup, 3.0, 1.0, 1.5, 0.2, 1000); };
+  points.add("points-10k", "10,201 points of table 7's surface.", on("sinusoid:points=10201", woven));
+  points.add("points-1m", "A million points.", on("sinusoid:points=1002001", woven));
+  points.add("points-10m", "Ten million points.", on("sinusoid:points=10004569", woven), false, true);
+  points.quick("threads", "Prepared with four threads, against one: the same bits.",
+               []() -> Result<StressSetup> {
+                 PALPATE_ASSIGN(const Unit unit, unit_of(kStone));
+                 StressSetup setup = *unit;
+                 setup.threads = 4;
+                 setup.twin = unit;
+                 return setup;
+               });
 }
 
 }  // namespace
 
 void add_number_cases(std::vector<StressCase>& cases) {
-  add_scales(cases);
-  add_offsets(cases);
-  cases.push_back({"points-10k", "points", "10,201 points of table 7's surface.", false, false,
-                   [] { return many_points("sinusoid:points=10201"); }});
-  cases.push_back({"points-1m", "points", "A million points.", false, false,
-                   [] { return many_points("sinusoid:points=1002001"); }});
-  cases.push_back({"points-10m", "points", "Ten million points.", false, true,
-                   [] { return many_points("sinusoid:points=10004569"); }});
-  cases.push_back({"threads", "points", "Prepared with four threads, against one: the same bits.", true,
-                   false, []() -> Result<StressSetup> {
-                     PALPATE_ASSIGN(const Unit unit, unit_of(kStone));
-                     StressSetup setup = *unit;
-                     setup.threads = 4;
-                     setup.twin = unit;
-                     return setup;
-                   }});
+  add_scales({cases, "scale"});
+  add_offsets({cases, "offset"});
+  add_points({cases, "points"});
 }
 
 }  // namespace palpate::experiments

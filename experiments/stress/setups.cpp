@@ -13,6 +13,8 @@
 namespace palpate::experiments {
 namespace {
 
+constexpr double kPeriodS = 1e-3;
+
 StressSetup setup_of(render::ModelInput model) {
   model.surface.stiffness_n_per_mm = kStressStiffness;
   StressSetup setup;
@@ -83,6 +85,22 @@ Result<StressSetup> setup_of_generator(const std::string& generator) {
   return setup_of(std::move(model));
 }
 
+MakeSetup on(std::function<Points()> points, const char* name, Change change) {
+  return [=]() -> Result<StressSetup> {
+    PALPATE_ASSIGN(StressSetup setup, setup_of_points(points(), name));
+    change(setup);
+    return setup;
+  };
+}
+
+MakeSetup on(const char* generator, Change change) {
+  return [=]() -> Result<StressSetup> {
+    PALPATE_ASSIGN(StressSetup setup, setup_of_generator(generator));
+    change(setup);
+    return setup;
+  };
+}
+
 Way& Way::to(const Vec3& place, int steps, const std::function<Due(const Vec3&)>& due) {
   const Vec3 from = at_;
   for (int i = 1; i <= steps; ++i) {
@@ -90,7 +108,7 @@ Way& Way::to(const Vec3& place, int steps, const std::function<Due(const Vec3&)>
     path_.t_s.push_back(now_s_);
     path_.hip_mm.push_back(at_);
     due_.push_back(due(at_));
-    now_s_ += dt_s_;
+    now_s_ += kPeriodS;
   }
   return *this;
 }
@@ -110,8 +128,16 @@ void Way::put_into(StressSetup& setup) && {
   setup.due = std::move(due_);
 }
 
-void weave(StressSetup& setup, const geometry::AnalyticSurface& surface, double out_mm, double deep_mm,
-           double clear_mm, double felt_mm, int frames) {
+Change along(const Vec3& start, std::function<void(Way&)> go) {
+  return [=](StressSetup& setup) {
+    Way way(start);
+    go(way);
+    std::move(way).put_into(setup);
+  };
+}
+
+void weave(StressSetup& setup, double out_mm, double deep_mm, double clear_mm, double felt_mm, int frames) {
+  const geometry::AnalyticSurface& surface = *setup.scene.models.front().analytic;
   constexpr double kPi = std::numbers::pi;
   constexpr int kTimes = 3;
   const double middle = 0.5 * (out_mm - deep_mm), half = 0.5 * (out_mm + deep_mm);
@@ -124,7 +150,7 @@ void weave(StressSetup& setup, const geometry::AnalyticSurface& surface, double 
                                                  0.5 + 0.2 * std::cos(2.0 * kPi * std::numbers::phi * along));
     const double height = middle + half * std::cos(2.0 * kPi * kTimes * along);
     const Vec3 hip = at.point_mm + height * at.normal;
-    setup.path.t_s.push_back(1e-3 * k);
+    setup.path.t_s.push_back(kPeriodS * k);
     setup.path.hip_mm.push_back(hip);
     const double distance = surface.signed_distance_mm(hip);
     setup.due.push_back(distance > clear_mm ? Due::kFree : distance < -felt_mm ? Due::kInside : Due::kAny);
@@ -142,6 +168,14 @@ void dip(StressSetup& setup, const Dip& d) {
   way.to(d.from + deep, d.frames, due).to(d.to + deep, d.frames, due).to(d.to + out, d.frames, due);
   way.stay(3, d.out_mm > d.clear_mm ? Due::kFree : Due::kAny);
   std::move(way).put_into(setup);
+}
+
+Change dipping(const Dip& d) {
+  return [d](StressSetup& setup) { dip(setup, d); };
+}
+
+void let_nothing_be_due(StressSetup& setup) {
+  std::replace(setup.due.begin(), setup.due.end(), Due::kInside, Due::kAny);
 }
 
 Result<StressSetup> stretched(const std::shared_ptr<const StressSetup>& unit, const Stretch& stretch) {

@@ -38,12 +38,22 @@ std::vector<OnProfile> filled_profile(const std::vector<OnProfile>& corners, dou
 
 }  // namespace
 
+std::vector<Vec3> joined_points(std::vector<Vec3> points, const std::vector<Vec3>& more) {
+  points.insert(points.end(), more.begin(), more.end());
+  return points;
+}
+
 std::vector<Vec3> lattice_points(const Vec3& corner, const Vec3& column, const Vec3& row, int columns,
                                  int rows) {
   std::vector<Vec3> points;
   for (int j = 0; j < rows; ++j)
     for (int i = 0; i < columns; ++i) points.emplace_back(corner + i * column + j * row);
   return points;
+}
+
+std::vector<Vec3> flat_lattice(int half, double step, double z) {
+  return lattice_points({-half * step, -half * step, z}, {step, 0, 0}, {0, step, 0}, 2 * half + 1,
+                        2 * half + 1);
 }
 
 std::vector<Vec3> ball_points(const Vec3& centre, double radius, int count) {

@@ -8,9 +8,12 @@
 
 namespace palpate::experiments {
 
+[[nodiscard]] std::vector<Vec3> joined_points(std::vector<Vec3> points, const std::vector<Vec3>& more);
 /// `columns` x `rows` points starting at `corner`.
 [[nodiscard]] std::vector<Vec3> lattice_points(const Vec3& corner, const Vec3& column, const Vec3& row,
                                                int columns, int rows);
+/// A square lattice in the plane z = `z`, 2 `half` + 1 points a side, its middle on the z axis.
+[[nodiscard]] std::vector<Vec3> flat_lattice(int half, double step, double z = 0.0);
 /// Even points on a sphere by the golden angle.
 [[nodiscard]] std::vector<Vec3> ball_points(const Vec3& centre, double radius, int count);
 /// A cone around the z axis, from its base of this radius at z = 0 to its tip, open below.

@@ -261,7 +261,7 @@ TEST(MeshProxy, WithoutSizeItIsTheGodObject) {
 }
 
 // The jam test: held still anywhere on a dense mesh, a frictionless proxy comes to rest, and rests where
-// the pull is one that the facets it touches can bear. Small meshes; the full one is mesh_jam's.
+// the pull is one that the facets it touches can bear. Small meshes.
 
 /// Angle of rounding alone: coordinates of 50 mm to 1e-11 mm, pulls of 1 mm, facets of 0.1 mm.
 constexpr double kRounding = 1e-7;

@@ -24,7 +24,7 @@ struct Cost {
 using Costs = std::map<std::string, Cost>;
 
 std::map<std::string, Costs> all_costs() {
-  const Result<ProcessOutcome> run = run_process({PALPATE_FEATURE_COST, "--rows"}, {.time_limit_s = kLimitS});
+  const Result<ProcessOutcome> run = run_process({PALPATE_FEATURE_COST}, {.time_limit_s = kLimitS});
   std::map<std::string, Costs> costs;
   if (!run || run->exit_code != 0) {
     ADD_FAILURE() << (run ? run->err : run.error().message());

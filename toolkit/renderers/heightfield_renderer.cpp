@@ -333,7 +333,7 @@ class HeightFieldSurface {
 class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
  public:
   static constexpr Features kSupportedFeatures = kAllOfRigidSurfaces | Feature::kJointContact;
-  // Measured estimates (see kReferenceMachine): bench_frame at 1,002,001 posts, table 12 of reproduce.
+  // Measured estimates (see kReferenceMachine): 1,002,001 posts, table 12 of reproduce.
   static constexpr double kFrameUs = 0.10, kMsPerMillion = 45.0;
 
   explicit HeightFieldRenderer(const Options& options) : FrameLoopRenderer(options) {}

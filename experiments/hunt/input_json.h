@@ -1,0 +1,41 @@
+// A trial's input as JSON, for what is kept of a hunt.
+#pragma once
+
+#include "experiments/driver/json_members.h"
+#include "experiments/hunt/trial_input.h"
+
+template <>
+struct nlohmann::adl_serializer<palpate::Vec3> {
+  template <class Json>
+  static void to_json(Json& json, const palpate::Vec3& v) {
+    json = {v.x(), v.y(), v.z()};
+  }
+  template <class Json>
+  static void from_json(const Json& json, palpate::Vec3& v) {
+    v = {json.at(0).template get<double>(), json.at(1).template get<double>(),
+         json.at(2).template get<double>()};
+  }
+};
+
+template <>
+struct nlohmann::adl_serializer<palpate::Options> {
+  template <class Json>
+  static void to_json(Json& json, const palpate::Options& options) {
+    json = Json::object();
+    for (const auto& [key, value] : options.all()) json[key] = value;
+  }
+  template <class Json>
+  static void from_json(const Json& json, palpate::Options& options) {
+    for (const auto& [key, value] : json.items()) options.set(key, value.template get<std::string>());
+  }
+};
+
+namespace palpate::experiments {
+
+PALPATE_JSON_MEMBERS(PointEdit, kind, which, other, by)
+PALPATE_JSON_MEMBERS(Waypoint, kind, at, which, other, frames)
+PALPATE_JSON_MEMBERS(HandWay, force_n, fastest_mm_s, spacing_mm, seed)
+PALPATE_JSON_MEMBERS(TrialInput, shape, form, points, sampling, noise, outliers, model_seed, scale, offset,
+                     friction, edits, way, hand, options)
+
+}  // namespace palpate::experiments
