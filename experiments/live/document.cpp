@@ -134,6 +134,8 @@ Table session_table(const LiveDocument& document) {
   if (!document.recording.file.empty())
     row("recorded: ticks, of them lost", fmt::format("{}, {} ({})", document.recording.ticks,
                                                      document.recording.lost, document.recording.file));
+  row("page faults of the loop's thread: minor, major",
+      fmt::format("{}, {}", document.loop.page_faults.minor, document.loop.page_faults.major));
   row("largest step of the force, N", format_number(document.largest_step_n));
   row("of it more than renderers and fade explain, N", format_number(document.largest_excess_n));
   row("late, µs: p50, p99, p99.9, most",
@@ -291,6 +293,8 @@ std::string to_json(const LiveDocument& document) {
   json["force_limit_n"] = document.force_limit_n;
   json["ticks"] = document.ticks;
   json["late"] = document.loop.missed;
+  json["page_faults"] = {{"minor", document.loop.page_faults.minor},
+                         {"major", document.loop.page_faults.major}};
   json["switches"] = document.switches;
   json["fades"] = document.fades;
   json["refused"] = document.refused;
