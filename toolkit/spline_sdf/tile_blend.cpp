@@ -26,8 +26,8 @@ constexpr float kFarthestShare = 100.0f;
 constexpr std::size_t kScatterGrain = 256;
 /// Tiles along a block's edge, about as many as a patch reaches at the level of its points, and the code of a
 /// place on it.
-constexpr int kBlockBits = 3, kBlockEdge = 1 << kBlockBits;
-constexpr std::array<std::uint64_t, kBlockEdge> kCodeInBlock{0, 1, 8, 9, 64, 65, 72, 73};
+constexpr int kTileBlockBits = 3, kTileBlockEdge = 1 << kTileBlockBits;
+constexpr std::array<std::uint64_t, kTileBlockEdge> kCodeInBlock{0, 1, 8, 9, 64, 65, 72, 73};
 
 /// A patch relative to a tile's middle, in voxels.
 struct Form {
@@ -83,8 +83,8 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
   const double per = 1.0 / voxel_mm;
   std::vector<std::uint64_t> block_codes;
   for (const std::uint64_t code : codes)
-    if (block_codes.empty() || block_codes.back() != code >> (3 * kBlockBits))
-      block_codes.push_back(code >> (3 * kBlockBits));
+    if (block_codes.empty() || block_codes.back() != code >> (3 * kTileBlockBits))
+      block_codes.push_back(code >> (3 * kTileBlockBits));
   search::MortonCellTable blocks;
   blocks.build(block_codes);
   const auto scatter = [&](std::size_t k, std::vector<Pair>& mine) {
@@ -105,8 +105,8 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
       return !(std::abs(h) > high || d.squaredNorm() - h * h > reach * reach);
     };
     // A patch of coarse points may reach more blocks than there are tiles.
-    const Vec3 low_block = (low / kBlockEdge).array().floor(),
-               past_block = (past / kBlockEdge).array().floor();
+    const Vec3 low_block = (low / kTileBlockEdge).array().floor(),
+               past_block = (past / kTileBlockEdge).array().floor();
     if ((past_block - low_block + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
       for (std::uint32_t tile = 0; tile < count; ++tile) {
         const BrickGrid::Coordinate c = search::coordinate_of_code(codes[tile]);
@@ -116,12 +116,14 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
     }
     const Eigen::Vector3i first = low.cast<int>(), last = past.cast<int>();
     const auto visit_tiles_of = [&](const Eigen::Vector3i& block) {
-      const std::uint64_t code = morton_code_of({block.x(), block.y(), block.z()}) << (3 * kBlockBits);
+      const std::uint64_t code = morton_code_of({block.x(), block.y(), block.z()}) << (3 * kTileBlockBits);
       // Few of smaller bricks' tiles exist.
-      if (blocks.find(code >> (3 * kBlockBits)) == search::MortonCellTable::kNone) return;
-      const Eigen::Vector3i corner = block * kBlockEdge, from = first.cwiseMax(corner),
-                            to = last.cwiseMin(corner + Eigen::Vector3i::Constant(kBlockEdge - 1));
-      const auto code_in_block = [](int c) { return kCodeInBlock[static_cast<std::size_t>(c % kBlockEdge)]; };
+      if (blocks.find(code >> (3 * kTileBlockBits)) == search::MortonCellTable::kNone) return;
+      const Eigen::Vector3i corner = block * kTileBlockEdge, from = first.cwiseMax(corner),
+                            to = last.cwiseMin(corner + Eigen::Vector3i::Constant(kTileBlockEdge - 1));
+      const auto code_in_block = [](int c) {
+        return kCodeInBlock[static_cast<std::size_t>(c % kTileBlockEdge)];
+      };
       for (int x = from.x(); x <= to.x(); ++x)
         for (int y = from.y(); y <= to.y(); ++y)
           for (int z = from.z(); z <= to.z(); ++z) {
@@ -131,9 +133,10 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
             if (tile != search::MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
           }
     };
-    for (int x = first.x() / kBlockEdge; x <= last.x() / kBlockEdge; ++x)
-      for (int y = first.y() / kBlockEdge; y <= last.y() / kBlockEdge; ++y)
-        for (int z = first.z() / kBlockEdge; z <= last.z() / kBlockEdge; ++z) visit_tiles_of({x, y, z});
+    for (int x = first.x() / kTileBlockEdge; x <= last.x() / kTileBlockEdge; ++x)
+      for (int y = first.y() / kTileBlockEdge; y <= last.y() / kTileBlockEdge; ++y)
+        for (int z = first.z() / kTileBlockEdge; z <= last.z() / kTileBlockEdge; ++z)
+          visit_tiles_of({x, y, z});
   };
   const auto found = parallel_parts<std::vector<Pair>>(patches.size(), kScatterGrain, threads, scatter);
   begin_.assign(count + 1, 0);
