@@ -75,6 +75,8 @@ LoopStatistics LoopHistograms::statistics() const noexcept {
   LoopStatistics found;
   found.missed = missed();
   found.overruns = overruns();
+  found.page_faults = {minor_faults_.load(std::memory_order_acquire),
+                       major_faults_.load(std::memory_order_acquire)};
   found.lateness = lateness.statistics();
   found.step = step.statistics();
   found.exchange = exchange.statistics();

@@ -145,6 +145,7 @@ void ServoThread::run() noexcept {
     if (stopping_.load(std::memory_order_acquire)) break;
     loop_->tick();
   }
+  loop_->end();
   servo_.end();
   running_.store(false, std::memory_order_release);
 }

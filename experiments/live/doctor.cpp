@@ -18,6 +18,7 @@
 #include "device/drivers/all_drivers.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/spline_sdf/paged_surface.h"
 
 namespace palpate::experiments {
 namespace {
@@ -152,11 +153,15 @@ Check memory(const SystemFacts& facts) {
   const std::string limit = facts.memlock_limit_bytes == SystemFacts::kUnlimited
                                 ? "unlimited"
                                 : format_bytes(static_cast<double>(facts.memlock_limit_bytes));
-  if (facts.tried.memory_locked) return fine("locked memory", "memory can be locked");
+  const std::string wanted =
+      fmt::format("a prepared surface wants {} more than the program (resident_mb={})",
+                  format_bytes(static_cast<double>(render::kResidentBytes)), render::kResidentBytes >> 20);
+  if (facts.tried.memory_locked && facts.memlock_limit_bytes > render::kResidentBytes)
+    return fine("locked memory", "memory can be locked");
   return {"locked memory", CheckVerdict::kWarning,
-          fmt::format(
-              "memory cannot be locked (the limit memlock is {}): a page that was swapped out stops a frame",
-              limit),
+          fmt::format("{} (the limit memlock is {}, and {}): a page that was swapped out stops a frame",
+                      facts.tried.memory_locked ? "not all memory can be locked" : "memory cannot be locked",
+                      limit, wanted),
           limits_remedy()};
 }
 
@@ -294,7 +299,8 @@ std::vector<UsbDevice> connected_usb_devices() {
 SystemFacts read_system_facts() {
   SystemFacts facts;
   facts.rtprio_limit = limit_of(RLIMIT_RTPRIO);
-  facts.memlock_limit_bytes = limit_of(RLIMIT_MEMLOCK);
+  facts.memlock_limit_bytes =
+      device::has_capability(device::kCapIpcLock) ? SystemFacts::kUnlimited : limit_of(RLIMIT_MEMLOCK);
   facts.cpu_governors = governors();
   facts.has_latency_file = ::access("/dev/cpu_dma_latency", F_OK) == 0;
   timespec step{};

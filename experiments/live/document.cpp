@@ -132,6 +132,8 @@ Table session_table(const LiveDocument& document) {
   if (!document.recording.file.empty())
     row("recorded: ticks, of them lost", fmt::format("{}, {} ({})", document.recording.ticks,
                                                      document.recording.lost, document.recording.file));
+  row("page faults of the loop's thread: minor, major",
+      fmt::format("{}, {}", document.loop.page_faults.minor, document.loop.page_faults.major));
   row("largest step of the force, N", format_number(document.largest_step_n));
   row("of it more than renderers and fade explain, N", format_number(document.largest_excess_n));
   row("late, µs: p50, p99, p99.9, most",
@@ -275,6 +277,8 @@ std::string to_json(const LiveDocument& document) {
                      {"stiffness_n_per_mm", document.stiffness_n_per_mm},
                      {"felt_stiffness_n_per_mm", document.felt_stiffness_n_per_mm}};
   json["late"] = document.loop.missed;
+  json["page_faults"] = {{"minor", document.loop.page_faults.minor},
+                         {"major", document.loop.page_faults.major}};
   json["jitter_us"] = durations_json(document.loop.lateness);
   json["lateness_histogram"] = DocumentJson::array();
   for (const device::DurationBin& bin : document.lateness)

@@ -207,6 +207,8 @@ TEST(Doctor, FindsEachFaultAloneAndSaysItsRemedy) {
        [](SystemFacts& f) { f.tried.fifo = false; }},
       {"locked memory", CheckVerdict::kWarning, "@realtime - memlock unlimited",
        [](SystemFacts& f) { f.tried.memory_locked = false; }},
+      {"locked memory", CheckVerdict::kWarning, "@realtime - memlock unlimited",
+       [](SystemFacts& f) { f.memlock_limit_bytes = std::uint64_t{8} << 20; }},
       {"kernel", CheckVerdict::kWarning, "linux-image-rt-amd64",
        [](SystemFacts& f) { f.tried.kernel = device::KernelKind::kDynamic; }},
       {"CPUs", CheckVerdict::kWarning, "two CPUs", [](SystemFacts& f) { f.tried.cpus = 1; }},

@@ -64,6 +64,7 @@ const std::map<std::string, std::string> kPublic = {
     {"palpate/baselines.h", "baselines"},
     {"palpate/cleaning.h", "toolkit/scene"},
     {"palpate/clock.h", "toolkit/core"},
+    {"palpate/page_faults.h", "toolkit/core"},
     {"palpate/cloud.h", "toolkit/cloud"},
     {"palpate/control.h", "toolkit/control"},
     {"palpate/decision.h", "toolkit/render"},

@@ -1,13 +1,25 @@
 #include "toolkit/core/hardware.h"
 
+#if defined(__linux__)
+#include <sys/mman.h>
+#include <sys/resource.h>
+#endif
+
 #include <cstdlib>
 #include <string_view>
 
-#if defined(__linux__)
-#include <sys/mman.h>
-#endif
+#include <palpate/page_faults.h>
 
 namespace palpate {
+
+PageFaults thread_page_faults() noexcept {
+#if defined(__linux__)
+  rusage usage{};
+  if (::getrusage(RUSAGE_THREAD, &usage) == 0)
+    return {static_cast<std::uint64_t>(usage.ru_minflt), static_cast<std::uint64_t>(usage.ru_majflt)};
+#endif
+  return {};
+}
 
 bool has_avx2() noexcept {
 #if defined(__x86_64__)

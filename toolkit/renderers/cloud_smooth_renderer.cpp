@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include <palpate/result.h>
@@ -260,7 +261,7 @@ RendererInfo cloud_smooth_info() {
        15.0},
       {"resident_mb",
        OptionKind::kInteger,
-       "256",
+       std::to_string(kResidentBytes >> 20),
        "of a prepared file: MB of its surface in memory at a time",
        {},
        static_cast<double>(kLeastResidentBytes >> 20),

@@ -1,6 +1,7 @@
 #include "toolkit/spline_sdf/brick_components.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <limits>
 #include <utility>
@@ -29,19 +30,21 @@ void sort_unique(std::vector<std::uint64_t>& codes, int threads) {
 
 int coarser_levels(const MortonPoints& points, std::span<const PointPatches> of_points) {
   if (!(points.spacing_mm() > 0.0)) return 0;
-  std::vector<double> spacings;
+  // Runs of points with one spacing, as a cell's are: a sixth of the points.
+  std::vector<std::pair<double, std::size_t>> runs;
   double area = 0.0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (of_points[i].patch[0] == PointPatches::kNone) continue;
-    spacings.push_back(points.spacing_near(i));
-    area += spacings.back() * spacings.back();
+    const double spacing = points.spacing_near(i);
+    if (runs.empty() || runs.back().first != spacing) runs.push_back({spacing, 0});
+    ++runs.back().second;
+    area += spacing * spacing;
   }
-  std::sort(spacings.begin(), spacings.end());
+  std::sort(runs.begin(), runs.end());
   double finer = 0.0, coarse = points.spacing_mm();
-  for (const double spacing : spacings) {
-    coarse = spacing;
-    finer += spacing * spacing;
-    if (finer >= (1.0 - kCoarseArea) * area) break;
+  for (auto run = runs.begin(); run != runs.end() && finer < (1.0 - kCoarseArea) * area; ++run) {
+    coarse = run->first;
+    for (std::size_t k = 0; k < run->second; ++k) finer += coarse * coarse;
   }
   int levels = 0;
   for (double at = 2.0 * points.spacing_mm(); at <= coarse && levels < BrickGrid::kMaxCoarser; at *= 2.0)
@@ -56,17 +59,23 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
   const double per = grid.per_voxel * grid.per_voxel_of(level) / kBrickCells;
   const auto last = static_cast<double>(((grid.last_brick + 1) << level) - 1);
   const auto look = [&](std::size_t begin, std::size_t end, std::vector<std::uint64_t>& mine) {
+    using Cubes = std::array<BrickGrid::Coordinate, 2>;  // first and last
+    Cubes added{{{-1, -1, -1}, {-1, -1, -1}}};
     for (std::size_t i = begin; i < end; ++i) {
       if (of_points[i].patch[0] == PointPatches::kNone) continue;
       const Vec3 at = (points[i] - grid.low_mm) * per;
       // Points farther apart than a cube have larger ones.
       const Vec3 off = Vec3::Constant(std::min(kMargin * points.spacing_near(i) * per, 1.0));
       const Vec3 low = (at - off).cwiseMax(0.0), high = (at + off).cwiseMin(last);
-      for (auto x = static_cast<std::int32_t>(low.x()); x <= static_cast<std::int32_t>(high.x()); ++x)
-        for (auto y = static_cast<std::int32_t>(low.y()); y <= static_cast<std::int32_t>(high.y()); ++y)
-          for (auto z = static_cast<std::int32_t>(low.z()); z <= static_cast<std::int32_t>(high.z()); ++z) {
+      const Eigen::Vector3i first = low.cast<int>(), past = high.cast<int>();
+      const Cubes cubes{{{first.x(), first.y(), first.z()}, {past.x(), past.y(), past.z()}}};
+      if (cubes == added) continue;  // as for most points after the one before
+      added = cubes;
+      for (std::int32_t x = first.x(); x <= past.x(); ++x)
+        for (std::int32_t y = first.y(); y <= past.y(); ++y)
+          for (std::int32_t z = first.z(); z <= past.z(); ++z) {
             const std::uint64_t code = morton_code_of({x, y, z});
-            if ((mine.empty() || mine.back() != code) && wanted(code)) mine.push_back(code);
+            if (wanted(code)) mine.push_back(code);
           }
     }
     std::sort(mine.begin(), mine.end());

@@ -115,6 +115,8 @@ class BrickBuilder {
         codes.push_back(morton_code_of({c[0] + k / 4, c[1] + k / 2 % 2, c[2] + k % 2}));
     }
     sort_unique(codes, threads_);
+    tiles_ = {};  // the last level's
+    near_ = {};
     tile_table_ = search::MortonCellTable();
     tile_table_.build(codes);
     LargePageVector<Tile> values(codes.size());
@@ -421,6 +423,7 @@ void SampledBricks::collect() {
                                      (one.smaller ? BrickGrid::kRefined : 0u));
       grid.bricks.push_back(one.brick);
     }
+    made[at] = {};
   }
 }
 

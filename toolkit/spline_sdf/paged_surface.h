@@ -13,6 +13,8 @@
 
 namespace palpate::render {
 
+/// Bytes in memory unless asked otherwise (resident_mb): a hand at 0.5 m/s crosses them in several seconds.
+inline constexpr std::size_t kResidentBytes = std::size_t{256} << 20;
 /// Bytes below which a window is refused: some ninety full tiles. A frame of a hand looks at a few.
 inline constexpr std::size_t kLeastResidentBytes = std::size_t{16} << 20;
 

@@ -17,6 +17,9 @@ constexpr double kFollowSigmas = 3.5, kCleanSpacings = 0.02;
 /// A patch's weight at its rim, relative to its centre.
 constexpr double kRim = 0.02;
 constexpr std::size_t kFollowGrain = 64;
+/// Patches assigned at a time: 64 grains, whose some 100 points each are still in the cache when they are
+/// merged. All at once would take more memory than the points.
+constexpr std::size_t kPatchesAtOnce = 64 * kFollowGrain;
 
 struct Assignment {
   std::uint32_t point, patch;
@@ -46,22 +49,25 @@ void find_assigned_points(const MortonPoints& points, const QuadricPatch& p, std
 
 std::vector<PointPatches> assign_patches(const MortonPoints& points, std::span<const QuadricPatch> patches,
                                          int threads) {
-  const auto found = parallel_parts<std::vector<Assignment>>(
-      patches.size(), kFollowGrain, threads, [&](std::size_t k, std::vector<Assignment>& mine) {
-        find_assigned_points(points, patches[k], static_cast<std::uint32_t>(k), mine);
-      });
   std::vector<PointPatches> out(points.size());
-  for (const std::vector<Assignment>& chunk : found)
-    for (Assignment f : chunk) {
-      // In patch order, so ties keep the first.
-      PointPatches& mine = out[f.point];
-      for (std::size_t k = 0; k < kPatchesOfPoint; ++k)
-        if (mine.patch[k] == PointPatches::kNone || f.weight > mine.share[k]) {
-          std::swap(mine.patch[k], f.patch);
-          std::swap(mine.share[k], f.weight);
-          if (f.patch == PointPatches::kNone) break;
-        }
-    }
+  for (std::size_t first = 0; first < patches.size(); first += kPatchesAtOnce) {
+    const auto found = parallel_parts<std::vector<Assignment>>(
+        std::min(patches.size() - first, kPatchesAtOnce), kFollowGrain, threads,
+        [&](std::size_t k, std::vector<Assignment>& mine) {
+          find_assigned_points(points, patches[first + k], static_cast<std::uint32_t>(first + k), mine);
+        });
+    for (const std::vector<Assignment>& chunk : found)
+      for (Assignment f : chunk) {
+        // In patch order, so ties keep the first.
+        PointPatches& mine = out[f.point];
+        for (std::size_t k = 0; k < kPatchesOfPoint; ++k)
+          if (mine.patch[k] == PointPatches::kNone || f.weight > mine.share[k]) {
+            std::swap(mine.patch[k], f.patch);
+            std::swap(mine.share[k], f.weight);
+            if (f.patch == PointPatches::kNone) break;
+          }
+      }
+  }
   parallel_each(points.size(), kPointsPerChunk, threads, [&](std::size_t i) {
     float sum = 0.0f;
     for (const float share : out[i].share) sum += share;

@@ -68,6 +68,8 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
   const auto visit = [&](std::size_t begin, std::size_t end, std::vector<Stay>& left) {
     // The curve soon returns to a cube and adds to what is remembered.
     std::vector<Stay> last(std::size_t{1} << kLastCubeBits);
+    // Points of a cell have one spacing.
+    double edges = 0.0, share = 0.0;
     const auto leave = [&](const Stay& stay) {
       if (stay.points > 0.0) left.push_back(stay);
     };
@@ -81,10 +83,13 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
         leave(stay);
         stay = {code};
       }
-      const double edges = points.spacing_near(i) / edge_mm;
       stay.points += 1.0;
-      if (!(edges > 0.0) || edges > kStrayEdges) continue;
-      stay.cubes -= 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges));
+      if (const double own = points.spacing_near(i) / edge_mm; own != edges) {
+        edges = own;
+        share = edges > 0.0 && edges <= kStrayEdges ? 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges))
+                                                    : 0.0;
+      }
+      stay.cubes -= share;
     }
     for (const Stay& stay : last) leave(stay);
   };

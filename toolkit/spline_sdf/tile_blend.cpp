@@ -1,11 +1,14 @@
 #include "toolkit/spline_sdf/tile_blend.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/spline_sdf/brick_components.h"
 
 namespace palpate::render {
 namespace {
@@ -21,6 +24,10 @@ constexpr float kBeyond = 1e-6f;
 /// A patch gives no node a value if its foot is this many supports off, squared.
 constexpr float kFarthestShare = 100.0f;
 constexpr std::size_t kScatterGrain = 256;
+/// Tiles along a block's edge, about as many as a patch reaches at the level of its points, and the code of a
+/// place on it.
+constexpr int kTileBlockBits = 3, kTileBlockEdge = 1 << kTileBlockBits;
+constexpr std::array<std::uint64_t, kTileBlockEdge> kCodeInBlock{0, 1, 8, 9, 64, 65, 72, 73};
 
 /// A patch relative to a tile's middle, in voxels.
 struct Form {
@@ -74,6 +81,12 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
   const std::size_t count = codes.size();
   using Pair = std::pair<std::uint32_t, std::uint32_t>;  // tile, patch
   const double per = 1.0 / voxel_mm;
+  std::vector<std::uint64_t> block_codes;
+  for (const std::uint64_t code : codes)
+    if (block_codes.empty() || block_codes.back() != code >> (3 * kTileBlockBits))
+      block_codes.push_back(code >> (3 * kTileBlockBits));
+  search::MortonCellTable blocks;
+  blocks.build(block_codes);
   const auto scatter = [&](std::size_t k, std::vector<Pair>& mine) {
     const QuadricPatch& p = patches[k];
     const Vec3 at = (p.quadric.at - grid.low_mm) * per;
@@ -91,22 +104,39 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
       const double h = d.dot(p.quadric.n);
       return !(std::abs(h) > high || d.squaredNorm() - h * h > reach * reach);
     };
-    // A patch of coarse points may reach more tiles than exist.
-    if ((past - low + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
+    // A patch of coarse points may reach more blocks than there are tiles.
+    const Vec3 low_block = (low / kTileBlockEdge).array().floor(),
+               past_block = (past / kTileBlockEdge).array().floor();
+    if ((past_block - low_block + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
       for (std::uint32_t tile = 0; tile < count; ++tile) {
         const BrickGrid::Coordinate c = search::coordinate_of_code(codes[tile]);
         if (reaches(Vec3(c[0], c[1], c[2]))) mine.push_back({tile, static_cast<std::uint32_t>(k)});
       }
       return;
     }
-    for (auto x = static_cast<std::int32_t>(low.x()); x <= static_cast<std::int32_t>(past.x()); ++x)
-      for (auto y = static_cast<std::int32_t>(low.y()); y <= static_cast<std::int32_t>(past.y()); ++y)
-        for (auto z = static_cast<std::int32_t>(low.z()); z <= static_cast<std::int32_t>(past.z()); ++z) {
-          if (!reaches(Vec3(x, y, z))) continue;
-          const std::uint32_t tile = tiles.find(search::morton_code(
-              static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
-          if (tile != search::MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
-        }
+    const Eigen::Vector3i first = low.cast<int>(), last = past.cast<int>();
+    const auto visit_tiles_of = [&](const Eigen::Vector3i& block) {
+      const std::uint64_t code = morton_code_of({block.x(), block.y(), block.z()}) << (3 * kTileBlockBits);
+      // Few of smaller bricks' tiles exist.
+      if (blocks.find(code >> (3 * kTileBlockBits)) == search::MortonCellTable::kNone) return;
+      const Eigen::Vector3i corner = block * kTileBlockEdge, from = first.cwiseMax(corner),
+                            to = last.cwiseMin(corner + Eigen::Vector3i::Constant(kTileBlockEdge - 1));
+      const auto code_in_block = [](int c) {
+        return kCodeInBlock[static_cast<std::size_t>(c % kTileBlockEdge)];
+      };
+      for (int x = from.x(); x <= to.x(); ++x)
+        for (int y = from.y(); y <= to.y(); ++y)
+          for (int z = from.z(); z <= to.z(); ++z) {
+            if (!reaches(Vec3(x, y, z))) continue;
+            const std::uint32_t tile =
+                tiles.find(code | code_in_block(x) | code_in_block(y) << 1 | code_in_block(z) << 2);
+            if (tile != search::MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
+          }
+    };
+    for (int x = first.x() / kTileBlockEdge; x <= last.x() / kTileBlockEdge; ++x)
+      for (int y = first.y() / kTileBlockEdge; y <= last.y() / kTileBlockEdge; ++y)
+        for (int z = first.z() / kTileBlockEdge; z <= last.z() / kTileBlockEdge; ++z)
+          visit_tiles_of({x, y, z});
   };
   const auto found = parallel_parts<std::vector<Pair>>(patches.size(), kScatterGrain, threads, scatter);
   begin_.assign(count + 1, 0);

@@ -1,6 +1,7 @@
 // Files that are whole or absent, and what is done when a program is stopped.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -17,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include <palpate/page_faults.h>
 #include <palpate/progress.h>
 #include <palpate/triple_buffer.h>
 #include "tests/in_folder.h"
@@ -339,6 +341,28 @@ TEST(SpscRing, AFullOneRefusesAndNothingIsLostOrReordered) {
   }
   reader.join();
   EXPECT_EQ(wrong, 0u);
+}
+
+TEST(PageFaults, AreCountedOncePerPageAndByThread) {
+  // Fewer than make a large page.
+  constexpr std::size_t kPages = 64, kPageBytes = 4096;
+  void* const memory =
+      ::mmap(nullptr, kPages * kPageBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  ASSERT_NE(memory, MAP_FAILED);
+  auto* const bytes = static_cast<volatile unsigned char*>(memory);
+  const auto touch = [&] {
+    const PageFaults before = thread_page_faults();
+    for (std::size_t page = 0; page < kPages; ++page) bytes[page * kPageBytes] = 1;
+    return thread_page_faults() - before;
+  };
+  const PageFaults mine = thread_page_faults();
+  PageFaults first, again;
+  std::thread([&] { first = touch(), again = touch(); }).join();
+  EXPECT_GE(first.minor, kPages);
+  EXPECT_EQ(first.major, 0u);
+  EXPECT_EQ(again.minor, 0u);
+  EXPECT_LT((thread_page_faults() - mine).minor, kPages) << "of another thread";
+  ::munmap(memory, kPages * kPageBytes);
 }
 
 }  // namespace

@@ -12,6 +12,8 @@
 #include <cstdint>
 #include <vector>
 
+#include <palpate/page_faults.h>
+
 namespace palpate::device {
 
 /// A snapshot, ns.
@@ -98,6 +100,7 @@ struct LoopStatistics {
   std::uint64_t ticks = 0;
   std::uint64_t missed = 0;    ///< whole periods without a tick
   std::uint64_t overruns = 0;  ///< ticks whose own work exceeded the period
+  PageFaults page_faults;      ///< of the thread, between the loop's begin and end
   DurationStatistics lateness, step, exchange, period;
 };
 
@@ -113,6 +116,10 @@ class LoopHistograms {
   /// For the loop.
   void miss(std::uint64_t periods) noexcept { add(missed_, periods); }
   void overrun() noexcept { add(overruns_, 1); }
+  void fault(const PageFaults& pages) noexcept {
+    add(minor_faults_, pages.minor);
+    add(major_faults_, pages.major);
+  }
 
   /// Any thread.
   [[nodiscard]] LoopStatistics statistics() const noexcept;
@@ -123,7 +130,7 @@ class LoopHistograms {
   static void add(std::atomic<std::uint64_t>& to, std::uint64_t by) noexcept {
     to.store(to.load(std::memory_order_relaxed) + by, std::memory_order_release);
   }
-  std::atomic<std::uint64_t> missed_{0}, overruns_{0};
+  std::atomic<std::uint64_t> missed_{0}, overruns_{0}, minor_faults_{0}, major_faults_{0};
 };
 
 }  // namespace palpate::device

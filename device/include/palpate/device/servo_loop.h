@@ -59,7 +59,12 @@ class ServoLoop {
       Servo& servo, const Clock& clock, std::int64_t rate_hz, std::span<TickObserver* const> observers = {});
 
   /// Makes the first tick due now. The servo must have been started.
-  void begin() noexcept { due_.begin(clock_.now_ns()); }
+  void begin() noexcept {
+    faults_before_ = thread_page_faults();
+    due_.begin(clock_.now_ns());
+  }
+  /// After the last tick, by the thread that began: counts its page faults.
+  void end() noexcept { histograms_.fault(thread_page_faults() - faults_before_); }
   [[nodiscard]] const DueTimes& due() const noexcept { return due_; }
   /// One tick at or after its due time. Lateness over a period skips whole periods, counted as missed and
   /// never caught up. A tick that restarted the renderer (O(points)) restarts the due times, as it does the
@@ -82,6 +87,7 @@ class ServoLoop {
   std::array<TickObserver*, kMaxObservers> observers_{};
   std::size_t observers_count_ = 0;
   std::int64_t before_ns_ = 0;  // begin of the last tick
+  PageFaults faults_before_;
   bool has_before_ = false;
   std::atomic<bool> rearm_{false};
   LoopHistograms histograms_;
@@ -100,6 +106,7 @@ std::uint64_t run_accelerated(ServoLoop& loop, VirtualClock& clock, std::int64_t
     loop.tick();
     ++ticks;
   }
+  loop.end();
   return ticks;
 }
 
