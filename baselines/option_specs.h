@@ -1,38 +1,16 @@
-// Options in one call each, for tables of them.
+// Options of the rivals that are lengths, in their own unit or in mm.
 #pragma once
 
 #include <string>
 #include <utility>
-#include <vector>
 
 #include <palpate/options.h>
+#include "toolkit/core/option_specs.h"
 
 namespace palpate::baselines::option {
 
-using Conditions = std::vector<OptionCondition>;
-
-[[nodiscard]] inline OptionSpec number(std::string key, std::string value, std::string help, double low,
-                                       double high, Conditions only_with = {},
-                                       OptionKind kind = OptionKind::kNumber) {
-  return {std::move(key), kind, std::move(value), std::move(help), {}, low, high, std::move(only_with)};
-}
-[[nodiscard]] inline OptionSpec integer(std::string key, std::string value, std::string help, double low,
-                                        double high, Conditions only_with = {}) {
-  return number(std::move(key), std::move(value), std::move(help), low, high, std::move(only_with),
-                OptionKind::kInteger);
-}
-[[nodiscard]] inline OptionSpec choice(std::string key, std::string value, std::string help,
-                                       std::vector<std::string> choices, Conditions only_with = {},
-                                       OptionKind kind = OptionKind::kChoice) {
-  OptionSpec spec{std::move(key), kind, std::move(value), std::move(help), std::move(choices)};
-  spec.only_with = std::move(only_with);
-  return spec;
-}
-[[nodiscard]] inline OptionSpec flag(std::string key, std::string value, std::string help,
-                                     Conditions only_with = {}) {
-  return choice(std::move(key), std::move(value), std::move(help), {}, std::move(only_with),
-                OptionKind::kFlag);
-}
+using palpate::option::choice, palpate::option::Conditions, palpate::option::flag, palpate::option::integer,
+    palpate::option::number;
 
 /// The option `key`, a length in the rival's unit, which acts where `key`_mm is 0.
 [[nodiscard]] inline OptionSpec in_spacings(const std::string& key, std::string value, std::string help,

@@ -9,6 +9,7 @@
 #include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/core/option_specs.h"
 #include "toolkit/core/statistics.h"
 #include "toolkit/geometry/triangle_meshes.h"
 
@@ -41,31 +42,16 @@ Random place_random(std::uint64_t seed, std::size_t index) {
 
 std::vector<OptionSpec> with_shared_options(std::vector<OptionSpec> own) {
   std::vector<OptionSpec> specs = {
-      {"points", OptionKind::kInteger, "0", "number of points; 0: by spacing", {}, 0, kMaxGeneratedPoints},
-      {"spacing",
-       OptionKind::kNumber,
-       "1",
-       "of points, in median edges of the mesh",
-       {},
-       1e-3,
-       1e3,
-       {{"points", {"0"}}}},
-      {"subdivide",
-       OptionKind::kInteger,
-       "0",
-       "times that Loop's subdivision smooths the mesh first",
-       {},
-       0,
-       kMaxSubdivisions},
-      {"noise",
-       OptionKind::kNumber,
-       "0",
-       "standard deviation in spacings: along the facet's normal, of a scan "
-       "along the ray",
-       {},
-       0,
-       100},
-      {"seed", OptionKind::kInteger, "1", "of what is by chance", {}, 0, 1e18}};
+      option::integer("points", "0", "number of points; 0: by spacing", 0, kMaxGeneratedPoints),
+      option::number("spacing", "1", "of points, in median edges of the mesh", 1e-3, 1e3,
+                     {{"points", {"0"}}}),
+      option::integer("subdivide", "0", "times that Loop's subdivision smooths the mesh first", 0,
+                      kMaxSubdivisions),
+      option::number("noise", "0",
+                     "standard deviation in spacings: along the facet's normal, of a scan "
+                     "along the ray",
+                     0, 100),
+      option::integer("seed", "1", "of what is by chance", 0, 1e18)};
   for (OptionSpec& spec : own) specs.push_back(std::move(spec));
   return specs;
 }

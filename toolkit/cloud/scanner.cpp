@@ -10,6 +10,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/cloud/sampling.h"
+#include "toolkit/core/option_specs.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
 
@@ -145,32 +146,15 @@ void measure(const std::vector<Return>& returns, std::size_t side, const ScanVie
 
 std::vector<OptionSpec> scanner_specs(const std::vector<OptionCondition>& only_with) {
   return {
-      {"views", OptionKind::kInteger, "1", "places of the scanner, around the model", {}, 1, 100, only_with},
-      {"bias",
-       OptionKind::kNumber,
-       "0",
-       "ranges read longer by so many spacings at 60 degrees of incidence",
-       {},
-       -100,
-       100,
-       only_with},
-      {"dropout", OptionKind::kNumber, "0", "share of the rays that return nothing", {}, 0, 0.9, only_with},
-      {"flying",
-       OptionKind::kNumber,
-       "0",
-       "share of the points that hang in the air, behind edges first",
-       {},
-       0,
-       0.9,
-       only_with},
-      {"registration",
-       OptionKind::kNumber,
-       "0",
-       "error of each view's place and turn: standard deviation in spacings",
-       {},
-       0,
-       100,
-       only_with},
+      option::integer("views", "1", "places of the scanner, around the model", 1, 100, only_with),
+      option::number("bias", "0", "ranges read longer by so many spacings at 60 degrees of incidence", -100,
+                     100, only_with),
+      option::number("dropout", "0", "share of the rays that return nothing", 0, 0.9, only_with),
+      option::number("flying", "0", "share of the points that hang in the air, behind edges first", 0, 0.9,
+                     only_with),
+      option::number("registration", "0",
+                     "error of each view's place and turn: standard deviation in spacings", 0, 100,
+                     only_with),
   };
 }
 

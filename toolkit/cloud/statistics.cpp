@@ -265,13 +265,8 @@ Cloud random_subset(const Cloud& cloud, std::size_t count, std::uint64_t seed) {
     kept.resize(count);
     std::sort(kept.begin(), kept.end());
   }
-  Cloud some;
-  some.origin_mm = cloud.origin_mm;
-  for (const std::uint32_t i : kept) {
-    some.x_mm.push_back(cloud.x_mm[i]);
-    some.y_mm.push_back(cloud.y_mm[i]);
-    some.z_mm.push_back(cloud.z_mm[i]);
-  }
+  Cloud some = subset_of(cloud, kept);
+  some.properties.clear();
   return some;
 }
 

@@ -7,6 +7,8 @@
 #include <map>
 #include <system_error>
 
+#include <palpate/options.h>
+
 namespace palpate {
 namespace {
 
@@ -18,14 +20,9 @@ constexpr std::string_view kModuleEnding = ".so";
 
 std::vector<fs::path> plugin_folders() {
   std::vector<fs::path> folders;
-  if (const char* named = std::getenv("PALPATE_PLUGINS")) {
-    const std::string text = named;
-    for (std::size_t at = 0; at <= text.size();) {
-      const std::size_t end = std::min(text.find(':', at), text.size());
-      if (end > at) folders.emplace_back(text.substr(at, end - at));
-      at = end + 1;
-    }
-  }
+  if (const char* named = std::getenv("PALPATE_PLUGINS"))
+    for (const std::string& folder : split_list(named, ':'))
+      if (!folder.empty()) folders.emplace_back(folder);
   std::error_code none;
   const fs::path program = fs::read_symlink("/proc/self/exe", none);
   if (!none) folders.push_back(program.parent_path().parent_path() / "lib/palpate/plugins");
@@ -67,6 +64,8 @@ Result<std::shared_ptr<void>> load_module(const fs::path& file) {
                file.string()};
 }
 
-void* exported(void* module, const char* name) noexcept { return ::dlsym(module, name); }
+void* exported(void* module, const char* name) noexcept {
+  return ::dlsym(module, name);
+}
 
 }  // namespace palpate

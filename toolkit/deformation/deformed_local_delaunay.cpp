@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/deformation/movable_points.h"
 #include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/local_delaunay/planar_voronoi_cell.h"
 
@@ -20,12 +19,10 @@ DeformedLocalDelaunay::DeformedLocalDelaunay(local_delaunay::LocalDelaunayMesh& 
                                              local_delaunay::BlockBvh& tree, SurfaceField& surface,
                                              std::size_t spare_points, int threads)
     : stars_(mesh, tree, spare_points, threads), surface_(&surface) {
-  built_ = used_ = stars_.built();
-  most_ = stars_.most();
-  place_of_.resize(built_);
-  for (std::uint32_t place = 0; place < built_; ++place) place_of_[mesh.order()[place]] = place;
-  first_.resize(most_);
-  for (std::uint32_t place = 0; place < built_; ++place) {
+  place_of_.resize(built());
+  for (std::uint32_t place = 0; place < built(); ++place) place_of_[mesh.order()[place]] = place;
+  first_.resize(most());
+  for (std::uint32_t place = 0; place < built(); ++place) {
     const Vec3 p = mesh.at(place);
     const std::span<const std::uint32_t> around = links(place);
     double sum = 0.0, longest = 0.0;
@@ -37,7 +34,7 @@ DeformedLocalDelaunay::DeformedLocalDelaunay(local_delaunay::LocalDelaunayMesh& 
     const double count = around.empty() ? 1.0 : static_cast<double>(around.size());
     first_[place] = {p.cast<float>(), static_cast<float>(sum / count), static_cast<float>(longest)};
   }
-  if (!surface.by_point.empty()) surface.by_point.resize(most_, surface.by_point.front());
+  if (!surface.by_point.empty()) surface.by_point.resize(most(), surface.by_point.front());
 }
 
 void DeformedLocalDelaunay::update_dependents(std::span<const MovedPoint> moved, UndoJournal& journal,
@@ -76,7 +73,6 @@ bool DeformedLocalDelaunay::infer_between(std::uint32_t a, std::uint32_t b, Undo
   if (!middle.cast<float>().allFinite()) return false;
   const std::uint32_t place = stars_.split(a, b);
   if (place == local_delaunay::kNoPlace) return false;
-  used_ = stars_.used();
   const First &first_a = first_[a], &first_b = first_[b];
   first_[place] = {0.5f * (first_a.at + first_b.at), 0.5f * (first_a.mean_mm + first_b.mean_mm),
                    0.5f * (first_a.longest_mm + first_b.longest_mm)};
@@ -94,13 +90,12 @@ bool DeformedLocalDelaunay::infer_between(std::uint32_t a, std::uint32_t b, Undo
 }
 
 void DeformedLocalDelaunay::remove_last(MoveWatcher& watcher) noexcept {
-  const std::uint32_t place = used_ - 1;
+  const std::uint32_t place = used() - 1;
   const auto [a, b] = stars_.parents(place);
   const Vec3 from = at(place);
   set(place, (0.5 * (at(a) + at(b))).cast<float>());
   watcher.point_moved(place, from, at(place));
   stars_.undo_split();
-  used_ = stars_.used();
 }
 
 std::size_t DeformedLocalDelaunay::bytes() const noexcept {

@@ -32,7 +32,7 @@ DeformerCapacity deformer_capacity(std::size_t points) noexcept {
   return room;
 }
 
-Deformer::Deformer(MovablePoints& points, std::size_t journal_points)
+Deformer::Deformer(DeformedLocalDelaunay& points, std::size_t journal_points)
     : points_(&points), journal_(points, journal_points), seen_(points.most()) {
   begin_stroke();
 }

@@ -19,7 +19,7 @@
 #include <palpate/motion.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
-#include "toolkit/deformation/movable_points.h"
+#include "toolkit/deformation/deformed_local_delaunay.h"
 
 namespace palpate::render {
 
@@ -45,7 +45,7 @@ struct DeformerCapacity {
 class Deformer {
  public:
   /// `points` outlive this.
-  Deformer(MovablePoints& points, std::size_t journal_points);
+  Deformer(DeformedLocalDelaunay& points, std::size_t journal_points);
 
   /// What is changed from now on is undone together.
   void begin_stroke() noexcept { journal_.begin_stroke(); }
@@ -133,7 +133,7 @@ class Deformer {
   void update_dependents(MoveWatcher& watcher) noexcept;
   [[nodiscard]] std::size_t collect(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept;
 
-  MovablePoints* points_;
+  DeformedLocalDelaunay* points_;
   UndoJournal journal_;
   std::vector<std::uint64_t> seen_;  ///< by place: the search that saw it last
   std::uint64_t searches_ = 0;
@@ -152,8 +152,8 @@ class Deformer {
 class DeformationState {
  public:
   /// Before the frames. `prepared_box_mm`: local, what the broad phase knows.
-  void begin(const ModelInput& input, std::unique_ptr<MovablePoints> points, std::size_t journal_points,
-             const geometry::Aabb& prepared_box_mm) {
+  void begin(const ModelInput& input, std::unique_ptr<DeformedLocalDelaunay> points,
+             std::size_t journal_points, const geometry::Aabb& prepared_box_mm) {
     points_ = std::move(points);
     deformer_ = std::make_unique<Deformer>(*points_, journal_points);
     dent_ = input.surface.dent;
@@ -207,7 +207,7 @@ class DeformationState {
     return std::max(dent_.radius_mm, kMinRadiusResolutions * deformer_->initial_resolution_mm(place));
   }
 
-  std::unique_ptr<MovablePoints> points_;
+  std::unique_ptr<DeformedLocalDelaunay> points_;
   std::unique_ptr<Deformer> deformer_;
   surface::Dent dent_;
   std::shared_ptr<MoveReader> moves_;  ///< or null

@@ -133,5 +133,10 @@ class FaceBuilder {
 [[nodiscard]] Result<DecodedFile> read_obj(const ReaderInput& input);
 [[nodiscard]] Result<DecodedFile> read_off(const ReaderInput& input);
 [[nodiscard]] Result<DecodedFile> read_pfm(const ReaderInput& input);
+/// STL, binary and as text: its triangles as the file's own mesh. Each facet lists its own corners, so
+/// corners at bit-identical places become one vertex; facets that lose a corner by it, or have one that is
+/// not finite, are dropped and counted. A text begins with "solid", which some binary files do too: the size
+/// decides first. STL has no unit.
+[[nodiscard]] Result<DecodedFile> read_stl(const ReaderInput& input);
 
 }  // namespace palpate::io

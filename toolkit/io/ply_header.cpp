@@ -21,31 +21,28 @@ constexpr std::size_t kMaxPlyHeaderBytes = std::size_t{1} << 20;
 constexpr std::size_t kMaxProperties = 4096;
 constexpr std::size_t kMaxElements = 256;
 
-struct TypeName {
-  std::string_view name;
-  PlyScalar type;
+/// Both names of each PlyScalar, and its bytes, in its order.
+struct PlyType {
+  std::array<std::string_view, 2> names;
+  std::uint32_t bytes;
 };
-constexpr std::array<TypeName, 16> kTypes{{{"char", PlyScalar::kInt8},
-                                           {"int8", PlyScalar::kInt8},
-                                           {"uchar", PlyScalar::kUint8},
-                                           {"uint8", PlyScalar::kUint8},
-                                           {"short", PlyScalar::kInt16},
-                                           {"int16", PlyScalar::kInt16},
-                                           {"ushort", PlyScalar::kUint16},
-                                           {"uint16", PlyScalar::kUint16},
-                                           {"int", PlyScalar::kInt32},
-                                           {"int32", PlyScalar::kInt32},
-                                           {"uint", PlyScalar::kUint32},
-                                           {"uint32", PlyScalar::kUint32},
-                                           {"float", PlyScalar::kFloat32},
-                                           {"float32", PlyScalar::kFloat32},
-                                           {"double", PlyScalar::kFloat64},
-                                           {"float64", PlyScalar::kFloat64}}};
+constexpr std::array<PlyType, 8> kPlyTypes{{{{"char", "int8"}, 1},
+                                            {{"uchar", "uint8"}, 1},
+                                            {{"short", "int16"}, 2},
+                                            {{"ushort", "uint16"}, 2},
+                                            {{"int", "int32"}, 4},
+                                            {{"uint", "uint32"}, 4},
+                                            {{"float", "float32"}, 4},
+                                            {{"double", "float64"}, 8}}};
+/// The header's and our own name of each PlyFormat, in its order.
+constexpr std::array<std::array<std::string_view, 2>, 3> kPlyFormats{
+    {{"ascii", "PLY, ASCII"},
+     {"binary_little_endian", "PLY, binary little-endian"},
+     {"binary_big_endian", "PLY, binary big-endian"}}};
 
 std::optional<PlyScalar> type_of(std::string_view name) {
-  for (const TypeName& row : kTypes) {
-    if (row.name == name) return row.type;
-  }
+  for (std::size_t i = 0; i < kPlyTypes.size(); ++i)
+    if (name == kPlyTypes[i].names[0] || name == kPlyTypes[i].names[1]) return static_cast<PlyScalar>(i);
   return std::nullopt;
 }
 
@@ -56,16 +53,12 @@ Error malformed_ply(std::string what) {
 Status parse_format(std::string_view rest, PlyHeader& header) {
   const std::string_view name = next_token(rest);
   const std::string_view version = next_token(rest);
-  if (name == "ascii") {
-    header.format = PlyFormat::kAscii;
-  } else if (name == "binary_little_endian") {
-    header.format = PlyFormat::kLittleEndian;
-  } else if (name == "binary_big_endian") {
-    header.format = PlyFormat::kBigEndian;
-  } else {
+  const auto* const found =
+      std::find_if(kPlyFormats.begin(), kPlyFormats.end(), [&](const auto& row) { return row[0] == name; });
+  if (found == kPlyFormats.end())
     return malformed_ply(
         fmt::format("the format {} is not ascii, binary_little_endian or binary_big_endian", shown(name)));
-  }
+  header.format = static_cast<PlyFormat>(found - kPlyFormats.begin());
   if (version != "1.0") return malformed_ply(fmt::format("the version {} is not 1.0", shown(version)));
   return Done{};
 }
@@ -148,68 +141,44 @@ Status check_promises(const PlyHeader& header, const BufferedInput& in) {
   return Done{};
 }
 
-template <class U>
-U load(const std::byte* at, bool swap) noexcept {
-  U bits;
-  std::memcpy(&bits, at, sizeof bits);
-  if constexpr (sizeof(U) == sizeof(std::uint16_t)) return swap ? __builtin_bswap16(bits) : bits;
-  if constexpr (sizeof(U) == sizeof(std::uint32_t)) return swap ? __builtin_bswap32(bits) : bits;
-  if constexpr (sizeof(U) == sizeof(std::uint64_t)) return swap ? __builtin_bswap64(bits) : bits;
-  return bits;
+template <class T>
+double load(const std::byte* at, bool swap) noexcept {
+  std::array<std::byte, sizeof(T)> bytes;
+  std::memcpy(bytes.data(), at, sizeof(T));
+  if (swap) std::reverse(bytes.begin(), bytes.end());
+  return static_cast<double>(std::bit_cast<T>(bytes));
 }
 
 }  // namespace
 
 std::uint32_t ply_bytes(PlyScalar type) noexcept {
-  switch (type) {
-    case PlyScalar::kInt8:
-    case PlyScalar::kUint8:
-      return 1;
-    case PlyScalar::kInt16:
-    case PlyScalar::kUint16:
-      return sizeof(std::uint16_t);
-    case PlyScalar::kInt32:
-    case PlyScalar::kUint32:
-    case PlyScalar::kFloat32:
-      return sizeof(std::uint32_t);
-    case PlyScalar::kFloat64:
-      break;
-  }
-  return sizeof(std::uint64_t);
+  return kPlyTypes[static_cast<std::size_t>(type)].bytes;
 }
 
 double ply_value(PlyScalar type, const std::byte* at, bool swap) noexcept {
   switch (type) {
     case PlyScalar::kInt8:
-      return static_cast<double>(std::bit_cast<std::int8_t>(load<std::uint8_t>(at, false)));
+      return load<std::int8_t>(at, swap);
     case PlyScalar::kUint8:
-      return static_cast<double>(load<std::uint8_t>(at, false));
+      return load<std::uint8_t>(at, swap);
     case PlyScalar::kInt16:
-      return static_cast<double>(std::bit_cast<std::int16_t>(load<std::uint16_t>(at, swap)));
+      return load<std::int16_t>(at, swap);
     case PlyScalar::kUint16:
-      return static_cast<double>(load<std::uint16_t>(at, swap));
+      return load<std::uint16_t>(at, swap);
     case PlyScalar::kInt32:
-      return static_cast<double>(std::bit_cast<std::int32_t>(load<std::uint32_t>(at, swap)));
+      return load<std::int32_t>(at, swap);
     case PlyScalar::kUint32:
-      return static_cast<double>(load<std::uint32_t>(at, swap));
+      return load<std::uint32_t>(at, swap);
     case PlyScalar::kFloat32:
-      return static_cast<double>(std::bit_cast<float>(load<std::uint32_t>(at, swap)));
+      return load<float>(at, swap);
     case PlyScalar::kFloat64:
       break;
   }
-  return std::bit_cast<double>(load<std::uint64_t>(at, swap));
+  return load<double>(at, swap);
 }
 
 std::string format_name(PlyFormat format) {
-  switch (format) {
-    case PlyFormat::kAscii:
-      return "PLY, ASCII";
-    case PlyFormat::kLittleEndian:
-      return "PLY, binary little-endian";
-    case PlyFormat::kBigEndian:
-      break;
-  }
-  return "PLY, binary big-endian";
+  return std::string(kPlyFormats[static_cast<std::size_t>(format)][1]);
 }
 
 bool PlyElement::has_lists() const noexcept {

@@ -17,7 +17,8 @@
 #include "toolkit/io/las_header.h"
 #include "toolkit/io/pcd_header.h"
 #include "toolkit/io/ply_header.h"
-#include "toolkit/io/point_stream_formats.h"
+#include "toolkit/io/read_e57.h"
+#include "toolkit/io/read_las.h"
 #include "toolkit/io/read_ptx.h"
 
 namespace palpate::io {
@@ -247,11 +248,11 @@ Result<std::unique_ptr<PointStream>> open_stream(const std::string& path, int th
     case StreamFormat::kLas:
       return las_stream(std::move(file), path, threads);
     case StreamFormat::kE57:
-      return open_e57_stream(path);
+      return e57_stream(std::move(file), path);
     case StreamFormat::kPtx:
-      return open_ptx_stream(path);
+      return ptx_stream(std::move(file), path);
     case StreamFormat::kPts:
-      return open_pts_stream(path);
+      return pts_stream(std::move(file), path);
     case StreamFormat::kPly:
       return ply_stream(std::move(file), path);
     case StreamFormat::kPcd:

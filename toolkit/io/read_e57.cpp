@@ -7,8 +7,6 @@
 #include <limits>
 #include <utility>
 
-#include "toolkit/io/point_stream_formats.h"
-
 namespace palpate::io {
 namespace {
 
@@ -198,12 +196,6 @@ Result<std::unique_ptr<PointStream>> e57_stream(std::unique_ptr<RandomAccess> fi
   Result<E57Reader> reader = E57Reader::open(*file, false);
   if (!reader) return std::move(reader).error().in_file(name);
   return std::unique_ptr<PointStream>(std::make_unique<E57Stream>(std::move(file), name, std::move(*reader)));
-}
-
-Result<std::unique_ptr<PointStream>> open_e57_stream(const std::string& path) {
-  Result<std::unique_ptr<RandomAccess>> file = open_random_access(path);
-  if (!file) return std::move(file).error().in_file(path);
-  return e57_stream(std::move(*file), path);
 }
 
 Result<DecodedFile> read_e57(const ReaderInput& input) {

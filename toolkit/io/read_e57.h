@@ -83,8 +83,8 @@ class E57Reader {
   std::array<std::vector<float>, kE57Properties.size()> values_;
 };
 
-/// Points in pieces; open_e57_stream() of a path stands in toolkit/io/point_stream_formats.h. The header's
-/// points are the records, of which invalid ones are left out. `name` is for messages.
+/// Points in pieces. The header's points are the records, of which invalid ones are left out. `name` is for
+/// messages.
 [[nodiscard]] Result<std::unique_ptr<PointStream>> e57_stream(std::unique_ptr<RandomAccess> file,
                                                               const std::string& name);
 

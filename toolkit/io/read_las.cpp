@@ -10,7 +10,6 @@
 #include "toolkit/core/bytes.h"
 #include "toolkit/io/las_header.h"
 #include "toolkit/io/las_points.h"
-#include "toolkit/io/point_stream_formats.h"
 
 namespace palpate::io {
 namespace {

@@ -1,6 +1,7 @@
-// LAS and LAZ files as a whole, for models that fit into memory; point_stream.h has them in pieces.
+// LAS and LAZ files: as a whole, for models that fit into memory, and in pieces.
 #pragma once
 
+#include <memory>
 #include <string>
 
 #include <palpate/progress.h>
@@ -8,6 +9,7 @@
 #include <palpate/result.h>
 #include "toolkit/io/byte_source.h"
 #include "toolkit/io/decoding.h"
+#include "toolkit/io/point_stream.h"
 
 namespace palpate::io {
 
@@ -19,5 +21,9 @@ namespace palpate::io {
 
 /// The same as a Reader (read_model.h), from bytes that come one after the other: they are held as a whole.
 [[nodiscard]] Result<DecodedFile> read_las_bytes(const ReaderInput& input);
+
+/// Points in pieces. `threads` decode chunks of LAZ; 0 is all of the machine's. `name` is for messages.
+[[nodiscard]] Result<std::unique_ptr<PointStream>> las_stream(std::unique_ptr<RandomAccess> file,
+                                                              const std::string& name, int threads);
 
 }  // namespace palpate::io

@@ -13,7 +13,6 @@
 #include "toolkit/io/read_e57.h"
 #include "toolkit/io/read_las.h"
 #include "toolkit/io/read_ptx.h"
-#include "toolkit/io/read_stl.h"
 
 namespace palpate::io {
 namespace {

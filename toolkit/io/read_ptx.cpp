@@ -12,7 +12,6 @@
 
 #include "toolkit/core/csv_dialect.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/io/point_stream_formats.h"
 #include "toolkit/io/scan_rows.h"
 
 namespace palpate::io {
@@ -244,13 +243,6 @@ std::unique_ptr<ScanRows> make_rows(ByteSource& bytes) {
   return std::make_unique<Rows>(bytes);
 }
 
-template <class Rows>
-Result<std::unique_ptr<PointStream>> stream_of_path(const std::string& path) {
-  Result<std::unique_ptr<RandomAccess>> file = open_random_access(path);
-  if (!file) return std::move(file).error().in_file(path);
-  return stream_scan_rows(std::move(*file), path, make_rows<Rows>);
-}
-
 }  // namespace
 
 bool starts_as_ptx(std::string_view front) {
@@ -281,12 +273,6 @@ Result<std::unique_ptr<PointStream>> ptx_stream(std::unique_ptr<RandomAccess> fi
 }
 Result<std::unique_ptr<PointStream>> pts_stream(std::unique_ptr<RandomAccess> file, const std::string& name) {
   return stream_scan_rows(std::move(file), name, make_rows<PtsRows>);
-}
-Result<std::unique_ptr<PointStream>> open_ptx_stream(const std::string& path) {
-  return stream_of_path<PtxRows>(path);
-}
-Result<std::unique_ptr<PointStream>> open_pts_stream(const std::string& path) {
-  return stream_of_path<PtsRows>(path);
 }
 
 Result<DecodedFile> read_ptx(const ReaderInput& input) {

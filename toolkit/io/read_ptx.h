@@ -1,6 +1,5 @@
 // Text of terrestrial scanners, in metres by convention: PTX (each scan a grid with the scanner's pose) and
-// PTS (a count, then rows of x y z, with intensity and colour where there are more columns). Streams of
-// paths, open_ptx_stream() and open_pts_stream(), stand in toolkit/io/point_stream_formats.h.
+// PTS (a count, then rows of x y z, with intensity and colour where there are more columns).
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-#include "toolkit/io/read_stl.h"
+#include "toolkit/io/decoding.h"
 
 #include <fmt/format.h>
 

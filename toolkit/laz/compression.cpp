@@ -7,7 +7,6 @@
 #include "toolkit/core/bytes.h"
 #include "toolkit/laz/arithmetic_decoder.h"
 #include "toolkit/laz/field_decoders.h"
-#include "toolkit/laz/number_decoder.h"
 
 namespace palpate::laz {
 namespace {

@@ -1,8 +1,119 @@
 #include "toolkit/laz/field_decoders.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace palpate::laz {
+namespace {
+
+constexpr std::uint32_t kWordBits = 32;
+
+}  // namespace
+
+NumberDecoder::NumberDecoder(std::uint32_t bits, std::size_t contexts)
+    : bits_(bits), lengths_(contexts, bits + 1), leading_(bits) {}
+
+std::int32_t NumberDecoder::decode(ArithmeticDecoder& decoder, std::int32_t predicted, std::size_t context) {
+  const std::uint32_t k = last_bits_ = decoder.symbol(lengths_[context]);
+  std::int32_t difference = std::numeric_limits<std::int32_t>::min();  // the only one of 32 bits
+  if (k == 0) {
+    difference = decoder.bit(zero_or_one_) ? 1 : 0;
+  } else if (k < kWordBits) {
+    SymbolModel& model = leading_[k - 1];
+    if (model.empty()) model = SymbolModel(1u << std::min(k, kLearntBits));
+    std::uint32_t code = decoder.symbol(model);
+    if (k > kLearntBits) code = code << (k - kLearntBits) | decoder.bits(k - kLearntBits);
+    // The lower half of the codes are -(2^k - 1) to -2^(k-1), the upper 2^(k-1) + 1 to 2^k.
+    code += (code >> (k - 1)) != 0 ? 1u : 1u - (1u << k);
+    difference = static_cast<std::int32_t>(code);
+  }
+  const std::int32_t sum = wrapped_sum(predicted, difference);
+  if (bits_ == kWordBits) return sum;
+  const std::int32_t range = std::int32_t{1} << bits_;
+  return sum < 0 ? sum + range : sum >= range ? sum - range : sum;
+}
+
+void RunningMedian::add(std::int32_t number) noexcept {
+  if (drop_largest_) {
+    drop_largest_ = number < get();
+    std::size_t at = kNumbers - 1;
+    for (; at > 0 && number < sorted_[at - 1]; --at) sorted_[at] = sorted_[at - 1];
+    sorted_[at] = number;
+  } else {
+    drop_largest_ = !(get() < number);
+    std::size_t at = 0;
+    for (; at + 1 < kNumbers && sorted_[at + 1] < number; ++at) sorted_[at] = sorted_[at + 1];
+    sorted_[at] = number;
+  }
+}
+
+namespace {
+
+// Contexts of y and z: whether the pulse has one return, and how many bits the step before had, in twos and
+// up to a limit.
+constexpr std::uint32_t kMostYBits = 20, kMostZBits = 18;
+constexpr std::size_t kXContexts = 2, kYContexts = kMostYBits + 2, kZContexts = kMostZBits + 2;
+
+// By count of returns and number of the return. What is sound lies at and below the diagonal; the rest are
+// files that count from 0, or know only one of the two.
+constexpr std::uint8_t kKindsOf8[8][8] = {
+    {15, 14, 13, 12, 11, 10, 9, 8},  {14, 0, 1, 3, 6, 10, 10, 9},    {13, 1, 2, 4, 7, 11, 11, 10},
+    {12, 3, 4, 5, 8, 12, 12, 11},    {11, 6, 7, 8, 9, 13, 13, 12},   {10, 10, 11, 12, 13, 14, 14, 13},
+    {9, 10, 11, 12, 13, 14, 15, 14}, {8, 9, 10, 11, 12, 13, 14, 15},
+};
+constexpr std::uint8_t kKindsOf16[16][16] = {
+    {0, 1, 2, 3, 4, 5, 3, 4, 4, 5, 5, 5, 5, 5, 5, 5}, {1, 0, 1, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3},
+    {2, 1, 2, 4, 4, 4, 4, 4, 4, 4, 4, 3, 3, 3, 3, 3}, {3, 3, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4},
+    {4, 3, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4}, {5, 3, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4},
+    {3, 3, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4, 4}, {4, 3, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4, 4},
+    {4, 3, 4, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4, 4}, {5, 3, 4, 4, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4, 4},
+    {5, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 4, 4, 4, 4, 4}, {5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 4, 4, 4},
+    {5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 4, 4}, {5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 4},
+    {5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5}, {5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5},
+};
+
+std::size_t bits_context(std::uint32_t bits, std::uint32_t most, bool single) noexcept {
+  return (bits < most ? bits & ~1u : most) + (single ? 1u : 0u);
+}
+
+}  // namespace
+
+std::size_t return_kind_of_8(std::uint32_t count, std::uint32_t number) noexcept {
+  return kKindsOf8[count][number];
+}
+
+std::size_t return_kind_of_16(std::uint32_t count, std::uint32_t number) noexcept {
+  return kKindsOf16[count][number];
+}
+
+std::size_t return_level(std::uint32_t count, std::uint32_t number) noexcept {
+  return std::min<std::size_t>(count > number ? count - number : number - count, kReturnLevels - 1);
+}
+
+PositionDecoder::PositionDecoder(std::size_t kinds, std::int32_t height)
+    : x_medians_(kinds),
+      y_medians_(kinds),
+      x_steps_(32, kXContexts),
+      y_steps_(32, kYContexts),
+      heights_(32, kZContexts) {
+  height_at_.fill(height);
+}
+
+void PositionDecoder::next(ArithmeticDecoder& steps, ArithmeticDecoder* heights, std::size_t kind,
+                           std::size_t level, bool single, GridPosition& position) {
+  const std::int32_t x = x_steps_.decode(steps, x_medians_[kind].get(), single ? 1 : 0);
+  x_medians_[kind].add(x);
+  position.x = wrapped_sum(position.x, x);
+  const std::int32_t y =
+      y_steps_.decode(steps, y_medians_[kind].get(), bits_context(x_steps_.last_bits(), kMostYBits, single));
+  y_medians_[kind].add(y);
+  position.y = wrapped_sum(position.y, y);
+  if (heights == nullptr) return;
+  const std::uint32_t bits = (x_steps_.last_bits() + y_steps_.last_bits()) / 2;
+  position.z = heights_.decode(*heights, height_at_[level], bits_context(bits, kMostZBits, single));
+  height_at_[level] = position.z;
+}
+
 namespace {
 
 // Symbols of a step in multiples of the usual one: 0 to 500; then -1 to -10; then, in the pointwise

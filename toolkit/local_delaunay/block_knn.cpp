@@ -37,6 +37,7 @@ struct Search {
   std::span<const std::uint32_t> blocks;
 };
 
+/// Without `rank` and `thin`, candidates are sorted: the same neighbours.
 struct SearchKernels {
   /// Appends the places within the limit, in ascending order, with their squares.
   std::size_t (*sieve)(const Search& search, float* key, std::uint32_t* place);
@@ -62,30 +63,7 @@ std::size_t sieve(const Search& s, float* key, std::uint32_t* place) {
   return count;
 }
 
-void rank(const float* key, std::size_t count, std::uint32_t* rank) {
-  for (std::size_t k = 0; k < count; ++k) {
-    std::uint32_t before = 0;
-    for (std::size_t j = 0; j < k; ++j) before += static_cast<std::uint32_t>(key[j] <= key[k]);
-    for (std::size_t j = k + 1; j < count; ++j) before += static_cast<std::uint32_t>(key[j] < key[k]);
-    rank[k] = before;
-  }
-}
-
-std::size_t thin(float* key, std::uint32_t* place, std::size_t count, float limit, std::size_t most) {
-  std::size_t within = 0;
-  for (std::size_t k = 0; k < count; ++k) within += static_cast<std::size_t>(key[k] <= limit);
-  if (within <= most) return count;
-  std::size_t kept = 0;
-  for (std::size_t k = 0; k < count; ++k) {
-    const float square = key[k];
-    key[kept] = square;
-    place[kept] = place[k];
-    kept += static_cast<std::size_t>(square <= limit);
-  }
-  return kept;
-}
-
-constexpr SearchKernels kKernels = {sieve, rank, thin};
+constexpr SearchKernels kKernels = {sieve, nullptr, nullptr};
 
 }  // namespace portable
 
@@ -183,13 +161,14 @@ void choose(std::uint32_t self, std::size_t count, std::size_t most, float limit
     out.square[out.size] = square;
     out.place[out.size++] = place;
   };
-  if (count > most + kThinned && limit < kNowhere) {
+  const SearchKernels& kernels = search_kernels();
+  if (kernels.thin != nullptr && count > most + kThinned && limit < kNowhere) {
     const float share = static_cast<float>(most + kToSpare) / static_cast<float>(count);
-    count = search_kernels().thin(scratch.key.data(), scratch.place.data(), count, limit * share, most);
+    count = kernels.thin(scratch.key.data(), scratch.place.data(), count, limit * share, most);
   }
-  if (count <= kMostRanked) {
+  if (kernels.rank != nullptr && count <= kMostRanked) {
     std::fill_n(scratch.key.begin() + static_cast<std::ptrdiff_t>(count), kLanes, kNowhere);
-    search_kernels().rank(scratch.key.data(), count, scratch.rank.data());
+    kernels.rank(scratch.key.data(), count, scratch.rank.data());
     std::array<float, kMostRanked> square;
     std::array<std::uint32_t, kMostRanked> place;
     for (std::size_t k = 0; k < count; ++k) {

@@ -9,6 +9,7 @@
 #include <palpate/geometry.h>
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/statistics.h"
+#include "toolkit/geometry/broad_phase.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::local_delaunay {
@@ -266,90 +267,67 @@ double spacing_in(const Aabb& tile) noexcept {
   return tile.extent_mm().maxCoeff() / (kTile - 1);
 }
 
-/// Boxes of tiles, of 2 x 2 tiles, and so on up to one.
-class TileTree {
+/// The raster cut into tiles, with their boxes.
+class Tiles {
  public:
-  TileTree(const cloud::Cloud& cloud, const RasterGrid& grid, int threads) : cloud_(cloud), grid_(grid) {
+  Tiles(const cloud::Cloud& cloud, const RasterGrid& grid, int threads)
+      : cloud_(cloud),
+        grid_(grid),
+        rows_((grid.rows() + kTile - 1) / kTile),
+        columns_((grid.columns() + kTile - 1) / kTile),
+        box_(std::size_t{rows_} * columns_) {
     const double down_sq = grid.typical_step_sq(cloud, 1, 0), across_sq = grid.typical_step_sq(cloud, 0, 1);
     const double longer_sq = std::max(down_sq, across_sq);
     if (longer_sq > 0.0) {
       const double share = kMaxShortSideShare * std::sqrt(std::min(down_sq, across_sq) / longer_sq);
       near_share_ = std::min(1.0, share);
     }
-    Level tiles((grid.rows() + kTile - 1) / kTile, (grid.columns() + kTile - 1) / kTile);
-    parallel_each(tiles.rows, 1, threads, [&](std::size_t row) {
-      for (std::uint32_t column = 0; column < tiles.columns; ++column)
-        tiles.at(static_cast<std::uint32_t>(row), column) = box_of(static_cast<std::uint32_t>(row), column);
+    parallel_each<std::uint32_t>(box_.size(), columns_, threads, [&](std::uint32_t tile) {
+      for (const Aabb& part : parts_of(tile)) box_[tile].add(part);
     });
-    levels_.push_back(std::move(tiles));
-    while (levels_.back().box.size() > 1) levels_.push_back(above(levels_.back()));
+    tree_ = geometry::AabbTree(count(), [this](std::uint32_t tile) { return box_[tile]; });
   }
-  [[nodiscard]] std::uint32_t rows() const noexcept { return levels_.front().rows; }
-  [[nodiscard]] std::uint32_t columns() const noexcept { return levels_.front().columns; }
+  [[nodiscard]] std::uint32_t count() const noexcept { return static_cast<std::uint32_t>(box_.size()); }
 
   /// True if the tile is near a non-adjacent one.
-  [[nodiscard]] bool is_overlapped(std::uint32_t row, std::uint32_t column) const {
-    const Aabb& own = levels_.front().at(row, column);
-    const double near_mm = near_share_ * spacing_in(own);
-    const Aabb query = own.grown(near_mm);
-    struct Node {
-      std::size_t level;
-      std::uint32_t row, column;
-    };
-    std::vector<Node> open = {{levels_.size() - 1, 0, 0}};
-    while (!open.empty()) {
-      const Node node = open.back();
-      open.pop_back();
-      if (!levels_[node.level].at(node.row, node.column).overlaps(query)) continue;
-      if (node.level == 0) {
-        const bool next = is_next(row, node.row, rows(), grid_.rows_wrap()) &&
-                          is_next(column, node.column, columns(), grid_.columns_wrap());
-        if (!next && are_near(parts_of(row, column), parts_of(node.row, node.column), near_mm)) return true;
-        continue;
-      }
-      const Level& below = levels_[node.level - 1];
-      for (std::uint32_t r = 2 * node.row; r < std::min(2 * node.row + 2, below.rows); ++r)
-        for (std::uint32_t c = 2 * node.column; c < std::min(2 * node.column + 2, below.columns); ++c)
-          open.push_back({node.level - 1, r, c});
-    }
-    return false;
+  [[nodiscard]] bool is_overlapped(std::uint32_t tile) const {
+    const double near_mm = near_share_ * spacing_in(box_[tile]);
+    const Aabb query = box_[tile].grown(near_mm);
+    const Parts own = parts_of(tile);
+    bool found = false;
+    tree_.visit([&](const Aabb& box) { return !found && box.overlaps(query); },
+                [&](std::uint32_t other) {
+                  const bool next =
+                      is_next(tile / columns_, other / columns_, rows_, grid_.rows_wrap()) &&
+                      is_next(tile % columns_, other % columns_, columns_, grid_.columns_wrap());
+                  found = found || (!next && are_near(own, parts_of(other), near_mm));
+                });
+    return found;
   }
 
- private:
-  struct Level {
-    std::uint32_t rows, columns;
-    std::vector<Aabb> box;
-    Level(std::uint32_t r, std::uint32_t c) : rows(r), columns(c), box(std::size_t{r} * c) {}
-    [[nodiscard]] Aabb& at(std::uint32_t row, std::uint32_t column) noexcept {
-      return box[std::size_t{row} * columns + column];
-    }
-    [[nodiscard]] const Aabb& at(std::uint32_t row, std::uint32_t column) const noexcept {
-      return box[std::size_t{row} * columns + column];
-    }
-  };
-
-  using Parts = std::array<Aabb, kParts>;
-
-  /// Empty without points or past the raster's end.
-  [[nodiscard]] Parts parts_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
-    Parts parts;
-    const std::uint32_t first_row = tile_row * kTile, first_column = tile_column * kTile;
+  /// Calls visit(slot, point) for the tile's points.
+  template <class Visit>
+  void visit(std::uint32_t tile, const Visit& visit) const {
+    const std::uint32_t first_row = tile / columns_ * kTile, first_column = tile % columns_ * kTile;
     const std::uint32_t last_row = std::min(first_row + kTile, grid_.rows());
     const std::uint32_t last_column = std::min(first_column + kTile, grid_.columns());
     for (std::uint32_t row = first_row; row < last_row; ++row)
-      for (std::uint32_t column = first_column; column < last_column; ++column) {
-        const std::uint32_t i = grid_.point(row, column);
-        if (i == kNoPlace) continue;
-        const std::uint32_t part =
-            (row - first_row) / kPart * (kTile / kPart) + (column - first_column) / kPart;
-        parts[part].add(cloud_.local_mm(i));
-      }
-    return parts;
+      for (std::uint32_t column = first_column; column < last_column; ++column)
+        if (const std::uint32_t i = grid_.point(row, column); i != kNoPlace)
+          visit(std::size_t{row} * grid_.columns() + column, i);
   }
-  [[nodiscard]] Aabb box_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
-    Aabb box;
-    for (const Aabb& part : parts_of(tile_row, tile_column)) box.add(part);
-    return box;
+
+ private:
+  using Parts = std::array<Aabb, kParts>;
+
+  /// Empty without points or past the raster's end.
+  [[nodiscard]] Parts parts_of(std::uint32_t tile) const noexcept {
+    Parts parts;
+    visit(tile, [&](std::size_t slot, std::uint32_t point) {
+      const std::size_t row = slot / grid_.columns() % kTile, column = slot % grid_.columns() % kTile;
+      parts[row / kPart * (kTile / kPart) + column / kPart].add(cloud_.local_mm(point));
+    });
+    return parts;
   }
   static bool are_near(const Parts& one, const Parts& other, double near_mm) noexcept {
     for (const Aabb& part : one) {
@@ -359,13 +337,6 @@ class TileTree {
     }
     return false;
   }
-  static Level above(const Level& below) {
-    Level level((below.rows + 1) / 2, (below.columns + 1) / 2);
-    for (std::uint32_t row = 0; row < below.rows; ++row)
-      for (std::uint32_t column = 0; column < below.columns; ++column)
-        level.at(row / 2, column / 2).add(below.at(row, column));
-    return level;
-  }
   /// Where a turn ends the last tile may be one row wide, so the last but one is adjacent too.
   static bool is_next(std::uint32_t one, std::uint32_t other, std::uint32_t count, bool wraps) noexcept {
     const std::uint32_t apart = std::max(one, other) - std::min(one, other);
@@ -374,26 +345,20 @@ class TileTree {
 
   const cloud::Cloud& cloud_;
   const RasterGrid& grid_;
-  double near_share_ = 1.0;    ///< of a tile's longer spacing
-  std::vector<Level> levels_;  ///< level 0: tiles; the last level has one box
+  double near_share_ = 1.0;  ///< of a tile's longer spacing
+  std::uint32_t rows_, columns_;
+  std::vector<Aabb> box_;
+  geometry::AabbTree tree_;
 };
 
 }  // namespace
 
 void mark_overlaps(const cloud::Cloud& cloud, const RasterGrid& grid, int threads,
                    std::vector<std::uint8_t>& doubtful) {
-  const TileTree tree(cloud, grid, threads);
-  const std::uint32_t columns = tree.columns();
-  const std::size_t tiles = std::size_t{tree.rows()} * columns;
-  parallel_each(tiles, kTilesAtOnce, threads, [&](std::size_t tile) {
-    const auto tile_row = static_cast<std::uint32_t>(tile / columns);
-    const auto tile_column = static_cast<std::uint32_t>(tile % columns);
-    if (!tree.is_overlapped(tile_row, tile_column)) return;
-    const std::uint32_t last_row = std::min((tile_row + 1) * kTile, grid.rows());
-    const std::uint32_t last_column = std::min((tile_column + 1) * kTile, grid.columns());
-    for (std::uint32_t row = tile_row * kTile; row < last_row; ++row)
-      for (std::uint32_t column = tile_column * kTile; column < last_column; ++column)
-        if (grid.point(row, column) != kNoPlace) doubtful[std::size_t{row} * grid.columns() + column] = 1;
+  const Tiles tiles(cloud, grid, threads);
+  parallel_each<std::uint32_t>(tiles.count(), kTilesAtOnce, threads, [&](std::uint32_t tile) {
+    if (tiles.is_overlapped(tile))
+      tiles.visit(tile, [&](std::size_t slot, std::uint32_t) { doubtful[slot] = 1; });
   });
 }
 

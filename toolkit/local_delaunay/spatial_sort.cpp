@@ -102,12 +102,13 @@ SortedPoints in_groups(const cloud::Cloud& cloud, const Index& index, int thread
   places.point.resize(n);
   places.order.resize(n);
   parallel_chunks(n, kChunk, threads, [&](std::size_t first, std::size_t last) {
+    std::array<GroupPoint, kGroupPoints> room;
     for (std::size_t begin = first; begin < last; begin += kGroupPoints) {
       const std::size_t end = std::min(begin + kGroupPoints, last);
-      SplitGroup group;
+      const std::span<GroupPoint> group = std::span(room).first(end - begin);
       for (std::size_t k = begin; k < end; ++k) {
         const std::uint32_t i = index(k);
-        group.add(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], i);
+        group[k - begin] = {coordinates(cloud, i), i, static_cast<std::uint32_t>(k - begin)};
       }
       // Prefetches the next group, scattered in memory for unordered points.
       for (std::size_t k = end; k < std::min(end + kGroupPoints, last); ++k) {
@@ -118,9 +119,9 @@ SortedPoints in_groups(const cloud::Cloud& cloud, const Index& index, int thread
       }
       split_at_medians(group);
       for (std::size_t k = begin; k < end; ++k) {
-        const std::size_t of = k - begin;
-        places.point[k] = {group.at[0][of], group.at[1][of], group.at[2][of], 0.0F};
-        places.order[k] = group.index[of];
+        const GroupPoint& p = group[k - begin];
+        places.point[k] = {p.at[0], p.at[1], p.at[2], 0.0F};
+        places.order[k] = p.index;
       }
     }
   });
@@ -142,6 +143,32 @@ std::uint32_t rows_of_tile(const cloud::Cloud& cloud, const RasterGrid& grid) {
 }
 
 }  // namespace
+
+void split_at_medians(std::span<GroupPoint> group) noexcept {
+  const std::size_t blocks = (group.size() + kBlockPlaces - 1) / kBlockPlaces;
+  if (blocks < 2) {
+    std::sort(group.begin(), group.end(),
+              [](const GroupPoint& a, const GroupPoint& b) { return a.place < b.place; });
+    return;
+  }
+  std::array<float, 3> low = group[0].at, high = low;
+  for (const GroupPoint& p : group)
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      low[axis] = std::min(low[axis], p.at[axis]);
+      high[axis] = std::max(high[axis], p.at[axis]);
+    }
+  std::size_t longest = 0;
+  for (std::size_t axis = 1; axis < 3; ++axis)
+    if (high[axis] - low[axis] > high[longest] - low[longest]) longest = axis;
+  const std::size_t left = (blocks + 1) / 2 * kBlockPlaces;
+  std::nth_element(group.begin(), group.begin() + static_cast<std::ptrdiff_t>(left), group.end(),
+                   [longest](const GroupPoint& a, const GroupPoint& b) {
+                     if (a.at[longest] != b.at[longest]) return a.at[longest] < b.at[longest];
+                     return a.at != b.at ? a.at < b.at : a.index < b.index;
+                   });
+  split_at_medians(group.first(left));
+  split_at_medians(group.subspan(left));
+}
 
 SortedPoints spatial_sort(const cloud::Cloud& cloud, int threads) {
   const std::size_t n = cloud.size();

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "toolkit/core/hardware.h"
@@ -42,25 +43,15 @@ struct SortedPoints {
 /// groups only blocks across a group's middle can.
 inline constexpr std::size_t kGroupPoints = 512;
 
-/// Coordinates and cloud indices of a group.
-struct alignas(32) SplitGroup {
-  static constexpr std::size_t kRoom = kGroupPoints + kLanes;  ///< whole lanes are read and written
-  std::array<std::array<float, kRoom>, 3> at;
-  std::array<std::uint32_t, kRoom> index;
-  std::size_t size = 0;
-
-  void add(float x, float y, float z, std::uint32_t i) noexcept {
-    at[0][size] = x;
-    at[1][size] = y;
-    at[2][size] = z;
-    index[size++] = i;
-  }
+/// A point of a group.
+struct GroupPoint {
+  std::array<float, 3> at;
+  std::uint32_t index;  ///< in the cloud
+  std::uint32_t place;  ///< in the group as it came
 };
 
 /// Halves the group across its longest side, recursively down to kBlockPlaces. Ties go by the other
 /// coordinates, then the index. Blocks keep the input order, so all processors and standard libraries agree.
-void split_at_medians(SplitGroup& group) noexcept;
-/// The same without wide lanes, for tests.
-void split_at_medians_scalar(SplitGroup& group) noexcept;
+void split_at_medians(std::span<GroupPoint> group) noexcept;
 
 }  // namespace palpate::local_delaunay

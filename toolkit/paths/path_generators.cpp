@@ -6,6 +6,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/core/messages.h"
+#include "toolkit/core/option_specs.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/paths/hand.h"
 #include "toolkit/paths/path_shapes.h"
@@ -80,27 +81,22 @@ enum Shared : unsigned { kPeriod = 1, kSeed = 2, kSpeed = 4, kFrom = 8, kPlace =
 
 std::vector<OptionSpec> options_of(unsigned shared, std::vector<OptionSpec> own = {}) {
   std::vector<OptionSpec> specs = {
-      {"frames", OptionKind::kInteger, "50000", "number of positions", {}, 1, kMaxFrames},
-      {"rate_hz", OptionKind::kNumber, "1000", "positions a second", {}, 1e-3, 1e6},
-      {"depth_mm", OptionKind::kNumber, "2", "deepest below the surface, mm", {}, 0, 1e150},
-      {"clearance_mm", OptionKind::kNumber, "0.4", "highest above the surface, mm", {}, 0, 1e150}};
+      option::integer("frames", "50000", "number of positions", 1, kMaxFrames),
+      option::number("rate_hz", "1000", "positions a second", 1e-3, 1e6),
+      option::number("depth_mm", "2", "deepest below the surface, mm", 0, 1e150),
+      option::number("clearance_mm", "0.4", "highest above the surface, mm", 0, 1e150)};
   if ((shared & kPeriod) != 0)
-    specs.push_back(
-        {"period_frames", OptionKind::kNumber, "900", "frames from one entry to the next", {}, 2, 1e9});
+    specs.push_back(option::number("period_frames", "900", "frames from one entry to the next", 2, 1e9));
   if ((shared & kSpeed) != 0)
-    specs.push_back(
-        {"speed_mm_s", OptionKind::kNumber, "50", "speed along the surface, mm/s", {}, 1e-150, 1e150});
+    specs.push_back(option::number("speed_mm_s", "50", "speed along the surface, mm/s", 1e-150, 1e150));
   if ((shared & kSeed) != 0)
-    specs.push_back({"seed", OptionKind::kInteger, "1", "of what is chosen by chance", {}, 0, 1e18});
+    specs.push_back(option::integer("seed", "1", "of what is chosen by chance", 0, 1e18));
   if ((shared & kPlace) != 0)
     for (const char* key : {"u", "v"})
-      specs.push_back({key, OptionKind::kNumber, "0.4", "where, 0 to 1 across the model", {}, 0, 1});
+      specs.push_back(option::number(key, "0.4", "where, 0 to 1 across the model", 0, 1));
   if ((shared & kFrom) != 0)
-    specs.push_back({"from",
-                     OptionKind::kChoice,
-                     "auto",
-                     "models without a formula: the side they are seen from",
-                     {"auto", "x", "-x", "y", "-y", "z", "-z"}});
+    specs.push_back(option::choice("from", "auto", "models without a formula: the side they are seen from",
+                                   {"auto", "x", "-x", "y", "-y", "z", "-z"}));
   specs.insert(specs.end(), own.begin(), own.end());
   return specs;
 }
@@ -109,15 +105,9 @@ std::vector<OptionSpec> options_of(unsigned shared, std::vector<OptionSpec> own 
 std::vector<OptionSpec> strokes_options() {
   std::vector<OptionSpec> specs = options_of(
       kPeriod | kSeed | kFrom,
-      {{"slowest_mm_s", OptionKind::kNumber, "0.1", "mm/s", {}, 1e-150, 1e150},
-       {"fastest_mm_s",
-        OptionKind::kNumber,
-        "200",
-        "mm/s; of impacts, and of all that is free",
-        {},
-        1e-150,
-        1e150},
-       {"impacts", OptionKind::kNumber, "0.25", "share of the strokes that hit the surface", {}, 0, 1}});
+      {option::number("slowest_mm_s", "0.1", "mm/s", 1e-150, 1e150),
+       option::number("fastest_mm_s", "200", "mm/s; of impacts, and of all that is free", 1e-150, 1e150),
+       option::number("impacts", "0.25", "share of the strokes that hit the surface", 0, 1)});
   for (OptionSpec& spec : specs) {
     if (spec.key == "clearance_mm") {
       spec.default_value = "2";
@@ -130,13 +120,13 @@ std::vector<OptionSpec> strokes_options() {
 }
 
 std::vector<OptionSpec> hand_options() {
-  return {{"frames", OptionKind::kInteger, "50000", "number of positions", {}, 1, kMaxFrames},
-          {"rate_hz", OptionKind::kNumber, "1000", "positions a second", {}, 1, 1e6},
-          {"force_n", OptionKind::kNumber, "0.6", "the hardest press, N", {}, 1e-150, 1e150},
-          {"slowest_mm_s", OptionKind::kNumber, "15", "slowest stroke, mm/s", {}, 1e-150, 1e150},
-          {"fastest_mm_s", OptionKind::kNumber, "60", "fastest stroke, mm/s", {}, 1e-150, 1e150},
-          {"bandwidth_hz", OptionKind::kNumber, "8", "what the arm follows, Hz", {}, 0.1, 1000},
-          {"seed", OptionKind::kInteger, "1", "of what is chosen by chance", {}, 0, 1e18}};
+  return {option::integer("frames", "50000", "number of positions", 1, kMaxFrames),
+          option::number("rate_hz", "1000", "positions a second", 1, 1e6),
+          option::number("force_n", "0.6", "the hardest press, N", 1e-150, 1e150),
+          option::number("slowest_mm_s", "15", "slowest stroke, mm/s", 1e-150, 1e150),
+          option::number("fastest_mm_s", "60", "fastest stroke, mm/s", 1e-150, 1e150),
+          option::number("bandwidth_hz", "8", "what the arm follows, Hz", 0.1, 1000),
+          option::integer("seed", "1", "of what is chosen by chance", 0, 1e18)};
 }
 
 std::vector<PathGenerator> make_generators() {
@@ -151,11 +141,10 @@ std::vector<PathGenerator> make_generators() {
       {"weave", "along a Lissajous curve, in and out of the surface", follows,
        "weave:frames=20000:depth_mm=1", options_of(curve | kSeed)},
       {"raster", "line by line and back, in and out of the surface", follows, "raster:lines=8:speed_mm_s=100",
-       options_of(curve, {{"lines", OptionKind::kInteger, "20", "number of lines", {}, 1, 1e6}})},
+       options_of(curve, {option::integer("lines", "20", "number of lines", 1, 1e6)})},
       {"spiral", "in from the rim to the middle and out again, in and out of the surface", follows,
        "spiral:turns=4",
-       options_of(curve,
-                  {{"turns", OptionKind::kNumber, "10", "turns from the rim to the middle", {}, 0.1, 1e6}})},
+       options_of(curve, {option::number("turns", "10", "turns from the rim to the middle", 0.1, 1e6)})},
       {"strokes", "far off, down at one of many speeds, along the surface, and off again; some hit it",
        follows, "strokes:frames=60000:fastest_mm_s=100", strokes_options()},
       {"tap", "in and out along the normal of one place", follows, "tap:frames=9000:u=0.5:v=0.5",
@@ -164,23 +153,17 @@ std::vector<PathGenerator> make_generators() {
        "slide:depth_mm=1:u=0.2", std::move(slide_options)},
       {"hold", "down along the normal of one place in half a period, then still", follows,
        "hold:frames=5000:tremor_mm=0.05",
-       options_of(
-           kPeriod | kPlace | kFrom,
-           {{"tremor_mm", OptionKind::kNumber, "0", "amplitude of a 10 Hz tremor, mm", {}, 0, 1e150}})},
+       options_of(kPeriod | kPlace | kFrom,
+                  {option::number("tremor_mm", "0", "amplitude of a 10 Hz tremor, mm", 0, 1e150)})},
       {"hand", "a simulated hand that presses, drags, lifts and taps by what it feels of the model",
        "any; it feels the formula, the faces, or else what the plan takes for the points",
        "hand:frames=20000:seed=7", hand_options()},
       {"exploration",
        "wherever the surface leads, in and out, pushed on where no force would let a hand: see hand",
        "any; only by the points, and by the faces where outside is", "exploration:frames=20000:seed=7",
-       options_of(kPeriod | kSeed, {{"slowest_mm_s", OptionKind::kNumber, "10", "mm/s", {}, 1e-150, 1e150},
-                                    {"fastest_mm_s",
-                                     OptionKind::kNumber,
-                                     "50",
-                                     "mm/s; the HIP never exceeds it",
-                                     {},
-                                     1e-150,
-                                     1e150}})},
+       options_of(kPeriod | kSeed,
+                  {option::number("slowest_mm_s", "10", "mm/s", 1e-150, 1e150),
+                   option::number("fastest_mm_s", "50", "mm/s; the HIP never exceeds it", 1e-150, 1e150)})},
   };
 }
 
@@ -211,12 +194,10 @@ Result<GeneratedPath> make_generated(Result<std::vector<Vec3>> path, std::string
 }
 
 Result<GeneratedPath> exploration_path(const Options& o, const PathTiming& timing, const PathTarget& target) {
-  const ExplorationOptions options{
-      timing.frames,   timing.rate_hz,      o.number("slowest_mm_s"), o.number("fastest_mm_s"),
-      timing.depth_mm, timing.clearance_mm, timing.period_frames,     timing.seed};
-  if (options.slowest_mm_s > options.fastest_mm_s)
+  const double slowest_mm_s = o.number("slowest_mm_s"), fastest_mm_s = o.number("fastest_mm_s");
+  if (slowest_mm_s > fastest_mm_s)
     return Error{"exploration: slowest_mm_s is more than fastest_mm_s", "exchange them"};
-  return make_generated(explore(target, options));
+  return make_generated(explore(target, timing, slowest_mm_s, fastest_mm_s));
 }
 
 Result<GeneratedPath> simulated_hand_path(const Options& o, const PathTarget& target) {

@@ -335,18 +335,19 @@ std::optional<PathStart> outermost(const cloud::Cloud& cloud, const FitSearch& f
 
 /// The walk and the HIP above it, relative to the cloud's origin, starting at `hip`.
 std::vector<Vec3> follow_walk(Walk walk, Vec3 hip, const FitSearch& fitting, double tightest_turn_mm,
-                              const ExplorationOptions& options, Random& random) {
-  const double dt_s = 1.0 / options.rate_hz, farthest = options.fastest_mm_s * dt_s;
+                              const PathTiming& timing, double slowest_mm_s, double fastest_mm_s,
+                              Random& random) {
+  const double dt_s = 1.0 / timing.rate_hz, farthest = fastest_mm_s * dt_s;
   // Three unrelated slow phases: of the speed and two bends.
   double phases[3];
   for (double& phase : phases) phase = 2.0 * std::numbers::pi * random.uniform();
-  const double middle = 0.5 * (options.fastest_mm_s + options.slowest_mm_s);
-  const double swing = 0.5 * (options.fastest_mm_s - options.slowest_mm_s);
+  const double middle = 0.5 * (fastest_mm_s + slowest_mm_s);
+  const double swing = 0.5 * (fastest_mm_s - slowest_mm_s);
   std::vector<Vec3> path;
-  path.reserve(options.frames);
-  for (std::size_t k = 0; k < options.frames; ++k) {
+  path.reserve(timing.frames);
+  for (std::size_t k = 0; k < timing.frames; ++k) {
     path.push_back(hip);
-    const double turn = 2.0 * std::numbers::pi * static_cast<double>(k) / options.period_frames;
+    const double turn = 2.0 * std::numbers::pi * static_cast<double>(k) / timing.period_frames;
     // Wobbles that never repeat together: golden section and root of two.
     const double length = dt_s * (middle + swing * std::sin(turn / std::numbers::phi + phases[0]));
     const double bend = 0.5 *
@@ -354,8 +355,7 @@ std::vector<Vec3> follow_walk(Walk walk, Vec3 hip, const FitSearch& fitting, dou
                          std::sin(0.5 * turn / std::numbers::phi + phases[2])) /
                         tightest_turn_mm;
     take_step(walk, fitting, length, bend * length, random);
-    const double offset = 0.5 * (options.depth_mm + options.clearance_mm) * std::cos(turn) -
-                          0.5 * (options.depth_mm - options.clearance_mm);
+    const double offset = timing.offset_mm(k);
     const double height = offset < 0.0 ? -retreat_from_surface(walk, fitting, -offset) : offset;
     const Vec3 wish = walk.on_surface + height * walk.normal - hip;
     hip += wish.norm() > farthest ? Vec3(wish * (farthest / wish.norm())) : wish;
@@ -374,17 +374,18 @@ Result<PathStart> find_start_outside(const PathTarget& target, const FitSearch& 
                "clean the scan first (`palpate clean`), or give a path file"};
 }
 
-Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOptions& options) {
+Result<std::vector<Vec3>> explore(const PathTarget& target, const PathTiming& timing, double slowest_mm_s,
+                                  double fastest_mm_s) {
   const cloud::Cloud& cloud = *target.cloud;
   if (cloud.size() < kMinInBall) return Error{"the cloud has too few points to explore", "give at least 16"};
   const geometry::Aabb box = cloud.box_mm();
   PALPATE_ASSIGN(FitSearch fitting, choose_fit_radius(cloud, box));
-  Random random(options.seed);
-  PALPATE_ASSIGN(const PathStart start, find_start_outside(target, fitting, options.clearance_mm, random));
+  Random random(timing.seed);
+  PALPATE_ASSIGN(const PathStart start, find_start_outside(target, fitting, timing.clearance_mm, random));
   const Walk walk{start.on_surface, start.normal,
                   any_tangent(start.normal, 2.0 * std::numbers::pi * random.uniform())};
-  std::vector<Vec3> path =
-      follow_walk(walk, start.hip, fitting, kTightestTurnPerBox * box.extent_mm().norm(), options, random);
+  std::vector<Vec3> path = follow_walk(walk, start.hip, fitting, kTightestTurnPerBox * box.extent_mm().norm(),
+                                       timing, slowest_mm_s, fastest_mm_s, random);
   for (Vec3& p : path) p += cloud.origin_mm;
   return path;
 }

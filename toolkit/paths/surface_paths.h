@@ -31,16 +31,6 @@ struct VisiblePoint {
 [[nodiscard]] Result<std::vector<Vec3>> slide_over(const VisibleSurface& seen, const VisiblePoint& start,
                                                    const PathTiming& timing);
 
-/// Options of `exploration`, validated.
-struct ExplorationOptions {
-  std::size_t frames = 0;
-  double rate_hz = 0.0;
-  double slowest_mm_s = 0.0, fastest_mm_s = 0.0;
-  double depth_mm = 0.0, clearance_mm = 0.0;
-  double period_frames = 0.0;
-  std::uint64_t seed = 0;
-};
-
 /// The start of a path over points, relative to the cloud's origin: the outermost surface place in a
 /// direction that is certainly outside (up for height fields, the open side of an open mesh, random for
 /// closed ones), and a HIP above it clear of all points.
@@ -54,6 +44,7 @@ struct PathStart {
 /// A point walks over the cloud along a slowly turning heading. After each step it is projected to the plane
 /// fitted to the points around (smooth weights), keeping the normal's side; where points end it turns. The
 /// HIP is offset along the normal between clearance and -depth, at most at fastest_mm_s.
-[[nodiscard]] Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOptions& options);
+[[nodiscard]] Result<std::vector<Vec3>> explore(const PathTarget& target, const PathTiming& timing,
+                                                double slowest_mm_s, double fastest_mm_s);
 
 }  // namespace palpate::paths

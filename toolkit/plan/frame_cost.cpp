@@ -19,7 +19,6 @@
 #include "toolkit/core/files.h"
 #include "toolkit/core/hardware.h"
 #include "toolkit/core/hash.h"
-#include "toolkit/core/instruction_counter.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/machine_info.h"
@@ -386,32 +385,6 @@ Result<FrameCost> estimate_frame_cost(const CostQuery& expected, const render::R
   }
   slowest.bytes_share = std::move(bytes_share);
   return slowest;
-}
-
-Result<CountedFrames> count_frame_instructions(const CostQuery& expected, const render::Registry& registry,
-                                               int threads) {
-  CountedFrames counted;
-  {
-    PALPATE_ASSIGN(const SampledPieces sampled, sample_pieces(expected, 0, registry));
-    for (std::size_t k = 0; k < sampled.pieces.size(); ++k) {
-      const Piece& piece = sampled.pieces[k];
-      const std::string part = fmt::format("{} {}", kExpectedPart, k);
-      piece.restart();
-      begin_counting();
-      piece.step(0, piece.path.size());
-      end_counting(part.c_str());
-      counted.expected += piece.path.size();
-    }
-  }
-  PALPATE_ASSIGN(const Prepared whole,
-                 prepare_whole(expected.scene, expected.renderer, registry, expected.path, threads));
-  PALPATE_TRY(trace::replay(*whole.renderer, whole.path));  // runs one-time work first
-  whole.restart();
-  begin_counting();
-  whole.step(0, whole.path.size());
-  end_counting(kMeasuredPart);
-  counted.measured = whole.path.size();
-  return counted;
 }
 
 }  // namespace palpate::plan

@@ -123,14 +123,4 @@ struct CostQuery {
 [[nodiscard]] Result<FrameCost> estimate_frame_cost(const CostQuery& expected,
                                                     const render::Registry& registry, const Machine& machine);
 
-/// Instructions per frame, all frames, for comparison where times are unreliable. Under callgrind the first
-/// model's pieces are counted as parts "expected ..", the whole as "measured"; returns the frames of each.
-struct CountedFrames {
-  std::size_t expected = 0, measured = 0;
-};
-inline constexpr const char* kExpectedPart = "expected";
-inline constexpr const char* kMeasuredPart = "measured";
-[[nodiscard]] Result<CountedFrames> count_frame_instructions(const CostQuery& expected,
-                                                             const render::Registry& registry, int threads);
-
 }  // namespace palpate::plan

@@ -9,6 +9,7 @@
 #include <palpate/model_store.h>
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
+#include "toolkit/core/option_specs.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
@@ -76,69 +77,44 @@ void fill_points(const cloud::Cloud& cloud, const search::NeighbourTable& table,
 }  // namespace
 
 std::vector<OptionSpec> point_model_specs(bool complete_to_eight) {
-  using enum OptionKind;
   std::vector<std::string> names = {"auto"};
   for (const search::NeighbourBuilder& builder : search::neighbour_builders()) names.push_back(builder.name);
   return {
-      {"neighbours", kChoice, "auto",
-       "how neighbours are found; auto: the scanner's path where the cloud is a raster", std::move(names)},
-      {"complete",
-       kFlag,
-       complete_to_eight ? "true" : "false",
-       "modified kNN completes to eight neighbours; false: as printed, which finds fewer where its cubes do",
-       {},
-       0,
-       0,
-       {{"neighbours", {"auto", "modified-knn"}}}},
-      {"box",
-       kChoice,
-       "global",
-       "vertex boxes: one size, or per vertex",
-       {"global", "per-vertex", "per-vertex-cube"}},
-      {"box_mm",
-       kNumber,
-       "0",
-       "edge of the global box in mm; 0: the cloud's resolution",
-       {},
-       0.0,
-       1e12,
-       {{"box", {"global"}}}},
-      {"resolution_mm", kNumber, "0", "the cloud's resolution in mm; 0: measured", {}, 0.0, 1e12},
-      {"cell",
-       kNumber,
-       "5",
-       "grid cell edge in resolutions; 0: five times the median local resolution, at least half the cloud's",
-       {},
-       0.0,
-       1000.0},
+      option::choice("neighbours", "auto",
+                     "how neighbours are found; auto: the scanner's path where the cloud is a raster",
+                     std::move(names)),
+      option::flag("complete", complete_to_eight ? "true" : "false",
+                   "modified kNN completes to eight neighbours; false: as printed, which finds fewer where "
+                   "its cubes do",
+                   {{"neighbours", {"auto", "modified-knn"}}}),
+      option::choice("box", "global", "vertex boxes: one size, or per vertex",
+                     {"global", "per-vertex", "per-vertex-cube"}),
+      option::number("box_mm", "0", "edge of the global box in mm; 0: the cloud's resolution", 0.0, 1e12,
+                     {{"box", {"global"}}}),
+      option::number("resolution_mm", "0", "the cloud's resolution in mm; 0: measured", 0.0, 1e12),
+      option::number("cell", "5",
+                     "grid cell edge in resolutions; 0: five times the median local resolution, at least "
+                     "half the cloud's",
+                     0.0, 1000.0),
   };
 }
 
 std::vector<OptionSpec> box_test_specs() {
-  using enum OptionKind;
   return {
-      {"test",
-       kChoice,
-       "box",
-       "vertex boxes against the probe's segment (box) or a sphere swept along it (3.1.4's second remedy)",
-       {"box", "swept-sphere"}},
-      {"sphere_mm",
-       kNumber,
-       "0",
-       "radius of the swept sphere in mm; 0: half a box's edge",
-       {},
-       0.0,
-       1e12,
-       {{"test", {"swept-sphere"}}}},
+      option::choice(
+          "test", "box",
+          "vertex boxes against the probe's segment (box) or a sphere swept along it (3.1.4's second remedy)",
+          {"box", "swept-sphere"}),
+      option::number("sphere_mm", "0", "radius of the swept sphere in mm; 0: half a box's edge", 0.0, 1e12,
+                     {{"test", {"swept-sphere"}}}),
   };
 }
 
 OptionSpec partition_spec() {
-  return {"partition",
-          OptionKind::kChoice,
-          "grid",
-          "how boxes near the probe are found: uniform grid, octree of ten points a leaf, or 3D quadtree",
-          {"grid", "octree", "quadtree"}};
+  return option::choice(
+      "partition", "grid",
+      "how boxes near the probe are found: uniform grid, octree of ten points a leaf, or 3D quadtree",
+      {"grid", "octree", "quadtree"});
 }
 
 std::size_t PointModel::partition_bytes() const noexcept {

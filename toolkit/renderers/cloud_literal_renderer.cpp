@@ -3,6 +3,7 @@
 #include <memory>
 
 #include <palpate/result.h>
+#include "toolkit/core/option_specs.h"
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/shading.h"
 #include "toolkit/renderers/literal_model.h"
@@ -92,7 +93,6 @@ class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
 }  // namespace
 
 RendererInfo cloud_literal_info() {
-  using enum OptionKind;
   RendererInfo info;
   info.name = "cloud-literal";
   info.summary = "chapter 3 of the thesis as printed, defects included";
@@ -102,26 +102,18 @@ RendererInfo cloud_literal_info() {
   info.options = point_model_specs(false);
   for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));
-  info.options.push_back({"cells",
-                          kChoice,
-                          "sampled",
-                          "cells searched: sampled as printed (a swept sphere: all crossed), all crossed, or "
-                          "adjacent ones too",
-                          {"sampled", "crossed", "adjacent"}});
   info.options.push_back(
-      {"exit_test",
-       kChoice,
-       "figure",
-       "what figure 42 tests on the way out: the sphere (figure) or the god object (text of 3.2.4)",
-       {"figure", "text"}});
-  info.options.push_back({"count_missed",
-                          kFlag,
-                          "false",
-                          "count cells that the printed sampling skips (slower)",
-                          {},
-                          0.0,
-                          0.0,
-                          {{"cells", {"sampled"}}, {"test", {"box"}}}});
+      option::choice("cells", "sampled",
+                     "cells searched: sampled as printed (a swept sphere: all crossed), all crossed, or "
+                     "adjacent ones too",
+                     {"sampled", "crossed", "adjacent"}));
+  info.options.push_back(option::choice(
+      "exit_test", "figure",
+      "what figure 42 tests on the way out: the sphere (figure) or the god object (text of 3.2.4)",
+      {"figure", "text"}));
+  info.options.push_back(option::flag("count_missed", "false",
+                                      "count cells that the printed sampling skips (slower)",
+                                      {{"cells", {"sampled"}}, {"test", {"box"}}}));
   info.make = [](const Options& options) { return std::make_unique<CloudLiteral>(options); };
   return info;
 }

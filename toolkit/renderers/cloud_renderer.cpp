@@ -9,6 +9,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
+#include "toolkit/core/option_specs.h"
 #include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 #include "toolkit/render/frame_loop_renderer.h"
@@ -323,41 +324,26 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
 };
 
 std::vector<OptionSpec> cloud_specs() {
-  using enum OptionKind;
   return {
-      {"combine",
-       kChoice,
-       "joint",
-       "several models touched at once: constrained jointly, or the sum of their forces",
-       {"joint", "sum"}},
-      {"sides",
-       kChoice,
-       "auto",
-       "of a piece that encloses a volume but for holes: the one where the replay begins "
-       "is felt (auto), or both, as of a vase",
-       {"auto", "both"}},
-      {"refine",
-       kInteger,
-       "0",
-       "times that every triangle is cut into four on curves through the points: half the "
-       "error and four times the memory each",
-       {},
-       0.0,
-       static_cast<double>(local_delaunay::kMaxRefinement)},
-      {"raster",
-       kChoice,
-       "auto",
-       "triangles are read from the rows and columns of a scan where its cells are a "
-       "surface (auto), or made as of any points (off)",
-       {"auto", "off"}},
-      {"walk_steps",
-       kInteger,
-       fmt::format("{}", local_delaunay::kMaxFacetMoves),
-       "moves of the god object from facet to facet in a frame, at most; what is left is done "
-       "in the next",
-       {},
-       16.0,
-       4096.0},
+      option::choice("combine", "joint",
+                     "several models touched at once: constrained jointly, or the sum of their forces",
+                     {"joint", "sum"}),
+      option::choice("sides", "auto",
+                     "of a piece that encloses a volume but for holes: the one where the replay begins "
+                     "is felt (auto), or both, as of a vase",
+                     {"auto", "both"}),
+      option::integer("refine", "0",
+                      "times that every triangle is cut into four on curves through the points: half the "
+                      "error and four times the memory each",
+                      0.0, static_cast<double>(local_delaunay::kMaxRefinement)),
+      option::choice("raster", "auto",
+                     "triangles are read from the rows and columns of a scan where its cells are a "
+                     "surface (auto), or made as of any points (off)",
+                     {"auto", "off"}),
+      option::integer("walk_steps", fmt::format("{}", local_delaunay::kMaxFacetMoves),
+                      "moves of the god object from facet to facet in a frame, at most; what is left is done "
+                      "in the next",
+                      16.0, 4096.0),
   };
 }
 

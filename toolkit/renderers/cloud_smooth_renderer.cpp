@@ -8,6 +8,7 @@
 #include <utility>
 
 #include <palpate/result.h>
+#include "toolkit/core/option_specs.h"
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/surface_response.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
@@ -224,48 +225,30 @@ RendererInfo cloud_smooth_info() {
   info.supports = CloudSmooth::kSupportedFeatures;
   const SplineSdfOptions standard;
   info.options = {
-      {"detail",
-       OptionKind::kNumber,
-       fmt::format("{}", standard.detail),
-       "standard errors of the measured noise before a deviation counts as shape; lower keeps more",
-       {},
-       0.5,
-       10.0},
-      {"voxel",
-       OptionKind::kNumber,
-       fmt::format("{}", standard.voxel_spacings),
-       "edge of the spline's cells, in spacings of the points; smaller is sharper at creases and larger in "
-       "memory",
-       {},
-       0.5,
-       8.0},
-      {"sides",
-       OptionKind::kChoice,
-       "auto",
-       "of a piece that encloses a volume but for holes: the one where the replay begins is felt (auto), or "
-       "both, as of a vase",
-       {"auto", "both"}},
-      {"walk_steps",
-       OptionKind::kInteger,
-       fmt::format("{}", kMaxNewtonSteps),
-       "steps of the god object in a frame, at most; what is left is done in the next",
-       {},
-       4.0,
-       256.0},
-      {"level",
-       OptionKind::kInteger,
-       "0",
-       "of a prepared file: which of its surfaces is felt; 0 is the finest, `palpate info` lists them",
-       {},
-       0.0,
-       15.0},
-      {"resident_mb",
-       OptionKind::kInteger,
-       std::to_string(kResidentBytes >> 20),
-       "of a prepared file: MB of its surface in memory at a time",
-       {},
-       static_cast<double>(kLeastResidentBytes >> 20),
-       1048576.0}};
+      option::number(
+          "detail", fmt::format("{}", standard.detail),
+          "standard errors of the measured noise before a deviation counts as shape; lower keeps more", 0.5,
+          10.0),
+      option::number("voxel", fmt::format("{}", standard.voxel_spacings),
+                     "edge of the spline's cells, in spacings of the points; smaller is sharper at creases "
+                     "and larger in "
+                     "memory",
+                     0.5, 8.0),
+      option::choice("sides", "auto",
+                     "of a piece that encloses a volume but for holes: the one where the replay begins is "
+                     "felt (auto), or "
+                     "both, as of a vase",
+                     {"auto", "both"}),
+      option::integer("walk_steps", fmt::format("{}", kMaxNewtonSteps),
+                      "steps of the god object in a frame, at most; what is left is done in the next", 4.0,
+                      256.0),
+      option::integer(
+          "level", "0",
+          "of a prepared file: which of its surfaces is felt; 0 is the finest, `palpate info` lists them",
+          0.0, 15.0),
+      option::integer("resident_mb", std::to_string(kResidentBytes >> 20),
+                      "of a prepared file: MB of its surface in memory at a time",
+                      static_cast<double>(kLeastResidentBytes >> 20), 1048576.0)};
   info.make = [](const Options& options) { return std::make_unique<CloudSmooth>(options); };
   return info;
 }

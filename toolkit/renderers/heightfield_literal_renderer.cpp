@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <palpate/result.h>
+#include "toolkit/core/option_specs.h"
 #include "toolkit/heightfield/heightfield_model.h"
 #include "toolkit/render/frame_loop_renderer.h"
 #include "toolkit/render/shading.h"
@@ -273,13 +274,11 @@ RendererInfo heightfield_literal_info() {
   info.role = Role::kLiteral;
   info.geometry = Geometry::kHeights;
   info.supports = HeightFieldLiteral::kSupportedFeatures;
-  info.options = {
-      {"response",
-       OptionKind::kChoice,
-       "walk",
-       "god object: walk, the nearest post from the entry cell on (4.3.2); lookup, the box top over the HIP",
-       {"walk", "lookup"}},
-      shading_spec("force shading; auto: area-raw above a resolution of 0.2 mm, as printed")};
+  info.options = {option::choice("response", "walk",
+                                 "god object: walk, the nearest post from the entry cell on (4.3.2); lookup, "
+                                 "the box top over the HIP",
+                                 {"walk", "lookup"}),
+                  shading_spec("force shading; auto: area-raw above a resolution of 0.2 mm, as printed")};
   info.options.back().only_with = {{"response", {"walk"}}};
   info.make = [](const Options& options) { return std::make_unique<HeightFieldLiteral>(options); };
   return info;

@@ -7,6 +7,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/cloud/height_field.h"
+#include "toolkit/core/option_specs.h"
 #include "toolkit/geometry/god_object_check.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
 #include "toolkit/heightfield/heightfield_model.h"
@@ -393,18 +394,16 @@ RendererInfo heightfield_info() {
   info.geometry = Geometry::kHeights;
   info.supports = HeightFieldRenderer::kSupportedFeatures;
   info.options = {
-      {"shading",
-       OptionKind::kChoice,
-       "bilinear",
-       "god object: bilinear, the nearest point of the surface; nearest, the post next to it",
-       {"bilinear", "nearest"}},
-      {"holes",
-       OptionKind::kChoice,
-       "fill",
-       fmt::format("those narrower than {} posts: fill, the surface goes on as the points around say; open, "
-                   "as wider ones are",
-                   cloud::kGapPosts),
-       {"fill", "open"}}};
+      option::choice("shading", "bilinear",
+                     "god object: bilinear, the nearest point of the surface; nearest, the post next to it",
+                     {"bilinear", "nearest"}),
+      option::choice(
+          "holes", "fill",
+          fmt::format(
+              "those narrower than {} posts: fill, the surface goes on as the points around say; open, "
+              "as wider ones are",
+              cloud::kGapPosts),
+          {"fill", "open"})};
   info.make = [](const Options& options) { return std::make_unique<HeightFieldRenderer>(options); };
   return info;
 }

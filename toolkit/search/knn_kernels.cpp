@@ -26,11 +26,7 @@ float rough_limit(double limit) noexcept {
              : std::numeric_limits<float>::infinity();
 }
 
-/// Candidates up to which ranks are counted pairwise without branches (a guess from the last point keeps
-/// about fourteen). Beyond, insertion is used.
-constexpr std::size_t kMostRanked = 24;
-
-double insert_eight(std::uint32_t self, const KnnScratch& scratch, Neighbours& out) noexcept {
+double insert_eight(std::uint32_t self, const KnnScratch& scratch, Neighbours& out) {
   NearestEight best;
   for (std::size_t k = 0; k < scratch.count; ++k)
     if (scratch.square[k] <= best.worst() && scratch.square[k] < kNoLimit && scratch.index[k] != self)
@@ -102,49 +98,7 @@ void exclude_cube(KnnScratch& scratch, double half_mm) {
     scratch.square[k] = scratch.along[k] <= half_mm ? scratch.square[k] : kNoLimit;
 }
 
-/// Two doubles compared at once; compilers do not vectorise a comparison, since it may trap.
-using Pair = double __attribute__((vector_size(16)));
-using PairCount = std::int64_t __attribute__((vector_size(16)));
-
-double choose_eight(std::uint32_t self, const KnnScratch& scratch, Neighbours& out) {
-  if (scratch.count > kMostRanked) return insert_eight(self, scratch, out);
-  // A candidate's rank is its number of smaller keys: a fixed number of branch-free comparisons. Unused
-  // places hold infinity.
-  std::array<double, kMostRanked> key;
-  std::array<std::uint32_t, kMostRanked> index;
-  key.fill(kNoLimit);
-  std::size_t n = 0;
-  for (std::size_t k = 0; k < scratch.count; ++k) {
-    const bool reached =
-        static_cast<int>(scratch.index[k] != self) & static_cast<int>(scratch.square[k] < kNoLimit);
-    index[n] = scratch.index[k];
-    key[n] = reached ? scratch.square[k] : kNoLimit;
-    n += static_cast<std::size_t>(reached);
-  }
-  std::array<double, kMostRanked + 1> sorted;
-  std::array<std::uint32_t, kMostRanked + 1> order;
-  std::uint32_t taken = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const double own = key[i];
-    const Pair both = {own, own};
-    PairCount smaller = {0, 0};
-    for (std::size_t j = 0; j < kMostRanked; j += 2)
-      smaller -= Pair{key[j], key[j + 1]} < both;  // true is -1
-    auto rank = static_cast<std::size_t>(smaller[0] + smaller[1]);
-    while ((taken >> rank & 1u) != 0) ++rank;  // equal keys are in a row
-    taken |= 1u << rank;
-    sorted[rank] = own;
-    order[rank] = index[i];
-  }
-  // Orders equal keys by index.
-  for (std::size_t i = 1; i < n; ++i)
-    for (std::size_t j = i; j > 0 && sorted[j - 1] == sorted[j] && order[j - 1] > order[j]; --j)
-      std::swap(order[j - 1], order[j]);
-  for (std::size_t k = 0; k < kNeighbours; ++k) out[k] = k < n ? order[k] : self;
-  return n < kNeighbours ? kNoLimit : sorted[kNeighbours - 1];
-}
-
-constexpr Kernels kKernels = {keep_ball, keep_cube, count_in_cubes, exclude_cube, choose_eight};
+constexpr Kernels kKernels = {keep_ball, keep_cube, count_in_cubes, exclude_cube, insert_eight};
 
 }  // namespace portable
 
@@ -242,6 +196,10 @@ PALPATE_AVX2 void exclude_cube(KnnScratch& scratch, double half_mm) {
     _mm256_storeu_pd(scratch.square.data() + k, _mm256_blendv_pd(never, square, in));
   }
 }
+
+/// Candidates up to which ranks are counted pairwise without branches (a guess from the last point keeps
+/// about fourteen). Beyond, insertion is used.
+constexpr std::size_t kMostRanked = 24;
 
 /// Bits of four times the smallest normal double. Added to a non-negative double's bits they keep the order
 /// and leave room for one less.

@@ -8,11 +8,10 @@
 #include <palpate/result.h>
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/core/option_specs.h"
 
 namespace palpate::search {
 namespace {
-
-using enum OptionKind;
 
 /// Two local spacings: a square grid on a 60-degree slope keeps its eight.
 constexpr const char* kCutOff = "2";
@@ -31,7 +30,7 @@ NeighbourBuilder density() {
   return {"density-knn",
           "the eight nearest, without those farther than the density suggests",
           "section 3.2.2.1",
-          {{"cutoff", kNumber, kCutOff, "farthest neighbour in local spacings", {}, 0.01, 1e6}},
+          {option::number("cutoff", kCutOff, "farthest neighbour in local spacings", 0.01, 1e6)},
           [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<NeighbourBuild> {
             NeighbourBuild built{exact_knn(cloud, threads), {}};
             const CutOffReport r = cut_off_by_density(cloud, built.table, options.number("cutoff"), threads);
@@ -63,13 +62,10 @@ NeighbourBuilder directional() {
   return {"directional-knn",
           "the nearest point in each of eight directions",
           "section 3.2.2.1, figure 39",
-          {{"frame",
-            kChoice,
-            "tangent",
-            "plane of the directions: the local fit, or x and y",
-            {"tangent", "plan"}},
-           {"reach", kNumber, "3", "how far to look, in distances to the eighth nearest", {}, 1.0, 1e3},
-           {"steepest_deg", kNumber, "45", "largest angle off the plane, degrees", {}, 1.0, 90.0}},
+          {option::choice("frame", "tangent", "plane of the directions: the local fit, or x and y",
+                          {"tangent", "plan"}),
+           option::number("reach", "3", "how far to look, in distances to the eighth nearest", 1.0, 1e3),
+           option::number("steepest_deg", "45", "largest angle off the plane, degrees", 1.0, 90.0)},
           [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<NeighbourBuild> {
             DirectionalKnnOptions o;
             o.frame = options.text("frame") == "plan" ? DirectionalKnnOptions::Frame::kPlan
@@ -89,7 +85,7 @@ NeighbourBuilder fixed() {
   return {"fixed-distance",
           "all points within a distance, the nearest eight kept",
           "section 3.2.2.2",
-          {{"distance_mm", kNumber, "0", "mm; 0: 1.68 mean spacings", {}, 0.0, 1e300}},
+          {option::number("distance_mm", "0", "mm; 0: 1.68 mean spacings", 0.0, 1e300)},
           [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<NeighbourBuild> {
             FixedDistanceReport r;
             NeighbourBuild built{fixed_distance(cloud, {options.number("distance_mm")}, threads, &r), {}};
@@ -124,7 +120,7 @@ NeighbourBuilder lookup() {
       "lookup-table",
       "the eight around by each point's scan, row and column, across holes",
       "section 3.6.1",
-      {{"across", kInteger, "2", "missing positions that a link may pass over", {}, 0, 1000}},
+      {option::integer("across", "2", "missing positions that a link may pass over", 0, 1000)},
       [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<NeighbourBuild> {
         PALPATE_ASSIGN(const ScanTable positions, scan_table_of(cloud));
         LookupReport r;
@@ -145,10 +141,10 @@ NeighbourBuilder modified() {
   return {"modified-knn",
           "the points of a shrinking block of cubes",
           "section 3.2.2.5",
-          {{"complete", kFlag, "true", "complete to eight neighbours; false: as printed", {}},
-           {"start_size", kNumber, "1", "first cube edge in mean spacings", {}, 1e-3, 1e3},
-           {"refinement", kNumber, "0.70710678118654752", "factor between sizes", {}, 0.1, 0.99},
-           {"growth_limit", kNumber, "64", "largest cube edge in units of the first", {}, 1.0, 1e6}},
+          {option::flag("complete", "true", "complete to eight neighbours; false: as printed"),
+           option::number("start_size", "1", "first cube edge in mean spacings", 1e-3, 1e3),
+           option::number("refinement", "0.70710678118654752", "factor between sizes", 0.1, 0.99),
+           option::number("growth_limit", "64", "largest cube edge in units of the first", 1.0, 1e6)},
           [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<NeighbourBuild> {
             ModifiedKnnOptions o;
             o.complete_to_eight = options.flag("complete");

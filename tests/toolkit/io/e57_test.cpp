@@ -11,7 +11,7 @@
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
-#include "toolkit/io/point_stream_formats.h"
+#include "toolkit/io/point_stream.h"
 #include "toolkit/io/read_e57.h"
 
 namespace palpate::io {
@@ -228,7 +228,7 @@ class E57Files : public InFolder {};
 TEST_F(E57Files, StreamsRewindAndErrorsNameTheFile) {
   const std::string path = in("some.e57"), file = file_of(scan_of_doubles(kSome));
   ASSERT_TRUE(write_file(path, file));
-  const auto points = test::value_of(open_e57_stream(path));
+  const auto points = test::value_of(open_point_stream(path, 1));
   std::vector<Vec3> some(3), all(100);
   for (int round = 0; round < 2; ++round) {
     EXPECT_EQ(test::value_of(points->read(some)), 3u);
@@ -239,11 +239,11 @@ TEST_F(E57Files, StreamsRewindAndErrorsNameTheFile) {
     ASSERT_TRUE(points->rewind());
   }
   EXPECT_EQ(test::value_of(points->read({})), 0u);
-  EXPECT_TRUE(test::refused(open_e57_stream(in("missing.e57")), "missing.e57"));
+  EXPECT_TRUE(test::refused(open_point_stream(in("missing.e57"), 1), "missing.e57"));
   std::string wrong = file;
   wrong[100] = static_cast<char>(wrong[100] ^ 1);
   ASSERT_TRUE(write_file(path, wrong));
-  EXPECT_TRUE(test::refused(open_e57_stream(path), "some.e57", "checksum of page 1", "fetch it again"));
+  EXPECT_TRUE(test::refused(open_point_stream(path, 1), "some.e57", "checksum of page 1", "fetch it again"));
 }
 
 // Each wrong thing gets its name and a remedy.

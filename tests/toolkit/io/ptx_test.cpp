@@ -9,7 +9,7 @@
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
-#include "toolkit/io/point_stream_formats.h"
+#include "toolkit/io/point_stream.h"
 #include "toolkit/io/read_ptx.h"
 
 namespace palpate::io {
@@ -142,8 +142,8 @@ TEST_F(ScanTextFiles, StreamsRewindAndErrorsNameTheFile) {
   ASSERT_TRUE(write_file(in("a.ptx"), "1\n2\n" + kUnitPose + "1 2 3 0.5\n4 5 6 0.5\n"));
   ASSERT_TRUE(write_file(in("a.pts"), "2\n1 2 3\n4 5 6\n"));
   ASSERT_TRUE(write_file(in("short.pts"), "2\n1 2 3\n"));
-  for (const bool ptx : {true, false}) {
-    const auto points = test::value_of(ptx ? open_ptx_stream(in("a.ptx")) : open_pts_stream(in("a.pts")));
+  for (const char* const file : {"a.ptx", "a.pts"}) {
+    const auto points = test::value_of(open_point_stream(in(file), 1));
     EXPECT_EQ(points->header().points, 2u);
     EXPECT_EQ(points->header().conventional_unit, Unit::kMetre);
     std::vector<Vec3> one(1), all(9);
@@ -156,10 +156,10 @@ TEST_F(ScanTextFiles, StreamsRewindAndErrorsNameTheFile) {
       ASSERT_TRUE(points->rewind());
     }
   }
-  const auto cut = test::value_of(open_pts_stream(in("short.pts")));
+  const auto cut = test::value_of(open_point_stream(in("short.pts"), 1));
   std::vector<Vec3> all(9);
   EXPECT_TRUE(test::refused(cut->read(all), "short.pts:2", "promises 2 points", "holds 1"));
-  EXPECT_TRUE(test::refused(open_ptx_stream(in("missing.ptx")), "missing.ptx"));
+  EXPECT_TRUE(test::refused(open_point_stream(in("missing.ptx"), 1), "missing.ptx"));
 }
 
 TEST(ScanText, FormatsAreToldByTheirFirstLines) {

@@ -8,7 +8,7 @@
 
 #include "e57_writer.h"
 #include "tests/toolkit/messages.h"
-#include "toolkit/io/read_stl.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::io {
 namespace {

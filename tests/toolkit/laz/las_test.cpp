@@ -13,7 +13,6 @@
 #include "toolkit/core/bytes.h"
 #include "toolkit/io/las_header.h"
 #include "toolkit/io/las_points.h"
-#include "toolkit/io/point_stream_formats.h"
 #include "toolkit/io/read_las.h"
 
 namespace palpate::io {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "toolkit/core/bytes.h"
-#include "toolkit/laz/number_decoder.h"
+#include "toolkit/laz/field_decoders.h"
 
 namespace palpate::laz::test {
 namespace {

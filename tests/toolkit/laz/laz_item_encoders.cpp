@@ -8,8 +8,6 @@
 #include "tests/toolkit/laz/laz_encoder.h"
 #include "toolkit/core/bytes.h"
 #include "toolkit/laz/field_decoders.h"
-#include "toolkit/laz/number_decoder.h"
-#include "toolkit/laz/position_decoder.h"
 
 namespace palpate::laz::test {
 namespace {
