@@ -67,11 +67,11 @@ double most_off(const QuadricPatch& a, const QuadricPatch& b) {
   return std::max(kOffSpacings * std::min(a.spacing, b.spacing), kOffSigmas * std::min(a.sigma, b.sigma));
 }
 
-/// True if two patches that meet are of one face: alike, and one lies on the other. Patches of few points
+/// True if two patches that meet are of one face: alike, and each lies on the other. Patches of few points
 /// lean, and meet those of a wall's other side; one such link would join the two sides.
 bool continue_smoothly(const QuadricPatch& a, const QuadricPatch& b) {
   return std::abs(a.quadric.n.dot(b.quadric.n)) > kSmoothCosine &&
-         std::min(std::abs(a.quadric.residual(b.quadric.at)), std::abs(b.quadric.residual(a.quadric.at))) <=
+         std::max(std::abs(a.quadric.residual(b.quadric.at)), std::abs(b.quadric.residual(a.quadric.at))) <=
              most_off(a, b);
 }
 

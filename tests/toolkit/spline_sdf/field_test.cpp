@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <numbers>
+#include <utility>
 #include <vector>
 
 #include <palpate/cloud.h>
@@ -96,6 +98,56 @@ TEST(PatchSides, AThinPlateLooksOutwardsOnBothFaces) {
   }
   ASSERT_GT(asked, 500u);
   EXPECT_EQ(right, asked);
+}
+
+/// Points of a cup, at random, one a square: the wall is as thick as 2.5 spacings, with noise of .35.
+std::vector<Vec3> cup_points(std::uint64_t seed) {
+  constexpr double kOuter = 16.0, kWall = 2.5, kHigh = 24.0, kInner = kOuter - kWall, kNoise = 0.35;
+  Random random(seed);
+  std::vector<Vec3> points;
+  const auto add = [&](double area, const auto& place_and_normal) {
+    for (double left = area; left > random.uniform(); left -= 1.0) {
+      const auto [place, normal] = place_and_normal();
+      points.push_back(place + kNoise * random.normal() * normal);
+    }
+  };
+  const auto wall = [&](double radius, double from, double facing) {
+    add(2.0 * std::numbers::pi * radius * (kHigh - from), [&, radius, from, facing] {
+      const double a = random.uniform(0.0, 2.0 * std::numbers::pi);
+      const Vec3 n(std::cos(a), std::sin(a), 0.0);
+      return std::pair<Vec3, Vec3>(radius * n + Vec3(0, 0, random.uniform(from, kHigh)), facing * n);
+    });
+  };
+  const auto ring = [&](double from, double to, double height, double facing) {
+    add(std::numbers::pi * (to * to - from * from), [&, from, to, height, facing] {
+      const double a = random.uniform(0.0, 2.0 * std::numbers::pi),
+                   r = std::sqrt(random.uniform(from * from, to * to));
+      return std::pair<Vec3, Vec3>(Vec3(r * std::cos(a), r * std::sin(a), height), Vec3(0, 0, facing));
+    });
+  };
+  wall(kOuter, 0.0, 1.0);
+  wall(kInner, kWall, -1.0);
+  ring(0.0, kOuter, 0.0, -1.0);
+  ring(0.0, kInner, kWall, 1.0);
+  ring(kInner, kOuter, kHigh, 1.0);
+  return points;
+}
+
+// One link between a leaning patch and the wall's other side turned the whole inner side: of five cups,
+// three.
+TEST(PatchSides, ACupsInnerSideLooksInwards) {
+  for (const std::uint64_t seed : {1u, 2u, 3u, 4u, 5u}) {
+    const Prepared made(cup_points(seed));
+    std::size_t asked = 0, right = 0;
+    for (std::size_t i = 0; i < made.patches.size(); ++i) {
+      const Vec3 at = made.place(i), across(at.x(), at.y(), 0.0);
+      if (at.z() < 5.0 || at.z() > 22.0 || across.norm() > 14.5) continue;
+      ++asked;
+      if (made.patches[i].quadric.n.dot(across) < 0.0) ++right;
+    }
+    ASSERT_GT(asked, 20u);
+    EXPECT_GT(static_cast<double>(right), 0.9 * static_cast<double>(asked)) << "seed " << seed;
+  }
 }
 
 // What lies between two sheets is on one side of both.
