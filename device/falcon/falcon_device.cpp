@@ -74,7 +74,8 @@ Result<FalconRequest> read_request(const DeviceRequest& asked) {
     return Error{"the Falcon takes no description file",
                  "leave it out; its options are firmware, k, calibrated and event-character",
                  asked.description.string()};
-  PALPATE_TRY(read_options(asked, request.options));
+  if (Status taken = read_options(asked, request.options); !taken)
+    return std::move(taken).error().in_file(kDriverName);
   const bool has_k = std::any_of(asked.options.begin(), asked.options.end(),
                                  [](const auto& option) { return option.first == "k"; });
   if (request.options.calibrated && !has_k)

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
@@ -27,7 +28,7 @@ using nlohmann::json;
 /// WebSocket server that answers commands with states, settings over HTTP, and faults. A thread a connection.
 class FakeInverse3Service {
  public:
-  enum class Mood { kWell, kNoDevice, kGarbage, kSilent, kStalled };
+  enum class Mood { kWell, kNoDevice, kGarbage, kSilent, kStalled, kEndless };
 
   explicit FakeInverse3Service(Mood mood) : mood_(mood), listener_([this] { listen(); }) {}
   FakeInverse3Service(const FakeInverse3Service&) = delete;
@@ -97,8 +98,13 @@ class FakeInverse3Service {
     if (!beast::websocket::is_upgrade(asked)) return answer(socket, asked);
     beast::websocket::stream<tcp::socket&> web(socket);
     web.accept(asked, failed);
+    // A text of 2^62 bytes, of which one comes.
+    if (!failed && mood_.load() == Mood::kEndless)
+      boost::asio::write(socket, boost::asio::buffer(std::string("\x81\x7f\x40\0\0\0\0\0\0\0{", 11)), failed);
     for (bool owes = true; !failed;) {
-      if (owes && mood_.load() != Mood::kSilent) web.write(boost::asio::buffer(told()), failed);
+      const Mood mood = mood_.load();
+      if (owes && mood != Mood::kSilent && mood != Mood::kEndless)
+        web.write(boost::asio::buffer(told()), failed);
       buffer.clear();
       if (!failed) web.read(buffer, failed);
       if (!failed) heard(beast::buffers_to_string(buffer.data()));
@@ -211,8 +217,10 @@ TEST(Inverse3Service, HttpSaysItsAnswerOrWhyThereIsNone) {
 }
 
 TEST(Inverse3Service, NoDeviceGarbageAndSilenceAreSaid) {
-  const std::pair<Mood, const char*> cases[] = {
-      {Mood::kNoDevice, "no Inverse3"}, {Mood::kGarbage, "not understood"}, {Mood::kSilent, "says nothing"}};
+  const std::pair<Mood, const char*> cases[] = {{Mood::kNoDevice, "no Inverse3"},
+                                                {Mood::kGarbage, "not understood"},
+                                                {Mood::kSilent, "says nothing"},
+                                                {Mood::kEndless, "says nothing"}};
   for (const auto& [mood, said] : cases) {
     ServiceRig rig(mood);
     EXPECT_TRUE(refused(rig.device->open(), said));

@@ -23,7 +23,7 @@ inline constexpr int kMaxDepthMoves = 12;
 inline constexpr int kMaxDepthLooks = 32;
 /// Short beside a hand's reaction (150 ms), long beside a step that is felt (a few ms).
 inline constexpr double kLetGoSeconds = 0.05;
-/// A swap changes the force by no more than this in a millisecond.
+/// A swap changes the force no faster than this, and what it says of the surface's speed by half as much.
 inline constexpr double kMaxForceRateNPerS = 500.0;
 /// Camera periods without an image after which it counts as silent.
 inline constexpr double kStalledPeriods = 3.0;

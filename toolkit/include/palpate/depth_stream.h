@@ -74,7 +74,7 @@ enum class FrameFate : std::uint8_t {
   kRepeated,   ///< same number or same time as one before
   kLate,       ///< older than one before
   kTruncated,  ///< fewer or more depths than pixels, a pose that is none, or a time that is not finite
-  kFailed,     ///< no memory for its surface: the last one stays
+  kFailed,     ///< no memory for its surface: the last one stays, or the window of this one
 };
 
 struct ReceiveReport {
