@@ -3,7 +3,7 @@
 //
 // First:
 //   const palpate::PageFaults before = palpate::thread_page_faults();
-//   const render::Frame frame = renderer->step(hip_mm, t_s);
+//   const render::Frame frame = renderer->step(hip_mm, 0.0);
 //   const palpate::PageFaults faults = palpate::thread_page_faults() - before;  // 0 and 0
 #pragma once
 
