@@ -41,7 +41,7 @@ Error not_known(const CLI::App& command, std::string_view name) {
   if (name == kEmitOption || name == kEngineOption)
     return Error{fmt::format("{} is one case, or a chain of them: {} has no jobs to make of it",
                              command.get_name(), name),
-                 "leave it out: what may run side by side is a command each."};
+                 "leave it out: what may run side by side is a command each"};
   std::vector<std::string> known;
   for (const CLI::Option* option : command.get_options())
     for (const std::string& word : option->get_lnames()) known.push_back(word);

@@ -289,6 +289,9 @@ class Comparisons(unittest.TestCase):
         self.assertRegex(compared._repr_html_(), r"<th>memory\.<wbr>bytes</th>")
         with self.assertRaisesRegex(palpate.Error, "'memory.byte'; did you mean 'memory.bytes'"):
             compared.plot(x="memory.byte")
+        unscored = palpate.Comparison({"renderers": [{"label": "cloud", "frame_all": {"mean_us": 1.0}, "accuracy": None}]},
+                                      self.path, {})
+        self.assertEqual(len(unscored.plot().lines), 0)
         with self.assertRaisesRegex(palpate.Error, "Trace and a Truth"):
             palpate.score(self.path, palpate.truth(self.path))
         self.assertEqual(list(palpate.compare("cloud", self.path, passes=1).traces), ["cloud"])

@@ -133,7 +133,7 @@ void visit_stream(V&& v, S& s) {
   v("repeated", s.repeated);
   v("late", s.late);
   v("truncated", s.truncated);
-  v("failed", s.failed);
+  v.later("failed", s.failed);
   v("skipped", s.skipped);
   v("swaps", s.swaps);
   v("stalled_frames", s.stalled_frames);

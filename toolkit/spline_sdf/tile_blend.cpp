@@ -20,7 +20,7 @@ constexpr int kNodeFootSteps = 2;
 /// Below this determinant a node is at a centre of curvature (see PatchDistanceField).
 constexpr float kMinNodeDeterminant = 0.1f;
 /// Weight of a patch beyond its support: it counts only where no other does.
-constexpr float kBeyond = 1e-6f;
+constexpr float kBeyondSupport = 1e-6f;
 /// A patch gives no node a value if its foot is this many supports off, squared.
 constexpr float kFarthestShare = 100.0f;
 constexpr std::size_t kScatterGrain = 256;
@@ -57,7 +57,7 @@ struct alignas(kLanesAlignment) Sums {
     // Beyond its centre of curvature a foot is arbitrary or NaN: the patch does not contribute.
     const auto told = share < none + kFarthestShare;
     const NodeLanes weight =
-        told ? p.weight * (rest * rest * rest + kBeyond / ((1.0f + share) * (1.0f + share))) : none;
+        told ? p.weight * (rest * rest * rest + kBeyondSupport / ((1.0f + share) * (1.0f + share))) : none;
     const NodeLanes known = told ? foot.distance : none;
     sums.distance[i] += weight * known;
     sums.square[i] += weight * known * known;

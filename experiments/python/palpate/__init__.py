@@ -121,8 +121,8 @@ def compare(renderers: Sequence[Union[str, Renderer, PythonRenderer, type]], pat
     suits the scene. scene: that of the path or of the first prepared renderer where none is given.
     passes, budget_s: timed passes of each renderer, and seconds that they may take.
     """
-    document, walked, traces = _palpate._compare([renderers] if isinstance(renderers, str) else list(renderers), path, scene, reference, passes, budget_s,
-                                                 rate_hz, threads)
+    chosen = [renderers] if isinstance(renderers, str) else list(renderers)
+    document, walked, traces = _palpate._compare(chosen, path, scene, reference, passes, budget_s, rate_hz, threads)
     return Comparison(json.loads(document), walked, traces)
 
 

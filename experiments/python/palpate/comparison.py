@@ -27,6 +27,12 @@ def _flat(tree: Mapping[str, Any], prefix: str = "") -> Dict[str, Any]:
     return row
 
 
+def _has(row: Mapping[str, Any], name: str) -> bool:
+    """Whether the row has the column, or may have it: a whole group that nothing was measured of is None."""
+    parts = name.split(".")
+    return name in row or any(row.get(".".join(parts[:n]), "") is None for n in range(1, len(parts)))
+
+
 class Comparison:
     """Results of compare().
 
@@ -52,7 +58,7 @@ class Comparison:
              ax: Optional[Any] = None) -> Any:
         """Draws one column over another, a point for each renderer that has both; matplotlib's Axes."""
         for name in (x, y):
-            if not any(name in row for row in self.rows):
+            if not any(_has(row, name) for row in self.rows):
                 near = get_close_matches(name, {key for row in self.rows for key in row}, 1)
                 raise Error(f"there is no column '{name}'", f"did you mean '{near[0]}'?" if near else "see .rows")
         if ax is None:

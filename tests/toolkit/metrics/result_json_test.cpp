@@ -267,7 +267,9 @@ TEST(ResultJson, RefusesWhatItDidNotWrite) {
 }
 
 TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
-  Json j = Json::parse(to_json(full_document()));
+  ResultDocument whole = full_document();
+  whole.renderers[0].stream.emplace().failed = 3;
+  Json j = Json::parse(to_json(whole));
   j["schema"] = "palpate-result/1";
   for (const char* key : {"path_hash", "conditions"}) j.erase(key);
   for (const char* key : {"timing", "frame_free"}) j["renderers"][0].erase(key);
@@ -284,6 +286,7 @@ TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
   j["renderers"][0]["frame"].erase("mean_clocked_us");
   j["renderers"][0]["accuracy"].erase("rounding_n");
   j["renderers"][0]["energy"].erase("rounding_mj");
+  ASSERT_EQ(j["renderers"][0]["stream"].erase("failed"), 1u);
   const auto back = test::value_of(parse_result(j.dump()));
   EXPECT_TRUE(back.warnings.empty());
   EXPECT_EQ(back.schema, "palpate-result/1");
@@ -292,6 +295,7 @@ TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
   EXPECT_FALSE(back.renderers[0].accuracy->missed_device_frames.has_value());
   EXPECT_FALSE(back.renderers[0].frame->mean_clocked_us.has_value());
   EXPECT_EQ(back.renderers[0].accuracy->rounding_n, 0.0);
+  EXPECT_EQ(back.renderers[0].stream->failed, 0u);
 }
 
 TEST(ResultJson, ToleratesKeysItDoesNotKnow) {
