@@ -344,15 +344,16 @@ TEST(SpscRing, AFullOneRefusesAndNothingIsLostOrReordered) {
 }
 
 TEST(PageFaults, AreCountedOncePerPageAndByThread) {
-  // Fewer than make a large page.
-  constexpr std::size_t kPages = 64, kPageBytes = 4096;
+  constexpr std::size_t kPages = 64;
+  const auto page_bytes = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
   void* const memory =
-      ::mmap(nullptr, kPages * kPageBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+      ::mmap(nullptr, kPages * page_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   ASSERT_NE(memory, MAP_FAILED);
+  ::madvise(memory, kPages * page_bytes, MADV_NOHUGEPAGE);  // where there are some, one serves many
   auto* const bytes = static_cast<volatile unsigned char*>(memory);
   const auto touch = [&] {
     const PageFaults before = thread_page_faults();
-    for (std::size_t page = 0; page < kPages; ++page) bytes[page * kPageBytes] = 1;
+    for (std::size_t page = 0; page < kPages; ++page) bytes[page * page_bytes] = 1;
     return thread_page_faults() - before;
   };
   const PageFaults mine = thread_page_faults();
@@ -362,7 +363,7 @@ TEST(PageFaults, AreCountedOncePerPageAndByThread) {
   EXPECT_EQ(first.major, 0u);
   EXPECT_EQ(again.minor, 0u);
   EXPECT_LT((thread_page_faults() - mine).minor, kPages) << "of another thread";
-  ::munmap(memory, kPages * kPageBytes);
+  ::munmap(memory, kPages * page_bytes);
 }
 
 }  // namespace
