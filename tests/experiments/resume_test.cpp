@@ -58,7 +58,7 @@ std::vector<Killed> killed_commands() {
        "goals.json"},
       {"hunt",
        {"test", "hunt", "--renderers", "cloud", "--minutes", "0.12"},
-       ".palpate-parts/hunt",
+       ".palpate-parts/cloud",
        R"("faulty":0)",
        R"("faulty":987654)",
        "hunt.json"},

@@ -121,7 +121,8 @@ def compare(renderers: Sequence[Union[str, Renderer, PythonRenderer, type]], pat
     suits the scene. scene: that of the path or of the first prepared renderer where none is given.
     passes, budget_s: timed passes of each renderer, and seconds that they may take.
     """
-    chosen = [renderers] if isinstance(renderers, str) else list(renderers)
+    chosen: Sequence[Union[str, Renderer, PythonRenderer, type]] = (
+        [renderers] if isinstance(renderers, str) else list(renderers))
     document, walked, traces = _palpate._compare(chosen, path, scene, reference, passes, budget_s, rate_hz, threads)
     return Comparison(json.loads(document), walked, traces)
 
