@@ -1,10 +1,10 @@
 // What goes wrong between a servo and a device over the real hidapi, a pseudo-terminal and UDP sockets. See
 // docs/results/hands-and-loops.md for the table.
-#include <algorithm>
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <algorithm>
 
 #include "device/arms/arm_device.h"
 #include "device/bridge/bridge_server.h"
@@ -228,11 +228,12 @@ TEST(TextArm, HalfACommandDoesNotSpoilTheGuardsZero) {
 TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {
   std::ifstream file(PALPATE_SOURCE_ROOT "/docs/results/hands-and-loops.md");
   const std::string page{std::istreambuf_iterator<char>(file), {}};
-  ASSERT_TRUE(says(
-      page, "| fault | libusb, Falcon | hidapi, arm with reports | terminal, arm with text | UDP bridge |"));
+  const std::size_t table = page.find(
+      "| fault | libusb, Falcon | hidapi, arm with reports | terminal, arm with text | UDP bridge |");
+  ASSERT_NE(table, std::string::npos);
   for (int i = 0; i < kLinkWrongs; ++i) {
     const std::string begins = std::string("\n| ") + link_wrong_name(static_cast<LinkWrong>(i)) + " | ";
-    const std::size_t at = page.find(begins);
+    const std::size_t at = page.find(begins, table);
     ASSERT_NE(at, std::string::npos) << begins;
     const std::string row = page.substr(at + 1, page.find('\n', at + 1) - at - 1);
     EXPECT_EQ(std::count(row.begin(), row.end(), '|'), 6) << row;

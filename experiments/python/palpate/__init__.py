@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 from pkgutil import extend_path
-from typing import Any, Dict, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 # Found first in a checkout, this folder lacks the compiled part, which stands in the build's on the search path.
 __path__ = extend_path(__path__, __name__)
@@ -121,7 +121,7 @@ def compare(renderers: Sequence[Union[str, Renderer, PythonRenderer, type]], pat
     suits the scene. scene: that of the path or of the first prepared renderer where none is given.
     passes, budget_s: timed passes of each renderer, and seconds that they may take.
     """
-    chosen: Sequence[Union[str, Renderer, PythonRenderer, type]] = (
+    chosen: List[Union[str, Renderer, PythonRenderer, type]] = (
         [renderers] if isinstance(renderers, str) else list(renderers))
     document, walked, traces = _palpate._compare(chosen, path, scene, reference, passes, budget_s, rate_hz, threads)
     return Comparison(json.loads(document), walked, traces)
