@@ -37,8 +37,9 @@ class FakeInverse3Service {
   ~FakeInverse3Service() {
     ::shutdown(acceptor_.native_handle(), SHUT_RDWR);
     listener_.join();
-    for (const auto& socket : sockets_) ::shutdown(socket->native_handle(), SHUT_RDWR);
+    for (const int own : descriptors_) ::shutdown(own, SHUT_RDWR);
     for (std::thread& one : talks_) one.join();
+    for (const int own : descriptors_) ::close(own);
   }
 
   [[nodiscard]] std::uint16_t port() const { return acceptor_.local_endpoint().port(); }
@@ -85,6 +86,7 @@ class FakeInverse3Service {
       auto socket = std::make_unique<tcp::socket>(io_);
       acceptor_.accept(*socket, failed);
       if (failed) return;
+      descriptors_.push_back(::dup(socket->native_handle()));
       talks_.emplace_back([this, raw = socket.get()] { talk(*raw); });
       sockets_.push_back(std::move(socket));
     }
@@ -132,6 +134,7 @@ class FakeInverse3Service {
   mutable std::mutex mutex_;
   Vec3 held_n_ = Vec3::Zero();
   std::vector<std::string> requests_;
+  std::vector<int> descriptors_;                       // of the sockets, which belong to their threads
   std::vector<std::unique_ptr<tcp::socket>> sockets_;  // this and the next: the listener's
   std::vector<std::thread> talks_;
   std::thread listener_;
