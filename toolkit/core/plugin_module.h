@@ -34,9 +34,9 @@ struct PluginFile {
 /// The Error of a table that is too old, too new or lacks a function.
 [[nodiscard]] Error not_of_this_version(const std::filesystem::path& file);
 
-/// Loads a module and calls `entry`, of type const Table* (*)(). Every table begins with the version `abi` and
-/// its size, both uint32_t; those are checked before more is read. The module stays loaded as long as the table
-/// is held.
+/// Loads a module and calls `entry`, of type const Table* (*)(). Every table begins with the version `abi`
+/// and its size, both uint32_t; those are checked before more is read. The module stays loaded as long as the
+/// table is held.
 template <class Table>
 [[nodiscard]] Result<std::shared_ptr<const Table>> load_plugin(const std::filesystem::path& file,
                                                                const char* entry, std::uint32_t abi) {

@@ -110,8 +110,8 @@ class Simulation {
   [[nodiscard]] virtual double next_s() const noexcept = 0;
 };
 
-/// A motion written in a scene file: at rest, then constant velocity and turn, then at rest. A swing to and fro
-/// adds to it.
+/// A motion written in a scene file: at rest, then constant velocity and turn, then at rest. A swing to and
+/// fro adds to it.
 struct ScriptedMotion {
   geometry::RigidTransform start;              ///< pose before start_s
   Vec3 velocity_mm_s = Vec3::Zero();           ///< world
