@@ -25,12 +25,11 @@
 
 #include <palpate/baselines.h>
 #include <palpate/device/servo_thread.h>
-#include <palpate/generate.h>
 #include <palpate/options.h>
-#include <palpate/paths.h>
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "device/simulated/simulated_device.h"
+#include "experiments/benchmarks/weave_scene.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/process.h"
 #include "toolkit/render/wrapped_renderer.h"
@@ -173,28 +172,14 @@ Result<Arguments> read_arguments(int argc, char** argv) {
 }
 
 struct Scene {
-  render::SceneInput input;
-  trace::ProbePath path;
+  experiments::WeaveScene played;
   std::map<std::string, std::unique_ptr<render::HapticRenderer>> renderers;
 };
 
 Result<Scene> make_scene(const Arguments& a) {
   Scene scene;
-  PALPATE_ASSIGN(const NamedOptions spec, parse_named_options("sinusoid:points=" + a.points));
-  PALPATE_ASSIGN(cloud::GeneratedModel generated, cloud::generate(spec));
-  render::ModelInput model;
-  model.name = spec.name;
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(generated.cloud));
-  model.original_mesh = generated.original_mesh;
-  model.analytic = generated.surface;
-  PALPATE_ASSIGN(const NamedOptions weave, parse_named_options(fmt::format("weave:frames={}:depth_mm=1",
-                                                                           std::llround(1000.0 * a.slice))));
-  paths::PathTarget target;
-  target.surface = model.analytic.get();
-  target.cloud = model.cloud.get();
-  target.box_mm = model.cloud->box_mm();
-  PALPATE_ASSIGN(scene.path, paths::make_path(weave, target));
-  scene.input.models.push_back(std::move(model));
+  PALPATE_ASSIGN(scene.played,
+                 experiments::weave_scene("sinusoid:points=" + a.points, std::llround(1000.0 * a.slice)));
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
@@ -206,7 +191,7 @@ Result<Scene> make_scene(const Arguments& a) {
     PALPATE_ASSIGN(const NamedOptions named, parse_named_options(name));
     PALPATE_ASSIGN(scene.renderers[name], registry.make(named.name, named.options));
     fmt::print(stderr, "preparing {} on {} points\n", name, a.points);
-    PALPATE_TRY(scene.renderers[name]->prepare(scene.input, {}));
+    PALPATE_TRY(scene.renderers[name]->prepare(scene.played.input, {}));
   }
   return scene;
 }
@@ -218,7 +203,7 @@ Status run_servo(const Arguments& a, Scene& scene, const std::string& name, int 
   limits.workspace_mm = {Vec3::Constant(-1000.0), Vec3::Constant(1000.0)};
   limits.resolution_mm = 0.055;
   limits.rate_hz = static_cast<double>(row.rate_hz);
-  device::SimulatedDevice played(scene.path, clock, limits, 0);
+  device::SimulatedDevice played(scene.played.path, clock, limits, 0);
   device::GovernorOptions governed;
   governed.period_s = 1.0 / static_cast<double>(row.rate_hz);
   device::Servo servo(*scene.renderers.at(name), governed, played, clock, {});

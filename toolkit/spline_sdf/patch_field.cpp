@@ -238,10 +238,11 @@ struct alignas(kLanesAlignment) FieldSums {
       NodeLanes second = none, above;
       for (const std::uint32_t s : near.heard)
         second += near.patches[s].face == 2 ? near.patches[s].wide : none;
-      points_above(at, near, first, beside, above);
-      blend(out, beside,
-            differ & (second > kSecondFace * all_wide) &
-                ((beside.distance > first.distance) == (above < none)));
+      const NodeBits counts = differ & (second > kSecondFace * all_wide);
+      if (any_lane(counts)) {
+        points_above(at, near, first, beside, above);
+        blend(out, beside, counts & ((beside.distance > first.distance) == (above < none)));
+      }
     }
   }
   for (const std::uint32_t s : near.heard) near.patches[s].weight = near.patches[s].wide = none;

@@ -132,9 +132,8 @@ void warn_of(const InputQuality& doubts, PreparePhases& phases) {
   if (doubts.layered > kDoubtfulLayers)
     phases.warn(fmt::format(
         "At {:.0f} % of the places looked at the points lie in two layers some {:.3g} mm apart, too "
-        "near to be told apart everywhere: there they are felt as one sheet that either side may hold. If "
-        "they "
-        "are the faces of a thin wall, only a denser or less noisy scan separates them.",
+        "near to be told apart everywhere: there they are felt as one sheet that either side may hold. "
+        "If they are the faces of a thin wall, only a denser or less noisy scan separates them.",
         100.0 * doubts.layered, doubts.layer_distance_mm));
   if (doubts.scattered > kDoubtfulVolume)
     phases.warn(fmt::format(

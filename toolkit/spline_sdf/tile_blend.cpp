@@ -24,10 +24,8 @@ constexpr float kBeyondSupport = 1e-6f;
 /// A patch gives no node a value if its foot is this many supports off, squared.
 constexpr float kFarthestShare = 100.0f;
 constexpr std::size_t kScatterGrain = 256;
-/// Tiles along a block's edge, about as many as a patch reaches at the level of its points, and the code of a
-/// place on it.
+/// Tiles along a block's edge: about as many as a patch reaches at the level of its points.
 constexpr int kTileBlockBits = 3, kTileBlockEdge = 1 << kTileBlockBits;
-constexpr std::array<std::uint64_t, kTileBlockEdge> kCodeInBlock{0, 1, 8, 9, 64, 65, 72, 73};
 
 /// A patch relative to a tile's middle, in voxels.
 struct Form {
@@ -116,20 +114,16 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
     }
     const Eigen::Vector3i first = low.cast<int>(), last = past.cast<int>();
     const auto visit_tiles_of = [&](const Eigen::Vector3i& block) {
-      const std::uint64_t code = morton_code_of({block.x(), block.y(), block.z()}) << (3 * kTileBlockBits);
       // Few of smaller bricks' tiles exist.
-      if (blocks.find(code >> (3 * kTileBlockBits)) == search::MortonCellTable::kNone) return;
+      if (blocks.find(morton_code_of({block.x(), block.y(), block.z()})) == search::MortonCellTable::kNone)
+        return;
       const Eigen::Vector3i corner = block * kTileBlockEdge, from = first.cwiseMax(corner),
                             to = last.cwiseMin(corner + Eigen::Vector3i::Constant(kTileBlockEdge - 1));
-      const auto code_in_block = [](int c) {
-        return kCodeInBlock[static_cast<std::size_t>(c % kTileBlockEdge)];
-      };
       for (int x = from.x(); x <= to.x(); ++x)
         for (int y = from.y(); y <= to.y(); ++y)
           for (int z = from.z(); z <= to.z(); ++z) {
             if (!reaches(Vec3(x, y, z))) continue;
-            const std::uint32_t tile =
-                tiles.find(code | code_in_block(x) | code_in_block(y) << 1 | code_in_block(z) << 2);
+            const std::uint32_t tile = tiles.find(morton_code_of({x, y, z}));
             if (tile != search::MortonCellTable::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
           }
     };
