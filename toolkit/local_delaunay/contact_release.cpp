@@ -80,8 +80,6 @@ bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counte
       return true;
     case geometry::GodObjectVerdict::kMove:
       if (!look(h).known || near.facet.place == position_.facet.place) return true;
-      corrected_ = true;
-      uncorrected_ = pull_;
       side_ = near_side;
       others_count_ = 0;
       move_to(near.facet, near.closest, h);
@@ -90,8 +88,6 @@ bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counte
     case geometry::GodObjectVerdict::kFree:
       break;
   }
-  corrected_ = true;
-  uncorrected_ = pull_;
   start_from(h);
   return false;
 }
@@ -114,8 +110,6 @@ bool MeshContact::reattach(const Vec3& h, ContactCounters& counters) noexcept {
                                                            : side_of(*mesh_, near, h).height;
   const double least = geometry::kOutsideSpacings * edge;
   if (!(side * height < 0.0) || !(near.closest.distance_sq > least * least)) return false;
-  corrected_ = true;
-  uncorrected_ = pull_;
   side_ = side;
   others_count_ = 0;
   contact_ = true;

@@ -95,7 +95,7 @@ class MeshContact {
   }
   /// Moves the HIP to h. True in contact: pull() leads to the god object.
   [[nodiscard, gnu::always_inline]] bool update(const Vec3& h, ContactCounters& counters) noexcept {
-    bound_hit_ = corrected_ = false;
+    bound_hit_ = false;
     const bool held = contact_;
     if (contact_) [[likely]] {
       const FacetFrame::Weights weights = frame_.at(h);
@@ -131,8 +131,6 @@ class MeshContact {
   /// Most moves from facet to facet in a frame; the rest waits for the next.
   void bound_moves(int most) noexcept { most_moves_ = most; }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
-  /// The pull before this frame's correction of a wrong held place; null if none.
-  [[nodiscard]] const Vec3* corrected_from() const noexcept { return corrected_ ? &uncorrected_ : nullptr; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] const Vec3& pull() const noexcept { return pull_; }
   [[nodiscard]] const Facet& facet() const noexcept { return position_.facet; }
@@ -262,8 +260,7 @@ class MeshContact {
   std::vector<double> free_side_;  ///< per closed piece
   bool contact_ = false;
   int most_moves_ = kMaxFacetMoves;
-  bool bound_hit_ = false, corrected_ = false;
-  Vec3 uncorrected_ = Vec3::Zero();
+  bool bound_hit_ = false;
   double side_ = 1.0;
   Vec3 pull_ = Vec3::Zero();
   FacetFrame frame_;

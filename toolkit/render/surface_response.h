@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <palpate/vec.h>
 #include "toolkit/render/shading.h"
@@ -181,59 +182,82 @@ struct FacetStiffness {
   return {value, gradient};
 }
 
-// Spreads a correction of the god object over several frames, so that a hand feels no step. This includes
-// corrections that release the HIP.
+// Spreads jumps of the god object over several frames, so that a hand feels no step: corrections of the held
+// place, also those that release or catch the HIP, slips over edges, changes of the surface.
 
-/// Belongs to one contact. The number of frames: correcting a pull of 1 mm at 0.5 N/mm then changes the force
-/// by 0.025 N a frame at 1 kHz, a twentieth of a noticeable kick, and ends within a hand's reaction time.
+/// Belongs to one contact. A god object that moves in a frame kFaster times as far as the HIP, and by kOfPull
+/// of the pull, jumps; one of a free HIP is the HIP. The pull then goes to the new one by at most the HIP's
+/// motion and a share of the jump a frame: one of 1 mm at 0.5 N/mm changes the force by 0.025 N a frame at
+/// 1 kHz, a twentieth of a noticeable kick, and ends within a hand's reaction time. Beside a rounded edge of
+/// radius r a god object slides kFaster times as fast as a HIP 2/3 r deep; it jumps at r.
 class CorrectionRamp {
  public:
   static constexpr int kFrames = 20;
+  static constexpr double kFaster = 3.0, kOfPull = 1.0 / 16;
 
-  void end() noexcept { left_ = 0; }
-  [[nodiscard]] bool active() const noexcept { return left_ > 0; }
-  /// Computes this frame's pull at h, zero when nothing holds the HIP. `before`: the pull without this
-  /// frame's correction, or null. False if nothing is felt. Call it only with a correction or while active().
-  [[nodiscard]] bool apply(const Vec3& h, const Vec3* before, bool held, Vec3& pull) noexcept {
+  /// Forgets the contact.
+  void end() noexcept { known_ = active_ = false; }
+  [[nodiscard]] bool active() const noexcept { return active_; }
+  /// Changes `contact`'s pull at h, which `read()` fills when nothing but the ramp holds the HIP. False if
+  /// nothing is felt. Call it in every frame.
+  template <class Read>
+  [[nodiscard, gnu::always_inline]] bool answer(const Vec3& h, bool held, SurfaceContact& contact,
+                                                Read&& read) noexcept {
+    const Vec3 place = held ? Vec3(h + contact.pull) : h, jump = place - place_, motion = h - last_h_;
+    const bool jumped =
+        known_ && jump.squaredNorm() > kFaster * kFaster * motion.squaredNorm() &&
+        jump.squaredNorm() >
+            kOfPull * kOfPull * std::max((place - h).squaredNorm(), (place_ - h).squaredNorm());
+    const Vec3 before = place_ - h;
+    const bool was_held = std::exchange(held_, held);
+    place_ = place;
+    last_h_ = h;
+    known_ = true;
+    if (!active_ && !jumped) [[likely]]
+      return held;
+    Vec3 pull = place - h;
+    spread(motion, jumped ? &before : nullptr, was_held, pull);
+    if (!held && active_) read();
+    contact.pull = pull;
+    return held || active_;
+  }
+
+ private:
+  /// `before`: the pull without this frame's jump, or null.
+  [[gnu::noinline]] void spread(const Vec3& motion, const Vec3* before, bool was_held, Vec3& pull) noexcept {
+    const double wanted = pull.norm();
+    Vec3 moved = motion;
     if (before != nullptr) {
-      if (!active()) {
-        shown_ = h + *before;
+      if (!active_) {
+        shown_ = *before;
         length_ = before->norm();
+        rate_ = 0.0;
+        moved = Vec3::Zero();
+        grows_ = !was_held;
       }
-      left_ = kFrames;
-      grows_ = length_ < pull.norm();
+      rate_ = std::max(rate_, (pull - shown_).norm() / kFrames);
     }
     // The ramp never moves the god object farther from the HIP, so it creates no energy, and a jumping HIP
     // drags no spring along. A farther target waits for the hand to go there. A HIP found behind a surface is
     // held with a growing pull.
-    const double wanted = pull.norm();
-    const double before_now = std::min((shown_ - h).norm(), std::max(length_, wanted));
+    const double before_now = std::min((shown_ - moved).norm(), std::max(length_, wanted));
     const double most = grows_ ? std::max(before_now, wanted) : before_now;
-    const Vec3 place = h + pull;
-    shown_ = place + (shown_ - place) * (static_cast<double>(left_ - 1) / left_);
-    const double size = (shown_ - h).norm();
-    if (size > most) shown_ = h + (shown_ - h) * (most / size);
-    if (left_ > 1 || !(wanted > most)) --left_;
-    length_ = (shown_ - h).norm();
-    if (active()) pull = shown_ - h;
-    return held || active();
-  }
-  /// The same for a model's answer, which `read()` fills when only the correction holds the HIP.
-  template <class Read>
-  [[nodiscard, gnu::noinline]] bool answer(const Vec3& h, const Vec3* before, bool held,
-                                           SurfaceContact& contact, Read&& read) noexcept {
-    Vec3 pull = held ? contact.pull : Vec3(Vec3::Zero());
-    if (!apply(h, before, held, pull)) return false;
-    if (!held) read();
-    contact.pull = pull;
-    return true;
+    const Vec3 way = pull - shown_;
+    const double left = way.norm(), step = rate_ + moved.norm();
+    shown_ = left > step ? Vec3(shown_ + way * (step / left)) : pull;
+    const double size = shown_.norm();
+    if (size > most) shown_ *= most / size;
+    length_ = shown_.norm();
+    active_ = left > step || wanted > most;
+    if (active_) pull = shown_;
   }
 
- private:
-  Vec3 shown_ = Vec3::Zero();  ///< god object of the last answer, local
-  double length_ = 0.0;        ///< length of the last pull
-  int left_ = 0;
+  bool known_ = false, held_ = false, active_ = false;
   bool grows_ = false;  ///< the hold is growing
+  Vec3 place_ = Vec3::Zero(), last_h_ = Vec3::Zero();
+  Vec3 shown_ = Vec3::Zero();  ///< last pull
+  double length_ = 0.0;        ///< its length
+  double rate_ = 0.0;          ///< of the jump, mm a frame
 };
 
 }  // namespace palpate::render

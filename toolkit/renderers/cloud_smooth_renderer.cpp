@@ -66,13 +66,10 @@ class SplineSdfModel {
                            FrameStatus& status, FrameCounters& counters) noexcept {
     if (paged_ != nullptr) [[unlikely]]
       return touch_paged<kFeatures>(h, contact, status, counters);
-    bool held = contact_.update(h, counters);
+    const bool held = contact_.update(h, counters);
     if (contact_.bound_hit()) status = FrameStatus::kBoundHit;
     if (held) contact = contact_at<kFeatures>(h, contact_);
-    if (contact_.corrected_from() != nullptr || spread_.active()) [[unlikely]]
-      held = spread_.answer(h, contact_.corrected_from(), held, contact,
-                            [&] { contact = contact_at<kFeatures>(h, contact_); });
-    return held;
+    return spread_.answer(h, held, contact, [&] { contact = contact_at<kFeatures>(h, contact_); });
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact) noexcept {
@@ -83,14 +80,11 @@ class SplineSdfModel {
   template <unsigned kFeatures>
   [[nodiscard, gnu::noinline]] bool touch_paged(const Vec3& h, SurfaceContact& contact, FrameStatus& status,
                                                 FrameCounters& counters) noexcept {
-    bool held = paged_->update(h, counters);
+    const bool held = paged_->update(h, counters);
     touched_ = &paged_->active();
     if (touched_->bound_hit()) status = FrameStatus::kBoundHit;
     if (held) contact = contact_at<kFeatures>(h, *touched_);
-    if (paged_->corrected_from() != nullptr || spread_.active())
-      held = spread_.answer(h, paged_->corrected_from(), held, contact,
-                            [&] { contact = contact_at<kFeatures>(h, *touched_); });
-    return held;
+    return spread_.answer(h, held, contact, [&] { contact = contact_at<kFeatures>(h, *touched_); });
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceContact contact_at(const Vec3& h, const SplineSdfContact& by) const noexcept {

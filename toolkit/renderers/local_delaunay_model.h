@@ -62,17 +62,14 @@ class LocalDelaunayModel {
                                                SurfaceContact& answer, FrameStatus& status,
                                                FrameCounters& counters) noexcept {
     local_delaunay::ContactCounters work;
-    bool held = contact.update(h, work);
+    const bool held = contact.update(h, work);
     counters.walk_steps += work.moves;
     counters.box_tests += work.tested;
     counters.cells_visited += work.blocks;
     if (contact.bound_hit()) [[unlikely]]
       status = FrameStatus::kBoundHit;
     if (held) read_contact<kFeatures>(h, answer);
-    if (contact.corrected_from() != nullptr || spread.active()) [[unlikely]]
-      held = spread.answer(h, contact.corrected_from(), held, answer,
-                           [&] { read_contact<kFeatures>(h, answer); });
-    return held;
+    return spread.answer(h, held, answer, [&] { read_contact<kFeatures>(h, answer); });
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceResponse respond(const SurfaceContact& at) noexcept {
@@ -107,6 +104,7 @@ class LocalDelaunayModel {
   template <class Change>
   void put_back(FrameCounters& /*counters*/, Change&& change) noexcept {
     change(OnMoved{&contact});
+    spread.end();
     points_moved();
     state.release();
   }

@@ -46,7 +46,7 @@ bool PagedContact::without_missing(const Vec3& h_mm, const HeldBrick* held, Act&
 }
 
 void PagedContact::restart(const Vec3& h_mm) noexcept {
-  coarse_on_ = corrected_ = false;
+  coarse_on_ = false;
   last_h_mm_ = free_from_mm_ = h_mm;
   coarse_.restart(h_mm);
   surface_->begin_frame(surface_->grid().in_voxels(h_mm), nullptr);
@@ -55,19 +55,16 @@ void PagedContact::restart(const Vec3& h_mm) noexcept {
 }
 
 void PagedContact::start_from(const Vec3& h_mm) noexcept {
-  coarse_on_ = corrected_ = false;
+  coarse_on_ = false;
   last_h_mm_ = h_mm;
   fine_.start_from(h_mm);
 }
 
-void PagedContact::go_coarse(const SplineSdfContact& from, const Vec3& h_mm) noexcept {
+void PagedContact::go_coarse(const SplineSdfContact& from) noexcept {
   coarse_on_ = true;
   coarse_.start_from(last_h_mm_);
   free_from_mm_ = last_h_mm_;
-  note_step(Vec3::Zero());
-  if (!from.contact()) return;
-  note_step(from.god_object_mm() - h_mm);
-  coarse_.hold_near(from.god_object_mm(), from.outward());
+  if (from.contact()) coarse_.hold_near(from.god_object_mm(), from.outward());
 }
 
 /// Brings the finest surface to where the coarser one is. False, and nothing changed, while it cannot.
@@ -91,7 +88,6 @@ bool PagedContact::go_fine(const Vec3& h_mm, bool contact, FrameCounters& counte
     fine_.hold_if_inside(h_mm, kLongestWay * spacing_mm);
   }
   if (surface_->take_missed()) return false;
-  note_step(contact ? Vec3(coarse_.god_object_mm() - h_mm) : Vec3(Vec3::Zero()));
   coarse_on_ = restart_again_ = false;
   return true;
 }
@@ -107,7 +103,6 @@ bool PagedContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   surface_->begin_frame(surface_->grid().in_voxels(h_mm), held);
   counters.damaged_tiles = surface_->window().damaged();
   counters.damaged_tile = surface_->window().first_damaged();
-  corrected_ = false;
   if (!coarse_on_) {
     before_ = fine_;
     const FrameCounters counted = counters;
@@ -124,7 +119,7 @@ bool PagedContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
       return contact;
     }
     ++counters.late_frames;
-    go_coarse(before_, h_mm);
+    go_coarse(before_);
   }
   ++counters.coarse_frames;
   const bool contact = coarse_.update(h_mm, counters);

@@ -27,19 +27,12 @@ class PagedContact {
 
   /// The contact that answered last.
   [[nodiscard]] const SplineSdfContact& active() const noexcept { return coarse_on_ ? coarse_ : fine_; }
-  [[nodiscard]] const Vec3* corrected_from() const noexcept {
-    return corrected_ ? &uncorrected_mm_ : active().corrected_from();
-  }
   [[nodiscard]] const PagedSurface& surface() const noexcept { return *surface_; }
 
  private:
   [[nodiscard]] bool here(const Vec3& at_mm) const noexcept;
   [[nodiscard]] bool go_fine(const Vec3& h_mm, bool contact, FrameCounters& counters) noexcept;
-  void go_coarse(const SplineSdfContact& from, const Vec3& h_mm) noexcept;
-  void note_step(const Vec3& pull_mm) noexcept {
-    corrected_ = true;
-    uncorrected_mm_ = pull_mm;
-  }
+  void go_coarse(const SplineSdfContact& from) noexcept;
   template <class Act>
   [[nodiscard]] bool without_missing(const Vec3& h_mm, const HeldBrick* held, Act&& act) noexcept;
 
@@ -47,9 +40,8 @@ class PagedContact {
   std::shared_ptr<const SplineSdf> coarse_surface_;
   SplineSdfContact fine_, before_, coarse_;
   bool waits_;
-  bool coarse_on_ = false, corrected_ = false;
+  bool coarse_on_ = false;
   bool restart_again_ = false;  ///< the finest surface was not here when a replay began
-  Vec3 uncorrected_mm_ = Vec3::Zero();
   Vec3 last_h_mm_ = Vec3::Zero();
   Vec3 free_from_mm_ = Vec3::Zero();  ///< the last place that the finest surface left free
 };

@@ -31,9 +31,6 @@ constexpr double kRootError = 1e-5;
 constexpr double kClearOf = 0.05, kClearOfMost = 0.8;
 /// Within 60 degrees of the normal a HIP is in front of the place, whatever the surface does nearby.
 constexpr double kInFrontCosine = 0.5;
-/// A god object that moves farther in a frame than this many spacings, five times as far as the HIP, and by a
-/// quarter of the pull (squared) is felt as a step; a hand tells directions 25 degrees apart.
-constexpr double kJumpSpacings = 0.5, kFasterSq = 25.0, kOfPullSq = 1.0 / 16.0;
 /// A replay begins inside a piece only if it begins deeper than this many spacings: the surface errs by a
 /// third of one at edges of thin walls, and the whole piece would be felt from the wrong side.
 constexpr double kSurelyInside = 0.5;
@@ -112,19 +109,10 @@ void SplineSdfContact::restart(const Vec3& h_mm) noexcept {
 }
 
 bool SplineSdfContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
-  bound_hit_ = corrected_ = false;
+  bound_hit_ = false;
   const Vec3 h = grid_->in_voxels(h_mm);
   if (contact_) {
-    const Vec3 before = god_, from = last_h_;
-    last_h_ = h;
     if (!follow_quickly(h) && !update_slowly(h, counters)) return false;
-    // At a rounded edge the god object jumps at once; at a sharp one it waits for the HIP.
-    const double step_sq = (god_ - before).squaredNorm(), edge = kJumpSpacings * spacing_;
-    if (step_sq > edge * edge && step_sq > kFasterSq * (h - from).squaredNorm() &&
-        step_sq > kOfPullSq * (h - before).squaredNorm()) [[unlikely]] {
-      corrected_ = true;
-      uncorrected_mm_ = (before - h) * grid_->voxel_mm;
-    }
     const double next_to = geometry::kAdjacentSpacings * spacing_;
     if ((h - god_).squaredNorm() <= next_to * next_to)
       follows_ = false;
@@ -132,7 +120,6 @@ bool SplineSdfContact::update(const Vec3& h_mm, FrameCounters& counters) noexcep
       check_held_position(h);
     return contact_;
   }
-  last_h_ = h;
   if ((h - free_centre_).squaredNorm() < clear_ * clear_ && clear_ > 0.0) {
     tested_to_ = h;
     return false;

@@ -41,11 +41,6 @@ class SplineSdfContact {
   [[nodiscard]] bool update(const Vec3& h_mm, FrameCounters& counters) noexcept;
 
   [[nodiscard]] bool contact() const noexcept { return contact_; }
-  /// The pull without this frame's correction (local mm), else null. Corrections: the held place disagreed
-  /// with the field, a HIP behind the surface was caught, or the god object jumped over an edge.
-  [[nodiscard]] const Vec3* corrected_from() const noexcept {
-    return corrected_ ? &uncorrected_mm_ : nullptr;
-  }
   /// Most god-object steps in a frame; the rest waits for the next.
   void bound_steps(int most) noexcept { most_steps_ = most; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
@@ -92,19 +87,13 @@ class SplineSdfContact {
   void hold_on_surface_above(const Vec3& h, const BrickRef& place, const Jet& jet, float side) noexcept;
   [[nodiscard]] bool hold_if_behind(const Vec3& h) noexcept;
   void check_held_position(const Vec3& h) noexcept;
-  void note_correction(const Vec3& h) noexcept {
-    corrected_ = true;
-    uncorrected_mm_ = (god_ - h) * grid_->voxel_mm;
-  }
 
   const BrickGrid* grid_ = nullptr;
   bool wide_ = has_avx2();
   bool contact_ = false;
   int most_steps_ = kMaxNewtonSteps;
-  bool bound_hit_ = false, corrected_ = false;
-  Vec3 uncorrected_mm_ = Vec3::Zero();
-  double spacing_ = 1.0;  ///< of the points, voxels
-  Vec3 last_h_ = Vec3::Zero();
+  bool bound_hit_ = false;
+  double spacing_ = 1.0;          ///< of the points, voxels
   int frames_unchecked_ = 0;      ///< frames since the last check of the HIP's surroundings
   bool follows_ = false;          ///< checked since the HIP was next to its god object
   Vec3 followed_ = Vec3::Zero();  ///< see geometry::check_god_object

@@ -41,8 +41,6 @@ void SplineSdfContact::update_free_radius(const Vec3& h) noexcept {
   const double behind = -static_cast<double>(jet.value * allowed);
   if (in_front_ && is_tight(place) && behind > kInside && behind < kRegained * spacing_) {
     hold_on_surface_above(h, place, jet, allowed);
-    corrected_ = contact_;
-    uncorrected_mm_ = Vec3::Zero();
     return;
   }
   clear_ = kMarchShare * std::abs(static_cast<double>(jet.value));
@@ -99,14 +97,9 @@ bool SplineSdfContact::hold_if_behind(const Vec3& h) noexcept {
   if (place.brick == BrickGrid::kNone) return false;
   const Jet jet = jet_at(place, place_in(place, h));
   if (!(static_cast<double>(jet.value * side_) < -kInside)) return false;
-  const Vec3 god = god_;
   contact_ = false;
   hold_on_surface_above(h, place, jet, side_);
   const bool held = contact_;
-  if (held) {
-    corrected_ = true;
-    uncorrected_mm_ = (god - h) * grid_->voxel_mm;
-  }
   contact_ = true;
   return held;
 }
@@ -135,12 +128,10 @@ void SplineSdfContact::check_held_position(const Vec3& h) noexcept {
     case geometry::GodObjectVerdict::kKeep:
       return;
     case geometry::GodObjectVerdict::kMove:
-      note_correction(h);
       if (const BrickRef place = grid_->find(h); place.brick != BrickGrid::kNone)
         hold_on_surface_above(h, place, jet_at(place, place_in(place, h)), side_);
       return;
     case geometry::GodObjectVerdict::kFree:
-      note_correction(h);
       contact_ = false;
       in_front_ = true;
       clear_ = -1.0;
