@@ -157,9 +157,10 @@ std::vector<PieceClass> find_closed_components(BrickGrid& grid, std::size_t coun
     if (!(piece.cells > 0.0) || grid.closed_components.size() == kMaxPieces) continue;
     const float side = outer_side_of(piece, both_sides, threads);
     if (side == 0.0f) continue;
-    const double mouth = geometry::opening_fraction(piece.parts);
+    // Counted cells tell the area of a face along the grid to a tenth, which would look like a mouth.
+    const double mouth = is_closed(piece) ? 0.0 : geometry::opening_fraction(piece.parts);
     grid.min_enclosed = std::min(grid.min_enclosed, 1.0 - mouth);
-    classes[p].tight = is_closed(piece) || mouth <= geometry::kTightOpeningFraction;
+    classes[p].tight = mouth <= geometry::kTightOpeningFraction;
     grid.closed_components.push_back({side, classes[p].tight, std::move(piece.parts)});
     classes[p].number = static_cast<std::uint16_t>(grid.closed_components.size());
   }

@@ -208,6 +208,18 @@ TEST(InputQuality, OfThinPlates) {
   EXPECT_GT(doubts_of(generated("slab:points=20000:noise=0.15")).layered, 0.5);
 }
 
+// Cells along the grid count as more area on one face than on the other.
+TEST(InputQuality, AClosedSlabHasNoMouth) {
+  for (const double thickness : {2.3, 3.0, 5.0}) {
+    SceneInput scene;
+    scene.models.emplace_back().cloud = std::make_shared<const cloud::Cloud>(
+        generated(fmt::format("slab:points=30000:thickness_mm={}", thickness)));
+    const PrepareReport report = prepare_report(scene, "cloud-smooth").value();
+    for (const std::string& warning : report.warnings)
+      EXPECT_EQ(warning.find("mouth"), std::string::npos) << thickness << ": " << warning;
+  }
+}
+
 TEST(InputQuality, NoneOfSurfaces) {
   for (const char* text : {"sinusoid:points=10201", "sinusoid:points=10000:sampling=random:noise=0.2",
                            "sphere:points=5000", "sinusoid:points=10000:sampling=random:noise=0.5",
