@@ -62,10 +62,11 @@ class HeightFieldSurface {
   [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
   [[nodiscard]] unsigned features() const noexcept { return model_.surface.features; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.grid->box_mm; }
-  [[nodiscard]] bool touching() const noexcept { return contact_; }
+  [[nodiscard]] bool touching() const noexcept { return contact_ || spread_.active(); }
   void release_contact(const Vec3& h) noexcept {
     contact_ = false;
     frames_since_check_ = 0;
+    spread_.end();
     state_.release();
     started_ = is_finite(h);
     if (started_) start(sheet_.plan(h));
@@ -76,16 +77,17 @@ class HeightFieldSurface {
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
     const PlanPoint plan = sheet_.plan(h);
-    const bool held = (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
+    bool held = (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
     if (held) contact = contact_at<kFeatures>(h);
     if (held && ++frames_since_check_ >= geometry::kCheckPeriodFrames) [[unlikely]] {
       frames_since_check_ = 0;
       if (correct(plan, h, contact.pull, status, counters)) {
-        if (!contact_) return false;
-        contact = contact_at<kFeatures>(h);
+        held = contact_;
+        if (held) contact = contact_at<kFeatures>(h);
       }
     }
-    return held;
+    if (nearest_post_) return held;  // goes from post to post, as it is defined
+    return spread_.answer(h, held, contact, [&] { contact = contact_at<kFeatures>(h); });
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceResponse respond(const SurfaceContact& contact) noexcept {
@@ -319,6 +321,7 @@ class HeightFieldSurface {
   bool nearest_post_;
 
   SurfaceState state_;
+  CorrectionRamp spread_;
   int frames_since_check_ = 0;  ///< contact frames since the last check of the HIP's surroundings
   bool started_ = false;
   bool contact_ = false;
