@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include <palpate/vec.h>
@@ -185,79 +186,89 @@ struct FacetStiffness {
 // Spreads jumps of the god object over several frames, so that a hand feels no step: corrections of the held
 // place, also those that release or catch the HIP, slips over edges, changes of the surface.
 
-/// Belongs to one contact. A god object that moves in a frame kFaster times as far as the HIP, and by kOfPull
-/// of the pull, jumps; one of a free HIP is the HIP. The pull then goes to the new one by at most the HIP's
-/// motion and a share of the jump a frame: one of 1 mm at 0.5 N/mm changes the force by 0.025 N a frame at
-/// 1 kHz, a twentieth of a noticeable kick, and ends within a hand's reaction time. Beside a rounded edge of
-/// radius r a god object slides kFaster times as fast as a HIP 2/3 r deep; it jumps at r.
+/// Belongs to one contact. A pull that changes in a frame kFaster times as much as the HIP moves, and by
+/// kOfPull of itself, jumps; one of a free HIP is zero. It then goes to the new one by at most the HIP's
+/// motion and a share of the jump a frame, or of the pull where it turns round: one of 1 mm at 0.5
+/// N/mm changes the force by 0.025 N a frame at 1 kHz, a twentieth of a noticeable kick, and ends within a
+/// hand's reaction time. Beside a rounded edge of radius r a pull changes kFaster times as fast as a HIP r /
+/// 2 deep; it jumps at r.
 class CorrectionRamp {
  public:
   static constexpr int kFrames = 20;
-  static constexpr double kFaster = 3.0, kOfPull = 1.0 / 16;
+  static constexpr double kFaster = 2.0, kOfPull = 1.0 / 16;
 
   /// Forgets the contact.
-  void end() noexcept { known_ = active_ = false; }
+  void end() noexcept {
+    last_h_ = Vec3::Constant(kNowhere);
+    active_ = false;
+  }
   [[nodiscard]] bool active() const noexcept { return active_; }
   /// Changes `contact`'s pull at h, which `read()` fills when nothing but the ramp holds the HIP. False if
   /// nothing is felt. Call it in every frame.
   template <class Read>
   [[nodiscard, gnu::always_inline]] bool answer(const Vec3& h, bool held, SurfaceContact& contact,
                                                 Read&& read) noexcept {
-    const Vec3 place = held ? Vec3(h + contact.pull) : h, jump = place - place_, motion = h - last_h_;
-    const bool jumped =
-        known_ && jump.squaredNorm() > kFaster * kFaster * motion.squaredNorm() &&
-        jump.squaredNorm() >
-            kOfPull * kOfPull * std::max((place - h).squaredNorm(), (place_ - h).squaredNorm());
-    const Vec3 before = place_ - h;
-    const bool was_held = std::exchange(held_, held);
-    place_ = place;
+    const Vec3 pull = held ? contact.pull : Vec3(Vec3::Zero()), motion = h - last_h_, change = pull - pull_;
+    const double faster_sq = kFaster * kFaster * motion.squaredNorm();
+    const Vec3 last = pull_;
+    pull_ = pull;
     last_h_ = h;
-    known_ = true;
-    if (!active_ && !jumped) [[likely]]
+    if (!(change.squaredNorm() > faster_sq) && !active_) [[likely]] {
+      held_ = held;
       return held;
-    Vec3 pull = place - h;
-    spread(motion, jumped ? &before : nullptr, was_held, pull);
-    if (!held && active_) read();
-    contact.pull = pull;
-    return held || active_;
+    }
+    spread(motion, last, held);
+    if (!active_) return held;
+    if (!held) read();
+    contact.pull = shown_;
+    return true;
   }
 
  private:
-  /// `before`: the pull without this frame's jump, or null.
-  [[gnu::noinline]] void spread(const Vec3& motion, const Vec3* before, bool was_held, Vec3& pull) noexcept {
-    const double wanted = pull.norm();
+  /// Makes `shown_` the pull to be felt while active. `last`: the contact's own pull of the last frame.
+  [[gnu::noinline]] void spread(const Vec3& motion, const Vec3& last, bool held) noexcept {
+    const Vec3 change = pull_ - last;
+    const double wanted = pull_.norm();
+    const bool was_held = std::exchange(held_, held);
+    const bool jumped =
+        change.norm() > kFaster * motion.norm() && change.norm() > kOfPull * std::max(wanted, last.norm());
+    if (!active_ && !jumped) return;
     Vec3 moved = motion;
-    if (before != nullptr) {
+    if (jumped) {
       if (!active_) {
-        shown_ = *before;
-        length_ = before->norm();
+        shown_ = last - motion;
+        length_ = shown_.norm();
         rate_ = 0.0;
         moved = Vec3::Zero();
         grows_ = !was_held;
+        active_ = true;
       }
-      rate_ = std::max(rate_, (pull - shown_).norm() / kFrames);
+      const double jump = std::min((pull_ - shown_).norm(), grows_ ? wanted : length_);
+      rate_ = std::max(rate_, jump / kFrames);
     }
     // The ramp never moves the god object farther from the HIP, so it creates no energy, and a jumping HIP
     // drags no spring along. A farther target waits for the hand to go there. A HIP found behind a surface is
     // held with a growing pull.
     const double before_now = std::min((shown_ - moved).norm(), std::max(length_, wanted));
     const double most = grows_ ? std::max(before_now, wanted) : before_now;
-    const Vec3 way = pull - shown_;
+    const Vec3 way = pull_ - shown_;
     const double left = way.norm(), step = rate_ + moved.norm();
-    shown_ = left > step ? Vec3(shown_ + way * (step / left)) : pull;
+    shown_ = left > step ? Vec3(shown_ + way * (step / left)) : pull_;
     const double size = shown_.norm();
     if (size > most) shown_ *= most / size;
     length_ = shown_.norm();
     active_ = left > step || wanted > most;
-    if (active_) pull = shown_;
   }
 
-  bool known_ = false, held_ = false, active_ = false;
-  bool grows_ = false;  ///< the hold is growing
-  Vec3 place_ = Vec3::Zero(), last_h_ = Vec3::Zero();
-  Vec3 shown_ = Vec3::Zero();  ///< last pull
-  double length_ = 0.0;        ///< its length
-  double rate_ = 0.0;          ///< of the jump, mm a frame
+  /// So far from any HIP that the first frame's motion allows every pull.
+  static constexpr double kNowhere = std::numeric_limits<double>::max();
+
+  bool held_ = false, active_ = false;
+  bool grows_ = false;                                            ///< the hold is growing
+  Vec3 pull_ = Vec3::Zero(), last_h_ = Vec3::Constant(kNowhere);  ///< the contact's own, of the last frame
+  Vec3 shown_ = Vec3::Zero();                                     ///< the last pull felt
+  double length_ = 0.0;                                           ///< its length
+  double rate_ = 0.0;                                             ///< of the jump, mm a frame
 };
 
 }  // namespace palpate::render
