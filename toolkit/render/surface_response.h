@@ -186,16 +186,15 @@ struct FacetStiffness {
 // Spreads jumps of the god object over several frames, so that a hand feels no step: corrections of the held
 // place, also those that release or catch the HIP, slips over edges, changes of the surface.
 
-/// Belongs to one contact. A pull that changes in a frame kFaster times as much as the HIP moves, and by
-/// kOfPull of itself, jumps; one of a free HIP is zero. It then goes to the new one by at most the HIP's
-/// motion and a share of the jump a frame, or of the pull where it turns round: one of 1 mm at 0.5
-/// N/mm changes the force by 0.025 N a frame at 1 kHz, a twentieth of a noticeable kick, and ends within a
-/// hand's reaction time. Beside a rounded edge of radius r a pull changes kFaster times as fast as a HIP r /
-/// 2 deep; it jumps at r.
+/// Belongs to one contact. A pull that changes in a frame by a kFrames-th of itself and by kFaster times the
+/// HIP's motion jumps; one of a free HIP is zero. It then changes by at most that share and the HIP's motion
+/// a frame: of 1 mm at 0.5 N/mm by 0.025 N, a twentieth of a noticeable kick, and is there within a hand's
+/// reaction time. Beside a rounded edge of radius r a pull changes kFaster times as fast as a HIP r / 2 deep;
+/// it jumps at r.
 class CorrectionRamp {
  public:
   static constexpr int kFrames = 20;
-  static constexpr double kFaster = 2.0, kOfPull = 1.0 / 16;
+  static constexpr double kFaster = 2.0;
 
   /// Forgets the contact.
   void end() noexcept {
@@ -231,7 +230,7 @@ class CorrectionRamp {
     const double wanted = pull_.norm();
     const bool was_held = std::exchange(held_, held);
     const bool jumped =
-        change.norm() > kFaster * motion.norm() && change.norm() > kOfPull * std::max(wanted, last.norm());
+        change.norm() > kFaster * motion.norm() && change.norm() * kFrames > std::max(wanted, last.norm());
     if (!active_ && !jumped) return;
     Vec3 moved = motion;
     if (jumped) {
@@ -243,8 +242,7 @@ class CorrectionRamp {
         grows_ = !was_held;
         active_ = true;
       }
-      const double jump = std::min((pull_ - shown_).norm(), grows_ ? wanted : length_);
-      rate_ = std::max(rate_, jump / kFrames);
+      rate_ = std::max(rate_, (grows_ ? wanted : length_) / kFrames);
     }
     // The ramp never moves the god object farther from the HIP, so it creates no energy, and a jumping HIP
     // drags no spring along. A farther target waits for the hand to go there. A HIP found behind a surface is
