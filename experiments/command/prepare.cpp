@@ -126,7 +126,7 @@ Result<prepared::PrepareCellsOptions> cells_options(const PrepareArguments& argu
   PALPATE_ASSIGN(options.mm_per_unit, mm_per_number(arguments, stream.header()));
   options.threads = arguments.load.threads;
   options.memory_bytes = memory_bound(arguments);
-  if (!std::filesystem::is_directory(arguments.model)) options.input_path = arguments.model;
+  options.input_path = arguments.model;
   return options;
 }
 

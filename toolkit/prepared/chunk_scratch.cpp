@@ -152,6 +152,9 @@ Status ChunkScratch::add(SurfaceChunk chunk) {
   end_ += 2 * kRecordEdgeBytes + bytes.size();
   bricks_at_.push_back(end_ - kRecordEdgeBytes - chunk.bricks.size() * render::kStoredBrickBytes);
   chunk.bricks = {};
+  // Kept to the end, by the million.
+  chunk.own.shrink_to_fit();
+  chunk.seam.shrink_to_fit();
   chunks_.push_back(std::move(chunk));
   return Done{};
 }

@@ -29,8 +29,8 @@ struct PrepareCellsOptions {
   /// for it are divided.
   double quantum_mm = kAnyQuantumMm;
   double halo_spacings = kHaloSpacings;
-  /// The file behind the stream. If it is given, a run that was stopped is gone on with, as long as the file
-  /// has the same size and time and the options are the same.
+  /// The file behind the stream, or the folder. If it is given, a run that was stopped is gone on with, as
+  /// long as the files have the same sizes and times and the options are the same.
   std::string input_path;
   std::uint64_t most_chunk_points = kMostChunkPoints;  ///< for tests; the result does not depend on it
 };

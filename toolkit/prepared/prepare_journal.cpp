@@ -2,6 +2,9 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <filesystem>
+
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/hash.h"
 
@@ -17,7 +20,7 @@ constexpr std::size_t kRegionBytes = 2 * sizeof(std::uint64_t) + 2 * sizeof(std:
 constexpr std::size_t kPlanHeadBytes = (4 + 6 + 4) * sizeof(std::uint64_t);
 
 /// Every key has it, so that a journal of another layout is not understood as one of this.
-constexpr std::uint64_t kJournalVersion = 1;
+constexpr std::uint64_t kJournalVersion = 2;
 
 std::vector<std::byte> encode_plan(const PrepareState& state) {
   std::vector<std::byte> bytes(kPlanHeadBytes + state.nodes.size() * kNodeBytes +
@@ -91,16 +94,28 @@ JournalKey make_journal_key(const std::string& input_path, std::uint64_t choices
   Hash64 hash;
   hash.u64(kJournalVersion);
   hash.u64(choices);
-  struct stat status {};
-  if (input_path.empty() || ::stat(input_path.c_str(), &status) != 0) return {hash.value(), true};
+  std::error_code failed;
+  std::vector<std::string> paths;
+  if (std::filesystem::is_directory(input_path, failed)) {
+    // Not the folder's own time, which an output in it changes.
+    for (const auto& entry : std::filesystem::directory_iterator(input_path, failed))
+      if (entry.is_regular_file(failed)) paths.push_back(entry.path().string());
+  } else {
+    paths.push_back(input_path);
+  }
+  std::sort(paths.begin(), paths.end());
   constexpr std::uint64_t kMostBootBytes = 256;  // a name of 36 letters
   const Result<std::string> boot = read_file("/proc/sys/kernel/random/boot_id", kMostBootBytes);
   if (!boot) return {hash.value(), true};
-  hash.bytes(std::as_bytes(std::span(input_path)));
   hash.bytes(std::as_bytes(std::span(*boot)));
-  hash.u64(static_cast<std::uint64_t>(status.st_size));
-  hash.u64(static_cast<std::uint64_t>(status.st_mtim.tv_sec));
-  hash.u64(static_cast<std::uint64_t>(status.st_mtim.tv_nsec));
+  for (const std::string& path : paths) {
+    struct stat status {};
+    if (::stat(path.c_str(), &status) != 0) return {hash.value(), true};
+    hash.bytes(std::as_bytes(std::span(path)));
+    hash.u64(static_cast<std::uint64_t>(status.st_size));
+    hash.u64(static_cast<std::uint64_t>(status.st_mtim.tv_sec));
+    hash.u64(static_cast<std::uint64_t>(status.st_mtim.tv_nsec));
+  }
   return {hash.value(), false};
 }
 

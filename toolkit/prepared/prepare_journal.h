@@ -21,7 +21,7 @@ struct JournalKey {
   bool unknown = false;
   bool operator==(const JournalKey&) const = default;
 };
-/// `choices` hashes the options; without a path the input is unknown.
+/// `choices` hashes the options. A folder's files are its input; without a path the input is unknown.
 [[nodiscard]] JournalKey make_journal_key(const std::string& input_path, std::uint64_t choices);
 
 /// The finished steps, in their order: points scattered, chunks sorted and cut, cells written.

@@ -25,8 +25,10 @@ using render::MortonPoints;
 
 /// The program itself and buffers.
 constexpr std::uint64_t kFixedSurfaceBytes = std::uint64_t{96} << 20;
-/// The table of cells, the sample and its points for rays, and what joins the bricks: some 25 points each,
-/// and 130 bytes with its place and tile.
+/// While regions are made: 48 bytes for a brick, of some 25 points; a sixteenth of the points; a 64th for
+/// rays, of 50 bytes each; the table of cells.
+constexpr std::uint64_t kKeptBytesPerPoint = 4;
+/// When they are joined, then a brick has 130 bytes with its place and tile.
 constexpr std::uint64_t kJoinBytesPerPoint = 8;
 /// Runs of adjacent cells that tell spacing and noise, and cells of a run: a run's rim is a fiftieth of it.
 constexpr std::size_t kProbeRuns = 16, kCellsOfRun = 16;
@@ -62,7 +64,13 @@ class SurfacePreparation {
       scratch.remove();
       return render::no_surface();
     }
-    PALPATE_TRY(write(scratch));
+    PALPATE_ASSIGN(render::SurfaceFileWriter writer,
+                   render::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
+    PALPATE_TRY(write_joined(scratch, writer));
+    const render::PrepareContext context{options_.threads, &progress_};
+    PALPATE_TRY(render::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
+                                             coarse_->size(), options_.build, context, writer));
+    PALPATE_TRY(writer.finish());
     scratch.remove();
     report_.chunks = regions_.size();
     return report_;
@@ -88,7 +96,7 @@ class SurfacePreparation {
     return hash.value();
   }
   [[nodiscard]] std::uint64_t most_points() const noexcept {
-    const std::uint64_t fixed = kFixedSurfaceBytes + cells_.info().points * kJoinBytesPerPoint;
+    const std::uint64_t fixed = kFixedSurfaceBytes + cells_.info().points * kKeptBytesPerPoint;
     const std::uint64_t work = options_.memory_bytes > fixed ? options_.memory_bytes - fixed : 0;
     return std::min(options_.most_chunk_points, work / kSurfaceBytesPerPoint);
   }
@@ -128,6 +136,10 @@ class SurfacePreparation {
 
   /// Measures what all regions share, and samples the points.
   Status decide() {
+    const CellFileInfo& info = cells_.info();
+    if (kFixedSurfaceBytes + info.points * kJoinBytesPerPoint > options_.memory_bytes)
+      return over_memory_limit(fmt::format("joining the surface of {} points", format_count(info.points)),
+                               options_.memory_bytes);
     cloud::Cloud probe = empty_cloud();
     const std::size_t run = std::max(cells_.size() / kProbeRuns, kCellsOfRun);
     for (std::size_t cell = 0; cell < cells_.size(); ++cell)
@@ -143,7 +155,6 @@ class SurfacePreparation {
     any.patch[0] = 0;
     frame_.coarser = render::coarser_levels(probed, std::vector<render::PointPatches>(probed.size(), any));
     frame_.build = options_.build;
-    const CellFileInfo& info = cells_.info();
     frame_.points.box_mm =
         geometry::Aabb{info.bounds_mm.low_mm - origin_mm_, info.bounds_mm.high_mm - origin_mm_}.grown(
             info.quantum_mm);
@@ -158,6 +169,8 @@ class SurfacePreparation {
     std::uint64_t step = render::kCoarserShare;
     while (info.points / step > most_points()) step *= render::kCoarserShare;
     auto coarse = std::make_shared<cloud::Cloud>(empty_cloud());
+    for (auto* axis : {&coarse->x_mm, &coarse->y_mm, &coarse->z_mm})
+      axis->reserve(static_cast<std::size_t>(info.points / step + 1));
     std::uint64_t first = 0;
     for (std::size_t cell = 0; cell < cells_.size(); first += cells_.entry(cell++).points)
       PALPATE_TRY(add_points(cell, *coarse,
@@ -212,7 +225,7 @@ class SurfacePreparation {
     return divide(first_code | std::uint64_t{1} << (bits - 1), bits - 1, near);
   }
 
-  Status write(const ChunkScratch& scratch) {
+  Status write_joined(const ChunkScratch& scratch, render::SurfaceFileWriter& writer) {
     progress_.report("joining", 1.0);
     const std::vector<render::SurfaceChunk>& chunks = scratch.chunks();
     render::SplineSdf surface;
@@ -247,13 +260,7 @@ class SurfacePreparation {
       joined.pieces[chunk][chunks[chunk].own[at].summary.piece].put(out);
       return Done{};
     };
-    PALPATE_ASSIGN(render::SurfaceFileWriter writer,
-                   render::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
-    PALPATE_TRY(writer.add(surface, render::cut_into_tiles(std::move(placed)), brick, distances));
-    const render::PrepareContext context{options_.threads, &progress_};
-    PALPATE_TRY(render::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
-                                             coarse_->size(), options_.build, context, writer));
-    return writer.finish();
+    return writer.add(surface, render::cut_into_tiles(std::move(placed)), brick, distances);
   }
 
   const CellFile& cells_;

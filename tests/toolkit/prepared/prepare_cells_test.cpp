@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "tests/toolkit/prepared/prepared_points.h"
+#include "toolkit/prepared/prepare_journal.h"
 
 namespace palpate::prepared::test {
 namespace {
@@ -352,6 +353,20 @@ TEST_F(StoppedPreparation, AChangedInputOrScratchBeginsAgain) {
   const auto report = prepare_cells(stream, options_, in("cells"));
   ASSERT_TRUE(report.ok());
   EXPECT_FALSE(report->resumed) << "other options";
+}
+
+TEST_F(Prepared, AFolderIsKnownByItsFiles) {
+  std::filesystem::create_directory(in("tiles"));
+  write("tiles/a", "a tile");
+  const JournalKey one = make_journal_key(in("tiles"), 0);
+  EXPECT_FALSE(one.unknown);
+  EXPECT_EQ(make_journal_key(in("tiles"), 0), one);
+  write("tiles/b", "another");
+  const JournalKey two = make_journal_key(in("tiles"), 0);
+  EXPECT_FALSE(two == one);
+  write("tiles/b", "another, longer");
+  EXPECT_FALSE(make_journal_key(in("tiles"), 0) == two);
+  EXPECT_TRUE(make_journal_key(in("no tiles"), 0).unknown);
 }
 
 TEST_F(Prepared, StoppedOrRefusedLeavesNothing) {
