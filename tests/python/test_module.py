@@ -285,7 +285,7 @@ class Comparisons(unittest.TestCase):
         self.assertEqual(list(table["label"]), ["cloud", "bare"])
         axes = compared.plot()
         self.assertEqual(len(axes.lines), 2)
-        self.assertEqual(axes.get_xlabel(), "frame_all.mean_us")
+        self.assertEqual(axes.get_xlabel(), "frame all mean, µs")
         self.assertRegex(compared._repr_html_(), r"<th>memory\.<wbr>bytes</th>")
         with self.assertRaisesRegex(palpate.Error, "'memory.byte'; did you mean 'memory.bytes'"):
             compared.plot(x="memory.byte")
