@@ -99,3 +99,18 @@ class Comparison:
         # Names may be broken where they have a joint, or ten columns are wider than a page.
         return re.sub(r"<th>[^<]*</th>", lambda name: re.sub(r"([._])", r"\1<wbr>", name[0]),
                       str(table.to_html(index=False, float_format="{:.4g}".format, border=0)))
+
+
+def joined(parts: Sequence[Comparison]) -> Comparison:
+    """Comparisons along one path as one; the second row of a label is label-2."""
+    traces: Dict[str, Trace] = {}
+    rows: Dict[str, Dict[str, Any]] = {}
+    for part in parts:
+        for row in part.document["renderers"]:
+            label, count = row["label"], 2
+            while label in rows:
+                label, count = f"{row['label']}-{count}", count + 1
+            rows[label] = dict(row, label=label)
+            if row["label"] in part.traces:
+                traces[label] = part.traces[row["label"]]
+    return Comparison(dict(parts[0].document, renderers=list(rows.values())), parts[0].path, traces)
