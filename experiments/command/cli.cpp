@@ -39,9 +39,9 @@ std::string_view option_name(std::string_view argument) {
 
 Error not_known(const CLI::App& command, std::string_view name) {
   if (name == kEmitOption || name == kEngineOption)
-    return Error{fmt::format("{} is one case, or a chain of them: {} has no jobs to make of it",
+    return Error{fmt::format("{} has no jobs for {}: it is one case, or each case needs the answer before it",
                              command.get_name(), name),
-                 "leave it out: what may run side by side is a command each"};
+                 fmt::format("leave {} out, and run what is independent by a command each.", name)};
   std::vector<std::string> known;
   for (const CLI::Option* option : command.get_options())
     for (const std::string& word : option->get_lnames()) known.push_back(word);

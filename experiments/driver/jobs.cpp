@@ -114,7 +114,8 @@ constexpr const char* kLocalProfile = R"(cores: all
 resources:
   - timing=1
 )";
-// Partition and account come from the user's SBATCH_PARTITION and SBATCH_ACCOUNT.
+// Partition and account come from the user's SBATCH_PARTITION and SBATCH_ACCOUNT; from 8 on Snakemake names
+// both to sbatch itself, so that they are its default resources slurm_partition and slurm_account.
 constexpr const char* kSlurm7 = R"(cluster: >-
   sh profiles/slurm/submit {resources.slurm_extra} {resources.mem_mb} {resources.runtime} {rule} {output} {wildcards}
 cluster-status: sh profiles/slurm/status

@@ -44,6 +44,57 @@ py::tuple read_trace(const py::object& file) {
       [name = py::str(file).cast<std::string>()](Progress&) { return trace::read_trace_csv(name); }));
 }
 
+/// What another process makes the same object of.
+py::tuple copies_of(const py::object& self, std::initializer_list<const char*> members) {
+  py::list all;
+  for (const char* const member : members) {
+    const py::object value = self.attr(member);
+    all.append(py::hasattr(value, "copy") ? value.attr("copy")() : value);
+  }
+  return py::tuple(all);
+}
+
+template <class T>
+std::vector<T> values_of(const py::object& given) {
+  const auto array = given.cast<py::array_t<T, py::array::c_style>>();
+  return {array.data(), array.data() + array.size()};
+}
+
+void check_counts(const py::tuple& columns, std::size_t first, std::size_t count) {
+  for (std::size_t i = first; i < columns.size(); ++i)
+    if (py::len(columns[i]) != count) raise({"the columns of a pickle differ in length", "pickle it anew"});
+}
+
+Path path_from_state(const py::tuple& state) {
+  const py::array_t<double, py::array::c_style> rows = rows_of_three(state[2], "places of the HIP");
+  const std::span<const Vec3> hips_mm = vectors_of(rows);
+  check_counts(state, 1, hips_mm.size());
+  return {std::make_shared<const trace::ProbePath>(trace::ProbePath{
+              state[0].cast<std::string>(), values_of<double>(state[1]), {hips_mm.begin(), hips_mm.end()}}),
+          nullptr};
+}
+
+constexpr std::initializer_list<const char*> kTraceMembers = {
+    "label", "seconds", "frame_ns", "force_n", "god_object_mm", "contact", "model", "status"};
+
+Trace trace_from_state(const py::tuple& state) {
+  const auto forces = rows_of_three(state[3], "forces"), places = rows_of_three(state[4], "god objects");
+  const auto contact = state[5].cast<py::array_t<bool>>();
+  const auto model = state[6].cast<py::array_t<std::int32_t>>();
+  const auto status = state[7].cast<py::array_t<std::uint8_t>>();
+  auto trace = std::make_shared<trace::ForceTrace>();
+  trace->label = state[0].cast<std::string>();
+  trace->frame_ns = values_of<std::int64_t>(state[2]);
+  trace->frames.resize(vectors_of(forces).size());
+  check_counts(state, trace->frame_ns.empty() ? 3 : 2, trace->frames.size());
+  for (std::size_t i = 0; i < trace->frames.size(); ++i) {
+    const auto at = static_cast<py::ssize_t>(i);
+    trace->frames[i] = {vectors_of(forces)[i], vectors_of(places)[i], contact.at(at), model.at(at),
+                        static_cast<render::FrameStatus>(status.at(at))};
+  }
+  return {std::move(trace), state[1].cast<double>()};
+}
+
 }  // namespace
 
 std::vector<double> times_at(double rate_hz, std::size_t count) {
@@ -67,6 +118,13 @@ void add_paths(py::module_& module) {
                                return member_view<double>(times, times.data(), 1, self);
                              })
       .def_property_readonly("name", [](const Path& self) { return self.path->name; })
+      .def_property_readonly("scene",
+                             [](const Path& self) { return std::const_pointer_cast<Scene>(self.scene); })
+      .def(py::pickle(
+          [](const py::object& self) {
+            return copies_of(self, {"name", "t_s", "hip_mm"});
+          },
+          &path_from_state))
       .def("__len__", [](const Path& self) { return self.path->size(); })
       .def("write",
            [](const Path& self, const py::object& file) {
@@ -101,6 +159,8 @@ void add_paths(py::module_& module) {
                                return member_view<std::int64_t>(times, times.data(), 1, self);
                              })
       .def_readonly("seconds", &Trace::seconds)
+      .def(py::pickle([](const py::object& self) { return copies_of(self, kTraceMembers); },
+                      &trace_from_state))
       .def_property_readonly("label", [](const Trace& self) { return self.trace->label; })
       .def_property_readonly("hash", [](const Trace& self) { return trace::trace_hash(*self.trace); })
       .def("__len__", [](const Trace& self) { return self.trace->frames.size(); })

@@ -2,12 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "experiments/session/session.h"
 
 namespace palpate::python {
 namespace {
+
+// Above it a double no longer counts one by one.
+constexpr double kMostCountedBytes = 0x1p53;
 
 using render::Frame;
 using render::FrameStatus;
@@ -46,6 +50,9 @@ class PALPATE_HIDDEN PythonRenderer final : public render::HapticRenderer {
       object_ = python_->make();
       object_.attr("prepare")(std::const_pointer_cast<Scene>(scene_));
       step_ = object_.attr("step");
+      if (py::hasattr(object_, "bytes"))
+        report.bytes = static_cast<std::uint64_t>(
+            std::clamp(number_of(object_.attr("bytes"), "bytes"), 0.0, kMostCountedBytes));
     } catch (py::error_already_set& exception) {
       python_->fail(error_of(exception));
       Error error = *python_->failure();
@@ -169,7 +176,7 @@ const render::Registry& our_renderers() {
 void add_python_renderer(render::Registry& registry, const PythonClassPtr& python, ScenePtr scene) {
   if (registry.find(python->name()) != nullptr)
     raise({fmt::format("the name '{}' is taken by another renderer", python->name()),
-           "give the class another one: name = \"..\""});
+           "give one of them another, as an attribute: name = \"..\""});
   render::RendererInfo info;
   info.name = python->name();
   info.summary = "a renderer written in Python";

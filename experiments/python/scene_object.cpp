@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
+#include <array>
 #include <set>
 
 #include "experiments/data/scans.h"
 #include "experiments/run/arguments.h"
-#include "experiments/session/session.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 
@@ -41,7 +41,9 @@ ScenePtr load(const std::string& source, const ex::ModelArguments& arguments) {
   return without_lock([&](Progress& progress) -> Result<ScenePtr> {
     PALPATE_ASSIGN(const scene::SceneFile file, ex::open_scene(source, ex::all_renderers(), progress));
     PALPATE_ASSIGN(scene::LoadedScene loaded, scene::load(file, ex::all_readers(), options, progress));
-    return ScenePtr(std::make_shared<Scene>(Scene{source, std::move(loaded), file.renderer}));
+    auto made = std::make_shared<Scene>(Scene{source, std::move(loaded), file.renderer});
+    made->read_by = arguments;
+    return ScenePtr(std::move(made));
   });
 }
 
@@ -54,6 +56,7 @@ ScenePtr scene_around(std::shared_ptr<const cloud::Cloud> points, io::Unit unit,
   auto made = std::make_shared<Scene>();
   made->name = "array";
   made->from_columns = from_columns;
+  made->read_by.emplace();
   scene::Provenance from;
   from.source = "array";
   from.format = "array";
@@ -134,6 +137,43 @@ py::array_t<double> all_points(const Cloud& cloud) {
   for (std::size_t i = 0; i < points.size(); ++i)
     for (const double value : points.point_mm(i)) *out++ = value;
   return rows;
+}
+
+/// What another process makes the same scene of: the points of an array, or a source and how it was read.
+py::tuple state_of(const Scene& scene) {
+  if (!scene.read_by)
+    raise(
+        {"a scene whose surface was changed cannot go to another process", "give the scene as it was read"});
+  const ex::ModelArguments& by = *scene.read_by;
+  const scene::Provenance& from = scene.loaded.provenance.front();
+  if (from.format != "array") return py::make_tuple(scene.name, by.unit, by.scale, by.non_finite);
+  check_unchanged(scene);
+  const cloud::Cloud& points = *scene.loaded.input.models.front().cloud;
+  const auto copy = [](const std::vector<float>& values) {
+    return py::array_t<float>(static_cast<py::ssize_t>(values.size()), values.data());
+  };
+  return py::make_tuple(copy(points.x_mm), copy(points.y_mm), copy(points.z_mm), tuple_of(points.origin_mm),
+                        std::string(io::unit_name(from.unit)));
+}
+
+ScenePtr scene_from_state(const py::tuple& state) {
+  if (py::isinstance<py::str>(state[0])) {
+    ex::ModelArguments by;
+    by.unit = state[1].cast<std::string>();
+    by.scale = state[2].cast<double>();
+    by.non_finite = state[3].cast<std::string>();
+    return load(state[0].cast<std::string>(), by);
+  }
+  auto points = std::make_shared<cloud::Cloud>();
+  points->origin_mm = vec3_of(state[3]);
+  std::size_t axis = 0;
+  for (auto* values : {&points->x_mm, &points->y_mm, &points->z_mm}) {
+    const auto column = state[axis++].cast<py::array_t<float>>();
+    values->assign(column.data(), column.data() + column.size());
+    if (values->size() != points->x_mm.size())
+      raise({"the columns of a pickle differ in length", "pickle it anew"});
+  }
+  return scene_around(std::move(points), value_of(io::parse_unit(state[4].cast<std::string>())), false);
 }
 
 void prepare_file(const Cloud& cloud, const std::string& file, bool force) {
@@ -224,6 +264,9 @@ void add_scenes(py::module_& module) {
                                return py::tuple(all);
                              })
       .def_property_readonly("force_limit_n", [](const Scene& s) { return s.loaded.input.force_limit_n; })
+      .def(py::pickle(
+          &state_of,
+          [](const py::tuple& state) { return std::const_pointer_cast<Scene>(scene_from_state(state)); }))
       .def("__repr__", [](const Scene& scene) {
         return fmt::format("<palpate.Scene {}, {} models>", scene.name, scene.loaded.input.models.size());
       });
@@ -234,7 +277,7 @@ void add_scenes(py::module_& module) {
       module, "Cloud",
       "The points of one model, and what is known of them.\n\n"
       "x, y, z: mm relative to origin_mm, views of its memory. points(): a new (n, 3) array in mm.\n"
-      "box_mm: two corners. properties: further columns of the file. unit: of the source.\n"
+      "box_mm: two corners, (2, 3). properties: further columns of the file. unit: of the source.\n"
       "copied: False where the points lie in the Columns that were filled.\n"
       "prepare(file, force=False): writes a prepared file (.palsurf) that read() opens.");
   const auto axis = [&](const char* name, std::vector<float> cloud::Cloud::*values) {
@@ -252,9 +295,17 @@ void add_scenes(py::module_& module) {
       .def_property_readonly("box_mm",
                              [](const Cloud& self) {
                                const geometry::Aabb box = self.points()->box_mm();
-                               return py::make_tuple(tuple_of(box.low_mm), tuple_of(box.high_mm));
+                               const std::array corners{box.low_mm, box.high_mm};
+                               return py::array_t<double>({2, 3}, corners.front().data());
                              })
       .def("points", &all_points)
+      .def(py::pickle(
+          [](const Cloud& self) {
+            return py::make_tuple(std::const_pointer_cast<Scene>(self.scene), self.model);
+          },
+          [](const py::tuple& state) {
+            return Cloud{state[0].cast<std::shared_ptr<Scene>>(), state[1].cast<std::size_t>()};
+          }))
       .def_property_readonly("properties",
                              [](const py::object& self) {
                                py::dict all;

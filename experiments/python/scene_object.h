@@ -8,6 +8,7 @@
 #include <palpate/scene.h>
 #include <palpate/trace.h>
 #include "experiments/python/convert.h"
+#include "experiments/session/session.h"
 
 namespace palpate::python {
 
@@ -20,6 +21,8 @@ struct Scene {
   /// A replay without the interpreter's lock moves the models: nobody else may. Read and written with the
   /// lock. Scenes that differ in their surfaces alone share the models' motion, and this.
   std::shared_ptr<bool> moving = std::make_shared<bool>(false);
+  /// How `name` was read; empty where the scene was changed since: another process cannot make it then.
+  std::optional<experiments::ModelArguments> read_by{};
 };
 using ScenePtr = std::shared_ptr<const Scene>;
 

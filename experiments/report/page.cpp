@@ -299,7 +299,7 @@ th:first-child { text-align:left; font-weight:400; min-width:8rem; white-space:n
 tr.group th { font-weight:600; color:var(--soft); padding-top:.9rem; font-size:.85rem; letter-spacing:.02em; }
 td.best { font-weight:700; color:var(--best); } td.bad { font-weight:700; color:var(--bad); } td.best, td.bad { position:relative; } .mark { position:absolute; padding-left:.08em; }
 :is(.n10,.n11,.n12,.n13,.n14,.n15,.n16) { font-size:.82rem; } :is(.n10,.n11,.n12,.n13,.n14,.n15,.n16) :is(th,td) { padding:.3rem .5rem .3rem .4rem; min-width:0; }
-.turned th:first-child { white-space:nowrap; } td.words { text-align:left; white-space:normal; } thead th.words { text-align:left; }
+.turned th:first-child { white-space:nowrap; } .n8 td { white-space:normal; } td.words { text-align:left; white-space:normal; } thead th.words { text-align:left; }
 :is(th,td):last-child { padding-right:1rem; } .legend { margin:.2rem 0; } .legend span { margin-right:1.4rem; white-space:nowrap; }
 .caption, .legend, .notes, .facts { color:var(--soft); font-size:.88rem; } .notes { padding-left:1.2rem; max-width:60rem; }
 h3 { font-size:1rem; margin:1.4rem 0 .3rem; }

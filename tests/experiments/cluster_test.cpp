@@ -186,9 +186,8 @@ TEST_F(Cluster, StagesLeftOutApartAreTheAblation) {
 }
 
 TEST_F(Cluster, WhatHasNoCasesSaysSo) {
-  for (const char* line : {"study abx --emit snakemake", "list scans --engine snakemake"}) {
-    refuses("no jobs to make of it", line);
-  }
+  refuses("palpate study has no jobs for --emit", "study abx --emit snakemake --out @/out");
+  refuses("has no jobs for --engine", "list scans --engine snakemake");
   refuses("secret seed", "test bench --quick --seed 0123456789abcdef --emit snakemake --out @/out");
   EXPECT_FALSE(exists("out"));
 }

@@ -2,12 +2,15 @@
 
 import gc
 import math
+import multiprocessing
 import os
+import pickle
 import subprocess
 import sys
 import tempfile
 import threading
 import unittest
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 
@@ -285,7 +288,7 @@ class Comparisons(unittest.TestCase):
         self.assertEqual(list(table["label"]), ["cloud", "bare"])
         axes = compared.plot()
         self.assertEqual(len(axes.lines), 2)
-        self.assertEqual(axes.get_xlabel(), "frame_all.mean_us")
+        self.assertEqual(axes.get_xlabel(), "frame all mean, µs")
         self.assertRegex(compared._repr_html_(), r"<th>memory\.<wbr>bytes</th>")
         with self.assertRaisesRegex(palpate.Error, "'memory.byte'; did you mean 'memory.bytes'"):
             compared.plot(x="memory.byte")
@@ -307,6 +310,31 @@ class Comparisons(unittest.TestCase):
         self.assertLess(rows["Ball"]["accuracy.force_rms_percent"], rows["cloud"]["accuracy.force_rms_percent"])
         own = palpate.renderer(Ball, ball).replay(path)
         self.assertEqual(own.hash, compared.traces["Ball"].hash)
+
+    def test_an_executor_runs_each_renderer(self):
+        for source in (sphere(), palpate.cloud(sphere().points())):
+            path = palpate.path(source.points()[:1] * np.linspace(1.2, 0.9, 500)[:, None], source)
+            here = palpate.compare(["cloud", "penalty-grid"], path, passes=1)
+            with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as processes:
+                there = palpate.compare(["cloud", "penalty-grid"], path, passes=1, executor=processes)
+            for label, trace in here.traces.items():
+                self.assertTrue(trace.contact.any())
+                self.assertEqual(trace.hash, there.traces[label].hash)
+        with ThreadPoolExecutor(2) as threads:
+            twice = palpate.compare([Ball, "cloud", "cloud"], path, passes=1, executor=threads)
+        self.assertEqual([row["label"] for row in twice.rows], ["Ball", "cloud", "cloud-2"])
+
+    def test_what_is_pickled_is_the_same(self):
+        path = palpate.path("weave:frames=200", sphere())
+        trace = pickle.loads(pickle.dumps(palpate.renderer("cloud", sphere()).replay(path)))
+        self.assertEqual((trace.label, trace.model.min(), len(trace)), ("cloud", -1, 200))
+        np.testing.assert_array_equal(pickle.loads(pickle.dumps(path)).t_s, path.t_s)
+        with self.assertRaisesRegex(palpate.Error, "length"):
+            palpate.Path.__new__(palpate.Path).__setstate__(("", np.zeros(2), np.zeros((3, 3))))
+        soft = palpate.renderer("cloud", sphere(), stiffness=0.1)
+        self.assertEqual(pickle.loads(pickle.dumps(sphere())).stiffness_n_per_mm, sphere().stiffness_n_per_mm)
+        with self.assertRaisesRegex(palpate.Error, "surface was changed"):
+            pickle.dumps(soft.scene)
 
     def test_an_exception_in_python_fails_its_row_alone(self):
         class Late:

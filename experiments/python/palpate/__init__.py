@@ -20,13 +20,13 @@ __path__ = extend_path(__path__, __name__)
 
 from . import _palpate
 from ._palpate import Cloud, Columns, Frame, Path, Renderer, Scene, Trace, Truth, __version__
-from .comparison import Comparison
+from .comparison import Comparison, joined
 from .errors import Error
-from .protocols import Answer, Places, PythonRenderer, SceneLike, Vector
+from .protocols import Answer, ExecutorLike, Places, PythonRenderer, SceneLike, Vector
 
 __all__ = [
-    "Answer", "Cloud", "Columns", "Comparison", "Error", "Frame", "Path", "Places", "PythonRenderer", "Renderer", "Scene",
-    "SceneLike", "Trace", "Truth", "Vector", "__version__", "cloud", "compare", "generate", "path", "read",
+    "Answer", "Cloud", "Columns", "Comparison", "Error", "ExecutorLike", "Frame", "Path", "Places", "PythonRenderer",
+    "Renderer", "Scene", "SceneLike", "Trace", "Truth", "Vector", "__version__", "cloud", "compare", "generate", "path", "read",
     "read_recording", "read_trace", "renderer", "renderers", "scene", "score", "truth",
 ]
 
@@ -113,18 +113,26 @@ def score(trace: Trace, truth: Truth) -> Dict[str, Dict[str, Any]]:
 
 def compare(renderers: Sequence[Union[str, Renderer, PythonRenderer, type]], path: Union[str, Path, Places] = "", *,
             scene: Optional[SceneLike] = None, reference: str = "auto", passes: int = 30, budget_s: float = 6.0,
-            rate_hz: float = 1000.0, threads: int = 0) -> Comparison:
+            rate_hz: float = 1000.0, threads: int = 0, executor: Optional[ExecutorLike] = None) -> Comparison:
     """Renderers along one path, prepared, timed in turns and scored in this process.
 
     renderers: names with options ("cloud:refine=1:label=bare"), prepared ones (prepared anew by their options),
     classes written in Python. path: a Path, an (n, 3) array in mm at `rate_hz`, a generator, or "": one that
     suits the scene. scene: that of the path or of the first prepared renderer where none is given.
-    passes, budget_s: timed passes of each renderer, and seconds that they may take.
+    passes, budget_s: timed passes of each renderer, and seconds that they may take. executor: of
+    concurrent.futures or Dask: each renderer is a job, whose times stand beside those of its neighbours. Processes
+    take names and classes, and have to be spawned: a forked one has none of our threads.
     """
     chosen: List[Union[str, Renderer, PythonRenderer, type]] = (
         [renderers] if isinstance(renderers, str) else list(renderers))
-    document, walked, traces = _palpate._compare(chosen, path, scene, reference, passes, budget_s, rate_hz, threads)
-    return Comparison(json.loads(document), walked, traces)
+    if executor is None or not chosen:
+        document, walked, traces = _palpate._compare(chosen, path, scene, reference, passes, budget_s, rate_hz, threads)
+        return Comparison(json.loads(document), walked, traces)
+    if scene is None and isinstance(path, Path):
+        scene = path.scene
+    jobs = [executor.submit(compare, [one], path, scene=scene, reference=reference, passes=passes, budget_s=budget_s,
+                                            rate_hz=rate_hz, threads=threads) for one in chosen]
+    return joined([job.result() for job in jobs])
 
 
 def read_trace(file: FileName) -> Tuple[Path, Trace]:

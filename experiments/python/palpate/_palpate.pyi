@@ -42,7 +42,8 @@ class Cloud:
     @property
     def origin_mm(self) -> Triple: ...
     @property
-    def box_mm(self) -> Tuple[Triple, Triple]: ...
+    def box_mm(self) -> npt.NDArray[np.float64]:
+        """(2, 3): the lowest and the highest corner."""
     def __len__(self) -> int: ...
     def points(self) -> npt.NDArray[np.float64]:
         """A new (n, 3) array, mm, the origin added."""
@@ -95,6 +96,9 @@ class Path:
     def t_s(self) -> npt.NDArray[np.float64]: ...
     @property
     def name(self) -> str: ...
+    @property
+    def scene(self) -> Optional[Scene]:
+        """That it was made for."""
     def __len__(self) -> int: ...
     def write(self, file: str) -> None:
         """As CSV: t_s,x_mm,y_mm,z_mm."""

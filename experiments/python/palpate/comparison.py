@@ -33,6 +33,13 @@ def _has(row: Mapping[str, Any], name: str) -> bool:
     return name in row or any(row.get(".".join(parts[:n]), "") is None for n in range(1, len(parts)))
 
 
+def _words(column: str) -> str:
+    """frame_all.mean_us: frame all mean, µs."""
+    words = column.replace(".", " ").replace("_", " ").replace("rms", "RMS").split()
+    unit = {"us": "µs", "ms": "ms", "percent": "%", "n": "N", "mm": "mm", "deg": "°"}.get(words[-1])
+    return f"{' '.join(words[:-1])}, {unit}" if unit else " ".join(words)
+
+
 class Comparison:
     """Results of compare().
 
@@ -69,18 +76,21 @@ class Comparison:
         drawn = [row for row in self.rows if row.get(x) is not None and row.get(y) is not None]
         for row in drawn:
             ax.plot(row[x], row[y], "o")
-            ax.annotate(row["label"], (row[x], row[y]), textcoords="offset points", xytext=(5, 5))
+            ax.annotate(row["label"], (row[x], row[y]), textcoords="offset points", xytext=(0, 6), ha="center")
         # A logarithm needs numbers above 0.
         for name, set_scale in ((x, ax.set_xscale), (y, ax.set_yscale)):
             if drawn and all(row[name] > 0 for row in drawn):
                 set_scale("log")
-        ax.margins(x=0.35, y=0.2)  # room for names
-        ax.set_xlabel(x)
-        ax.set_ylabel(y)
+        ax.margins(x=0.25, y=0.2)  # room for names
+        ax.set_xlabel(_words(x))
+        ax.set_ylabel(_words(y))
         return ax
 
     def __repr__(self) -> str:
-        return repr(self.table())
+        table = self.table()
+        # Ten columns are wider than a terminal, a few renderers are not.
+        return str(table.set_index("label").T.to_string(float_format="{:.4g}".format)
+                   if hasattr(table, "set_index") else table)
 
     def _repr_html_(self) -> Optional[str]:
         table = self.table()
@@ -89,3 +99,18 @@ class Comparison:
         # Names may be broken where they have a joint, or ten columns are wider than a page.
         return re.sub(r"<th>[^<]*</th>", lambda name: re.sub(r"([._])", r"\1<wbr>", name[0]),
                       str(table.to_html(index=False, float_format="{:.4g}".format, border=0)))
+
+
+def joined(parts: Sequence[Comparison]) -> Comparison:
+    """Comparisons along one path as one; the second row of a label is label-2."""
+    traces: Dict[str, Trace] = {}
+    rows: Dict[str, Dict[str, Any]] = {}
+    for part in parts:
+        for row in part.document["renderers"]:
+            label, count = row["label"], 2
+            while label in rows:
+                label, count = f"{row['label']}-{count}", count + 1
+            rows[label] = dict(row, label=label)
+            if row["label"] in part.traces:
+                traces[label] = part.traces[row["label"]]
+    return Comparison(dict(parts[0].document, renderers=list(rows.values())), parts[0].path, traces)

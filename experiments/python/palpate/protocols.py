@@ -18,8 +18,16 @@ else:
     Places = Vector = SceneLike = Answer = Any
 
 
+class ExecutorLike(Protocol):
+    """What runs jobs: an executor of concurrent.futures, or a client of Dask."""
+
+    def submit(self, job: Any, *given: Any, **named: Any) -> Any:
+        """Something with a method result()."""
+
+
 class PythonRenderer(Protocol):
-    """A renderer written in Python. A method restart(hip, t_s) is called before the first frame, if there."""
+    """A renderer written in Python. If they are there, restart(hip, t_s) is called before the first frame, the
+    attribute `bytes` is the memory that it takes, and `name` names it."""
 
     def prepare(self, scene: "Scene") -> None:
         """Called once, before the first frame; scene.clouds holds the points, mm."""
