@@ -19,6 +19,8 @@ constexpr double kStreamNsPerMs = 1e6, kStreamMsPerS = 1e3, kStreamSPerNs = 1e-9
 // A thread that waits for an arrival looks this often whether the session ends: a twentieth of the time that
 // an image at 30 Hz may take until it is felt.
 constexpr std::chrono::microseconds kArrivalNap{500};
+// What takes over this share of a period to be read would gain less time by being left out than it took.
+constexpr double kSlowToRead = 0.5;
 // Files that give nothing but errors for so long are at their end.
 constexpr std::uint64_t kMostUnreadableLive = 10'000;
 
@@ -122,20 +124,22 @@ void LiveStream::run() {
 void LiveStream::pump(double until_s) {
   if (first_) base_s_ = tick_s_.load(std::memory_order_relaxed);
   while (!ending_.load(std::memory_order_acquire) && (has_next_ || read_next())) {
+    if (!accelerated_) until_s = now_s();
     if (frame_.arrived_s > until_s) return;
     has_next_ = false;
     // When frames take longer than they come, every other one is left out.
-    if (!accelerated_ && now_s() - frame_.arrived_s > open_.source->camera().period_s)
+    if (!accelerated_ && until_s - frame_.arrived_s > open_.source->camera().period_s)
       ++facts_.skipped;
     else
       give();
-    if (!accelerated_) until_s = now_s();
   }
 }
 
-/// Reads a frame, in the session's time. A camera's arrives now, whatever its clock says.
+/// Reads a frame, in the session's time. A camera's arrives now, whatever its clock says. A source that is
+/// slow to read plays slower, since each of its frames would be left out as late.
 bool LiveStream::read_next() {
   if (ended_.load(std::memory_order_relaxed)) return false;
+  const double begun_s = now_s();
   if (std::exchange(first_, false)) {
     frame_ = open_.first;
   } else {
@@ -148,7 +152,11 @@ bool LiveStream::read_next() {
     }
     open_.shift(frame_);
   }
-  if (open_.is_camera) base_s_ = now_s() - frame_.arrived_s;
+  const double read_s = now_s(), arrives_now_s = read_s - frame_.arrived_s;
+  if (open_.is_camera)
+    base_s_ = arrives_now_s;
+  else if (!accelerated_ && read_s - begun_s > kSlowToRead * open_.source->camera().period_s)
+    base_s_ = std::max(base_s_, arrives_now_s);
   frame_.captured_s += base_s_;
   frame_.arrived_s += base_s_;
   has_next_ = true;

@@ -116,6 +116,15 @@ TEST_F(Streams, InRealTimeNobodyWaitsForAnybody) {
   EXPECT_TRUE(live["stream"]["light_to_touch_p50_ms"].is_number());
 }
 
+TEST_F(Streams, ASourceSlowerThanItsImagesIsStillFelt) {
+  // An image takes longer to make than its period of 2 ms: left out when late, none would be felt but the
+  // first.
+  const ProcessOutcome run =
+      palpate("live --stream sim:wall:width=160:height=120:rate_hz=500 --seconds 2 --out @/live");
+  ASSERT_TRUE(ended_well(run.exit_code, in("live/live.json"))) << run.err;
+  EXPECT_GT(json_in("live/live.json")["stream"]["taken"], 2);
+}
+
 TEST_F(Streams, InfoTellsRateSizeHolesAndNoise) {
   write_folder(8);
   const ProcessOutcome folder = succeeds("info", in("room"), "--json");

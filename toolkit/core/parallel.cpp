@@ -62,8 +62,11 @@ void parallel_chunks(std::size_t count, std::size_t grain, int threads,
   work();
   for (std::thread& t : pool) t.join();
 #else
+  const auto all = [&] { tbb::parallel_for(std::size_t{0}, chunks, run); };
+  // oneTBB 2021.8 keeps 7 KB of every arena, 1.5 GB in an hour of a simulated camera's images.
+  if (threads == available_threads()) return all();
   tbb::task_arena arena(threads);
-  arena.execute([&] { tbb::parallel_for(std::size_t{0}, chunks, run); });
+  arena.execute(all);
 #endif
 }
 
