@@ -75,9 +75,9 @@ void operator delete(void* p, std::size_t, std::align_val_t) noexcept {
 namespace palpate {
 namespace {
 
-constexpr const char* kScene = "sinusoid:points=2601";
-constexpr const char* kPath = "weave:frames=1800";
-constexpr int kModels = 100;
+constexpr const char* kScene = "sinusoid:points=961";
+constexpr const char* kPath = "weave:frames=600";
+constexpr int kModels = 20;
 constexpr double kApartMm = 300.0;
 constexpr double kLimitS = 300.0;
 

@@ -314,7 +314,7 @@ TEST(ArmDevice, TextAddsTheCountsOfItsRestPose) {
   const DeviceState state = rig.line(0, 0, 0);
   // By hand: elbow (-77.2, 135.5), forearm at -30.3 degrees, 35.8 out and 69.6 up, turned by 120.45 degrees.
   EXPECT_NEAR((state.position_mm - Vec3(-18.2 - 204.5, 30.9, 69.6 - 32.5)).norm(), 0.0, 1.0);
-  EXPECT_GT(rig.line(40, 0, 0).position_mm.x(), -1e9);
+  rig.line(40, 0, 0);
   const ArmDescription& arm = rig.device->description();
   const auto pose = arm_pose(arm.geometry, arm.angles_of({8312 + 80, -10366, 19764 - 30}));
   EXPECT_NEAR((rig.line(80, 0, -30).position_mm - pose->position_mm).norm(), 0.0, 1e-9);

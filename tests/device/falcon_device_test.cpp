@@ -82,19 +82,16 @@ TEST(FalconBoot, RunningFirmwareIsFoundAndLeftAlone) {
   EXPECT_LT(rig.clock.now_s(), 0.1);
 }
 
-TEST(FalconBoot, AnAnswerMayBeginWithZero) {
-  FalconRig rig;
-  rig.board.faults.zero_first = true;
-  EXPECT_TRUE(rig.device->open());
-}
-
-TEST(FalconBoot, RepliesInPiecesAndOneByOne) {
+TEST(FalconBoot, RepliesComeInPiecesAndOneByOne) {
   for (const std::size_t most : {1U, 3U, 5U, 16U, 40U}) {
     FalconRig rig;
     FalconRig::prepared(rig.board);
     rig.board.most_per_packet = most;
     ASSERT_TRUE(rig.device->open()) << most;
   }
+  FalconRig booted;
+  booted.board.faults.zero_first = true;
+  EXPECT_TRUE(booted.device->open()) << "the boot ROM's answer may begin with zero";
 }
 
 TEST(FalconBoot, AWrongEchoIsTriedAgainUpToTenTimes) {
@@ -389,20 +386,6 @@ TEST(FalconFaults, AStuckServoIsZeroedByTheWatchdog) {
   EXPECT_EQ(rig.fault_after(2).first, Fault::kStalled);
 }
 
-TEST(FalconFaults, UnpluggedAndBackTenTimes) {
-  PressRig rig;
-  for (int times = 0; times < 10; ++times) {
-    rig.link->unplugged = true;
-    EXPECT_EQ(rig.tick().fault, Fault::kLost);
-    rig.servo.stop();
-    EXPECT_FALSE(rig.servo.start()) << "still away";
-    rig.link->unplugged = false;
-    ASSERT_TRUE(rig.servo.start());
-    EXPECT_FALSE(rig.board.holds_force());
-    for (int i = 0; i < 700; ++i) ASSERT_EQ(rig.tick().fault, Fault::kNone) << i;
-  }
-}
-
 using Options = std::vector<std::pair<std::string, std::string>>;
 
 Result<MadeDevice> made_falcon(const std::string& name, Options options = {},
@@ -445,13 +428,6 @@ TEST(FalconDriver, SaysWhatIsNotRight) {
   EXPECT_TRUE(says(problem("falcon", {{"firmware", ""}}), "firmware=FILE"));
   EXPECT_TRUE(says(problem("falcon:"), "serial"));
   EXPECT_TRUE(says(problem("falcon", {}, "arm.toml"), "takes no description"));
-}
-
-TEST(FalconDriver, IsListedWhetherOneIsThereOrNot) {
-  const std::vector<DeviceEntry> found = driver_of(&register_falcon_driver, "falcon").look();
-  ASSERT_FALSE(found.empty());
-  EXPECT_EQ(found[0].name, "falcon");
-  EXPECT_TRUE(found[0].status == DeviceStatus::kReady || !found[0].needs.empty());
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <limits>
 #include <type_traits>
 
+#include "tests/device/governor_rig.h"
 #include "tests/device/helpers.h"
 #include "toolkit/core/random.h"
 
@@ -20,38 +21,12 @@ static_assert(!std::is_invocable_v<decltype(&Device::send), Device&, Vec3>);
 static_assert(!std::is_aggregate_v<GovernedForce>);
 static_assert(!std::is_constructible_v<ForceGovernor, double, GovernorOptions>);
 
-constexpr double kMs = 1e-3;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-DeviceLimits omni() {
-  return {3.3, {Vec3(-80, -60, -35), Vec3(80, 60, 35)}, 0.055, 1000.0};
-}
-
-DeviceState at(const Vec3& position_mm, ReadStatus status = ReadStatus::kFresh) {
-  return {status, position_mm, 0};
-}
-
-ForceGovernor governor(GovernorOptions options = {}) {
-  Result<ForceGovernor> made = ForceGovernor::create(omni(), options);
-  EXPECT_TRUE(made.ok());
-  return std::move(made).value();
-}
-
-// Runs on at 1 kHz with a steady wish until the soft start is over; returns the time of the last frame.
-double warm_up(ForceGovernor& g, const Vec3& wanted_n, double from_s = 0.0) {
-  g.arm(from_s);
-  double t_s = from_s;
-  for (int i = 0; i <= 600; ++i) {
-    t_s = from_s + i * kMs;
-    (void)g.govern(t_s, at(Vec3::Zero()), wanted_n);
-  }
-  return t_s;
-}
-
 TEST(Governor, RefusesLimitsThatAreNone) {
   for (const double bad : {0.0, -1.0, kNan, kInf}) {
-    DeviceLimits limits = omni();
+    DeviceLimits limits = arm_limits();
     limits.force_max_n = bad;
     EXPECT_FALSE(ForceGovernor::create(limits, {})) << bad;
     for (double GovernorOptions::*member :
@@ -60,12 +35,12 @@ TEST(Governor, RefusesLimitsThatAreNone) {
           &GovernorOptions::silence_s, &GovernorOptions::jump_mm_per_s}) {
       GovernorOptions options;
       options.*member = bad;
-      EXPECT_FALSE(ForceGovernor::create(omni(), options)) << bad;
+      EXPECT_FALSE(ForceGovernor::create(arm_limits(), options)) << bad;
     }
   }
   GovernorOptions options;
   options.user_limit_n = -1.0;
-  EXPECT_TRUE(refused(ForceGovernor::create(omni(), options), "user's force limit"));
+  EXPECT_TRUE(refused(ForceGovernor::create(arm_limits(), options), "user's force limit"));
 }
 
 TEST(Governor, TheLesserLimitHolds) {
@@ -100,7 +75,7 @@ TEST(Governor, ClampKeepsTheDirection) {
   options.user_limit_n = 2.0;
   options.slew_n_per_s = 1e6;
   ForceGovernor g = governor(options);
-  const double t = warm_up(g, Vec3::Zero());
+  const double t = rest(g, Vec3::Zero(), Vec3::Zero());
   const Vec3 out = g.govern(t + kMs, at(Vec3::Zero()), {30, 40, 0}).newtons();
   EXPECT_NEAR((out - Vec3(1.2, 1.6, 0.0)).norm(), 0.0, 1e-12);
   const Vec3 huge = g.govern(t + 2 * kMs, at(Vec3::Zero()), {-1.7e308, 1.7e308, 0}).newtons();
@@ -112,7 +87,7 @@ TEST(Governor, SlewLimitsEachStep) {
   GovernorOptions options;
   options.slew_n_per_s = 500.0;
   ForceGovernor g = governor(options);
-  const double t = warm_up(g, Vec3::Zero());
+  const double t = rest(g, Vec3::Zero(), Vec3::Zero());
   EXPECT_NEAR(g.govern(t + kMs, at(Vec3::Zero()), {2, 0, 0}).newtons().x(), 0.5, 1e-12);
   EXPECT_NEAR(g.govern(t + 2 * kMs, at(Vec3::Zero()), {2, 0, 0}).newtons().x(), 1.0, 1e-12);
   // Four periods late, which is not yet too late: still one period's step.
@@ -135,7 +110,7 @@ TEST_P(EveryFault, IsZeroAtOnceAndLatches) {
   const Broken& broken = GetParam();
   ForceGovernor g = governor();
   const Vec3 wanted(0.9, -1.2, 0.5);
-  const double t = warm_up(g, wanted);
+  const double t = rest(g, Vec3::Zero(), wanted);
   ASSERT_EQ(g.govern(t + kMs, at(Vec3::Zero()), wanted).newtons(), wanted);
   const double bad_s = t + kMs + broken.after_s;
   EXPECT_EQ(g.govern(bad_s, broken.state, broken.wanted_n).newtons(), Vec3::Zero());
@@ -169,7 +144,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Governor, LateByOverFivePeriodsIsZeroNowAndRampsBack) {
   ForceGovernor g = governor();
   const Vec3 wanted(1.0, 0, 0);
-  const double t = warm_up(g, wanted);
+  const double t = rest(g, Vec3::Zero(), wanted);
   EXPECT_EQ(g.govern(t + 6 * kMs, at(Vec3::Zero()), wanted).newtons(), wanted) << "exactly five late";
   const double late_s = t + 13 * kMs;
   EXPECT_EQ(g.govern(late_s, at(Vec3::Zero()), wanted).newtons(), Vec3::Zero()) << "six late";
@@ -194,7 +169,7 @@ TEST(Governor, LatenessDoesNotShortenASoftStart) {
 TEST(Governor, ShortSilenceIsNoFault) {
   ForceGovernor g = governor();
   const Vec3 wanted(1.0, 0, 0);
-  const double t = warm_up(g, wanted);
+  const double t = rest(g, Vec3::Zero(), wanted);
   for (int i = 1; i <= 20; ++i) {
     EXPECT_EQ(g.govern(t + i * kMs, at(Vec3::Zero(), ReadStatus::kNothingNew), wanted).newtons(), wanted)
         << i;
@@ -206,7 +181,7 @@ TEST(Governor, ShortSilenceIsNoFault) {
 
 TEST(Governor, MovedFromForceIsZero) {
   ForceGovernor g = governor();
-  const double t = warm_up(g, {1, 0, 0});
+  const double t = rest(g, Vec3::Zero(), {1, 0, 0});
   GovernedForce first = g.govern(t + kMs, at(Vec3::Zero()), {1, 0, 0});
   const GovernedForce second(std::move(first));
   EXPECT_EQ(second.newtons(), Vec3(1, 0, 0));

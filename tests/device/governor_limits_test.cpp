@@ -3,39 +3,14 @@
 #include <cmath>
 
 #include <palpate/device/force_governor.h>
+#include "tests/device/governor_rig.h"
 #include "tests/device/helpers.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::device {
 namespace {
 
-constexpr double kPeriod1kS = 1e-3, kPeriod4kS = 0.25e-3;
-
-DeviceLimits arm_limits(WorkspaceShape shape = WorkspaceShape::kBox) {
-  return {3.3, {Vec3{-80, -60, -40}, Vec3{80, 60, 40}}, 0.055, 1000.0, 0.0, 0.0, shape};
-}
-
-DeviceState fresh(const Vec3& position_mm, bool homed = true) {
-  DeviceState state;
-  state.status = ReadStatus::kFresh;
-  state.position_mm = position_mm;
-  state.homed = homed;
-  return state;
-}
-
-ForceGovernor made(GovernorOptions options = {}, const DeviceLimits& limits = arm_limits()) {
-  Result<ForceGovernor> one = ForceGovernor::create(limits, options);
-  EXPECT_TRUE(one.ok()) << (one.ok() ? "" : one.error().message());
-  return std::move(one).value();
-}
-
-/// Rests at a place until the soft start is over; the time of the last frame.
-double rest(ForceGovernor& g, const Vec3& at_mm, const Vec3& wanted_n, double period_s = kPeriod1kS) {
-  g.arm(0.0);
-  const int frames = static_cast<int>(std::lround(0.6 / period_s));
-  for (int i = 0; i <= frames; ++i) (void)g.govern(i * period_s, fresh(at_mm), wanted_n);
-  return frames * period_s;
-}
+constexpr double kPeriod4kS = 0.25e-3;
 
 // ---- the workspace's edge
 
@@ -120,12 +95,12 @@ TEST(WorkspaceEdge, OutAndInAgainItMakesNoEnergyAndOutwardItGivesLess) {
 }
 
 TEST(GovernorEdge, AnArmThatIsPushedOutMeetsItsStopWithoutForce) {
-  ForceGovernor g = made();
+  ForceGovernor g = governor();
   double t = rest(g, Vec3{60, 0, 0}, Vec3{2, 0, 0});
   double last = 2.0;
   for (double x = 60.0; x <= 80.0; x += 0.1) {
-    t += kPeriod1kS;
-    const double out = g.govern(t, fresh(Vec3{x, 0, 0}), Vec3{2, 0, 0}).newtons().x();
+    t += kMs;
+    const double out = g.govern(t, at(Vec3{x, 0, 0}), Vec3{2, 0, 0}).newtons().x();
     EXPECT_LE(out, last);
     last = out;
   }
@@ -152,13 +127,13 @@ TEST(GovernorSpeed, WhatPushesAlongFadesAndWhatBrakesStays) {
   const auto shares = [](double mm_per_s, double sign) {
     GovernorOptions options;
     options.edge_share = 0.0;
-    ForceGovernor g = made(options);
+    ForceGovernor g = governor(options);
     double t = rest(g, Vec3::Zero(), Vec3{sign, 0, 0});
     double out = 0.0, x = 0.0;
     for (int i = 0; i < 40; ++i) {  // twenty of the smoothing's times
-      t += kPeriod1kS;
-      x += mm_per_s * kPeriod1kS;
-      out = g.govern(t, fresh(Vec3{x, 0, 0}), Vec3{sign, 0, 0}).newtons().x();
+      t += kMs;
+      x += mm_per_s * kMs;
+      out = g.govern(t, at(Vec3{x, 0, 0}), Vec3{sign, 0, 0}).newtons().x();
     }
     EXPECT_EQ(g.fault(), Fault::kNone);
     return out;
@@ -183,22 +158,22 @@ TEST(GovernorSpeed, RefusesAFadeThatEndsBeforeItBegins) {
 TEST(GovernorRates, OrdinaryJitterTripsNothingAtFourKilohertz) {
   GovernorOptions options;
   options.period_s = kPeriod4kS;
-  ForceGovernor g = made(options);
+  ForceGovernor g = governor(options);
   const Vec3 wanted{1, 0, 0};
   const double t = rest(g, Vec3::Zero(), wanted, kPeriod4kS);
-  EXPECT_EQ(g.govern(t + 5e-3, fresh(Vec3::Zero()), wanted).newtons(), wanted) << "19 periods late";
-  EXPECT_EQ(g.govern(t + 10.5e-3, fresh(Vec3::Zero()), wanted).newtons(), Vec3::Zero()) << "5.25 ms late";
+  EXPECT_EQ(g.govern(t + 5e-3, at(Vec3::Zero()), wanted).newtons(), wanted) << "19 periods late";
+  EXPECT_EQ(g.govern(t + 10.5e-3, at(Vec3::Zero()), wanted).newtons(), Vec3::Zero()) << "5.25 ms late";
   EXPECT_EQ(g.counters().late_zeroed, 1u);
 }
 
 TEST(GovernorRates, AJumpIsASpeedWhateverTheRate) {
-  for (const double period_s : {kPeriod1kS, kPeriod4kS, 0.125e-3}) {
+  for (const double period_s : {kMs, kPeriod4kS, 0.125e-3}) {
     GovernorOptions options;
     options.period_s = period_s;
     for (const double mm_per_s : {4900.0, 5100.0}) {
-      ForceGovernor g = made(options);
+      ForceGovernor g = governor(options);
       const double t = rest(g, Vec3::Zero(), Vec3::Zero(), period_s);
-      (void)g.govern(t + period_s, fresh(Vec3{0, mm_per_s * period_s, 0}), Vec3::Zero());
+      (void)g.govern(t + period_s, at(Vec3{0, mm_per_s * period_s, 0}), Vec3::Zero());
       EXPECT_EQ(g.fault(), mm_per_s > 5000.0 ? Fault::kJump : Fault::kNone) << period_s << " " << mm_per_s;
     }
   }
@@ -209,49 +184,48 @@ TEST(GovernorRates, AStepOfACoarseDeviceIsNoJump) {
   coarse.resolution_mm = 1.0;
   GovernorOptions options;
   options.period_s = kPeriod4kS;
-  ForceGovernor g = made(options, coarse);
+  ForceGovernor g = governor(options, coarse);
   double t = rest(g, Vec3::Zero(), Vec3::Zero(), kPeriod4kS);
   t += kPeriod4kS;
-  (void)g.govern(t, fresh(Vec3{1, 1, 1}), Vec3::Zero());
+  (void)g.govern(t, at(Vec3{1, 1, 1}), Vec3::Zero());
   EXPECT_EQ(g.fault(), Fault::kNone) << "a step along each axis at once";
-  (void)g.govern(t + kPeriod4kS, fresh(Vec3{1, 1, 4.1}), Vec3::Zero());
+  (void)g.govern(t + kPeriod4kS, at(Vec3{1, 1, 4.1}), Vec3::Zero());
   EXPECT_EQ(g.fault(), Fault::kJump);
 }
 
 // ---- homing
 
 TEST(GovernorHoming, NoForceBeforeItAndASoftStartAfterIt) {
-  ForceGovernor g = made();
+  ForceGovernor g = governor();
   const Vec3 wanted{1, 0, 0};
   g.arm(0.0);
   double t = 0.0;
-  for (int i = 0; i < 2000; ++i, t += kPeriod1kS) {
-    ASSERT_EQ(g.govern(t, fresh(Vec3{i % 50 * 1.0, 0, 0}, false), wanted).newtons(), Vec3::Zero());
+  for (int i = 0; i < 2000; ++i, t += kMs) {
+    ASSERT_EQ(g.govern(t, unhomed_at(Vec3{i % 50 * 1.0, 0, 0}), wanted).newtons(), Vec3::Zero());
     ASSERT_TRUE(g.settling());
   }
   EXPECT_EQ(g.fault(), Fault::kNone) << "counters that jump before homing are no fault";
   int settling = 0;
   double out = 0.0;
-  for (int i = 0; i < 700; ++i, t += kPeriod1kS) {
-    out = g.govern(t, fresh(Vec3{0, 0, 0}), wanted).newtons().x();
+  for (int i = 0; i < 700; ++i, t += kMs) {
+    out = g.govern(t, at(Vec3{0, 0, 0}), wanted).newtons().x();
     if (g.settling()) ++settling;
     ASSERT_LE(out, std::max(0.0, (i - 48) / 500.0));
   }
   EXPECT_NEAR(settling, 50, 1);
   EXPECT_EQ(out, 1.0);
-  EXPECT_EQ(g.govern(t, fresh(Vec3::Zero(), false), wanted).newtons(), Vec3::Zero());
+  EXPECT_EQ(g.govern(t, unhomed_at(Vec3::Zero()), wanted).newtons(), Vec3::Zero());
   EXPECT_EQ(g.fault(), Fault::kHomingLost);
   g.arm(t);
-  EXPECT_EQ(g.govern(t, fresh(Vec3::Zero(), false), wanted).newtons(), Vec3::Zero());
+  EXPECT_EQ(g.govern(t, unhomed_at(Vec3::Zero()), wanted).newtons(), Vec3::Zero());
   EXPECT_EQ(g.fault(), Fault::kNone) << "armed again it waits for the homing";
 }
 
 TEST(GovernorHoming, NoForceWithoutAnyPosition) {
-  ForceGovernor g = made();
+  ForceGovernor g = governor();
   g.arm(0.0);
   DeviceState none;
-  for (int i = 0; i < 20; ++i)
-    EXPECT_EQ(g.govern(i * kPeriod1kS, none, Vec3{1, 0, 0}).newtons(), Vec3::Zero());
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(g.govern(i * kMs, none, Vec3{1, 0, 0}).newtons(), Vec3::Zero());
   (void)g.govern(0.021, none, Vec3{1, 0, 0});
   EXPECT_EQ(g.fault(), Fault::kSilence);
 }
@@ -259,14 +233,14 @@ TEST(GovernorHoming, NoForceWithoutAnyPosition) {
 // ---- faults from elsewhere, stiffness
 
 TEST(GovernorLatch, TheFirstFaultStaysUntilArmed) {
-  ForceGovernor g = made();
+  ForceGovernor g = governor();
   const double t = rest(g, Vec3::Zero(), Vec3{1, 0, 0});
   g.latch(Fault::kStalled);
   g.latch(Fault::kLost);
   EXPECT_EQ(g.fault(), Fault::kStalled);
   EXPECT_EQ(g.counters().faults, 1u);
-  EXPECT_EQ(g.govern(t + kPeriod1kS, fresh(Vec3::Zero()), Vec3{1, 0, 0}).newtons(), Vec3::Zero());
-  g.arm(t + 2 * kPeriod1kS);
+  EXPECT_EQ(g.govern(t + kMs, at(Vec3::Zero()), Vec3{1, 0, 0}).newtons(), Vec3::Zero());
+  g.arm(t + 2 * kMs);
   EXPECT_EQ(g.fault(), Fault::kNone);
 }
 
@@ -288,10 +262,10 @@ TEST(SurfaceFits, FramesThatAskForMoreAreCounted) {
   DeviceLimits limits = arm_limits();
   limits.stiffness_max_n_per_mm = 1.0;
   for (const double stiffness : {0.9, 3.0}) {
-    ForceGovernor g = made({}, limits);
+    ForceGovernor g = governor({}, limits);
     double t = rest(g, Vec3::Zero(), Vec3::Zero());
     for (int i = 1; i <= 20; ++i)
-      (void)g.govern(t += kPeriod1kS, fresh(Vec3{0, 0, -0.2 * i}), Vec3{0, 0, 0.2 * i * stiffness});
+      (void)g.govern(t += kMs, at(Vec3{0, 0, -0.2 * i}), Vec3{0, 0, 0.2 * i * stiffness});
     EXPECT_EQ(g.counters().too_stiff, stiffness > 1.0 ? 20u : 0u);
   }
 }

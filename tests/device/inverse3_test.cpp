@@ -177,22 +177,6 @@ TEST(Inverse3, ReadsAndShowsForce) {
   EXPECT_TRUE(force_in(rig.link->sent.back()).isZero(0.0)) << "the last that it hears";
 }
 
-TEST(Inverse3, SaysWhatIsMissing) {
-  const auto opening = [](const std::string& says, auto&& spoil) {
-    Inverse3Rig rig;
-    rig.says = says;
-    spoil(rig);
-    const Status opened = rig.device->open();
-    EXPECT_FALSE(opened) << says;
-    return opened ? std::string() : opened.error().message();
-  };
-  const auto as_it_is = [](Inverse3Rig&) {};
-  EXPECT_TRUE(says(opening("x", [](Inverse3Rig& rig) { rig.link->refuses = true; }), "no service"));
-  EXPECT_TRUE(says(opening("", as_it_is), "says nothing"));
-  EXPECT_TRUE(says(opening("{nonsense", as_it_is), "not understood"));
-  EXPECT_TRUE(says(opening(R"({"inverse3":[]})", as_it_is), "no Inverse3"));
-}
-
 TEST(Inverse3, AServiceThatLiesNeverGetsForceThrough) {
   Inverse3Rig rig;
   ASSERT_TRUE(rig.device->open());

@@ -339,16 +339,5 @@ TEST(LiveLoop, AFadeMovesTheHandAsMuchAsThePublishedSimulationSays) {
   }
 }
 
-TEST(LiveLoop, TheRuleRefusesThatCase) {
-  TwoPlanes rig(bench_options(SwitchRule::kContactElseRefuse), 1.2, 0.5);
-  rig.a->stiffness_n_per_mm = 0.8;
-  rig.begin(1.0);
-  rig.rest(-1.425, 200);
-  rig.ask(1);
-  rig.step(-1.425);
-  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kRefused);
-  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kForcesDiffer) << "1.17 N apart";
-}
-
 }  // namespace
 }  // namespace palpate::device

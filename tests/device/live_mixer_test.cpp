@@ -67,61 +67,49 @@ TEST(Mixer, InContactItFadesAndTheForceNeverSteps) {
   EXPECT_EQ(rig.felt(), 1);
 }
 
-TEST(Mixer, RefusesWithAReasonOrWaitsByChoice) {
-  // 2 mm deep: 1 N against 2.4 N.
-  TwoPlanes refuses(bench_options(SwitchRule::kContactElseRefuse), 1.2);
-  refuses.begin(1.0);
-  refuses.rest(-2.0, 200);
-  refuses.ask(1);
-  refuses.step(-2.0);
-  EXPECT_EQ(refuses.mixer.last().decision, MixDecision::kRefused);
-  EXPECT_EQ(refuses.mixer.last().reason, SwitchReason::kForcesDiffer);
-  EXPECT_EQ(refuses.mixer.last().state, MixState::kSteady);
-
-  TwoPlanes waits(bench_options(), 1.2);
-  waits.begin(1.0);
-  waits.rest(-2.0, 200);
-  waits.ask(1);
-  waits.step(-2.0);
-  EXPECT_EQ(waits.mixer.last().decision, MixDecision::kWaits);
-  EXPECT_EQ(waits.mixer.last().reason, SwitchReason::kForcesDiffer);
-  waits.rest(-2.0, 4900);
-  EXPECT_FALSE(waits.mixer.last().lift_off);
-  waits.rest(-2.0, 200);
-  EXPECT_TRUE(waits.mixer.last().lift_off) << "after 5 s the hand is asked to lift off";
-  EXPECT_EQ(waits.felt(), 0);
-  // It leaves: over 1 mm from the last place of contact, for 150 ms.
-  waits.rest(-0.01, 1);
-  waits.rest(0.5, 500);
-  EXPECT_EQ(waits.felt(), 0) << "half a millimetre is not away";
-  waits.rest(1.5, 160);
-  EXPECT_EQ(waits.felt(), 1);
+TEST(Mixer, RefusesWithAReason) {
+  struct Case {
+    SwitchReason reason;
+    double second_n_per_mm, second_mm, world_per_device, z_mm, mm_per_frame;
+  };
+  for (const Case& c : {Case{SwitchReason::kForcesDiffer, 1.2, 0.0, 1.0, -2.0, 0.0},   // 1 and 2.4 N
+                        Case{SwitchReason::kContactDiffers, 0.5, 0.3, 1.0, 0.2, 0.0},  // the second alone
+                        Case{SwitchReason::kTooFast, 0.8, 0.0, 1.0, -1.0, 0.2},        // 200 mm/s
+                        Case{SwitchReason::kNone, 0.8, 0.0, 2.0, -1.0, 0.2}}) {        // the device: 100
+    SwitchOptions options = bench_options(SwitchRule::kContactElseRefuse);
+    options.world_per_device = c.world_per_device;
+    TwoPlanes rig(options, c.second_n_per_mm, c.second_mm);
+    rig.begin(1.0);
+    rig.rest(-0.5, 100);
+    for (int i = 0; i < 200; ++i) rig.step(c.z_mm, c.mm_per_frame * i);
+    rig.ask(1);
+    rig.step(c.z_mm, c.mm_per_frame * 200);
+    EXPECT_EQ(rig.mixer.last().reason, c.reason);
+    const bool fades = c.reason == SwitchReason::kNone;
+    EXPECT_EQ(rig.mixer.last().decision, fades ? MixDecision::kFadeBegun : MixDecision::kRefused);
+    EXPECT_EQ(rig.mixer.last().state, fades ? MixState::kFading : MixState::kSteady);
+  }
 }
 
-TEST(Mixer, ReasonsOfContactAndSpeed) {
-  TwoPlanes differs(bench_options(SwitchRule::kContactElseRefuse), 0.5, 0.3);
-  differs.begin(1.0);
-  differs.rest(-1.0, 100);
-  differs.rest(0.2, 20);
-  differs.ask(1);
-  differs.step(0.2);
-  EXPECT_EQ(differs.mixer.last().reason, SwitchReason::kContactDiffers);
-
-  TwoPlanes fast(bench_options(SwitchRule::kContactElseRefuse));
-  fast.begin(1.0);
-  for (int i = 0; i < 200; ++i) fast.step(-1.0, 0.2 * i);
-  fast.ask(1);
-  fast.step(-1.0, 40.0);
-  EXPECT_EQ(fast.mixer.last().reason, SwitchReason::kTooFast) << "200 mm/s";
-
-  SwitchOptions far = bench_options(SwitchRule::kContactElseRefuse);
-  far.world_per_device = 2.0;
-  TwoPlanes scaled(far);
-  scaled.begin(1.0);
-  for (int i = 0; i < 200; ++i) scaled.step(-1.0, 0.2 * i);
-  scaled.ask(1);
-  scaled.step(-1.0, 40.0);
-  EXPECT_EQ(scaled.mixer.last().decision, MixDecision::kFadeBegun) << "100 mm/s of the device";
+TEST(Mixer, WaitsByChoiceAsksToLiftOffAndSwapsWhenTheHandHasLeft) {
+  TwoPlanes rig(bench_options(), 1.2);
+  rig.begin(1.0);
+  rig.rest(-2.0, 200);
+  rig.ask(1);
+  rig.step(-2.0);
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kWaits);
+  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kForcesDiffer);
+  rig.rest(-2.0, 4900);
+  EXPECT_FALSE(rig.mixer.last().lift_off);
+  rig.rest(-2.0, 200);
+  EXPECT_TRUE(rig.mixer.last().lift_off) << "after 5 s the hand is asked to lift off";
+  EXPECT_EQ(rig.felt(), 0);
+  // It leaves: over 1 mm from the last place of contact, for 150 ms.
+  rig.rest(-0.01, 1);
+  rig.rest(0.5, 500);
+  EXPECT_EQ(rig.felt(), 0) << "half a millimetre is not away";
+  rig.rest(1.5, 160);
+  EXPECT_EQ(rig.felt(), 1);
 }
 
 TEST(Mixer, StudiesWaitForFreeSpaceAlone) {

@@ -169,28 +169,6 @@ TEST(PacketDevice, OpeningAndEveryEndLetsTheMotorsGo) {
   EXPECT_FALSE(rig.board.holds_force());
 }
 
-TEST(PacketDevice, SaysWhatIsWrong) {
-  using Kind = LinkFault::Kind;
-  const auto after = [](Kind kind, int ms) {
-    LinkRig rig({LinkFault{kind, 0.0995, 10.0}});
-    EXPECT_TRUE(rig.device.open().ok());
-    DeviceState state;
-    for (int i = 0; i <= 100 + ms; ++i) {
-      state = rig.device.read();
-      rig.clock.advance(1e-3);
-    }
-    return state;
-  };
-  EXPECT_EQ(after(Kind::kSilent, 0).status, ReadStatus::kNothingNew);
-  EXPECT_EQ(after(Kind::kShort, 10).status, ReadStatus::kGarbled);
-  EXPECT_EQ(after(Kind::kDuplicated, 3).status, ReadStatus::kNothingNew);
-  EXPECT_EQ(after(Kind::kLate, 10).status, ReadStatus::kNothingNew);
-  EXPECT_EQ(after(Kind::kLate, 40).status, ReadStatus::kFresh) << "late, but new";
-  EXPECT_EQ(after(Kind::kUnplugged, 0).status, ReadStatus::kLost);
-  EXPECT_FALSE(after(Kind::kUnhomed, 0).homed);
-  EXPECT_NEAR(after(Kind::kJump, 0).position_mm.x(), 61.0, 1e-9);
-}
-
 TEST(PacketDevice, TheSequenceMayWrap) {
   LinkRig rig;
   ASSERT_TRUE(rig.device.open());

@@ -144,8 +144,8 @@ class RecordFile : public testing::Test {
  protected:
   void SetUp() override {
     RecorderOptions options;
-    options.chunk_s = 0.008;
-    ASSERT_TRUE(record(disk_, source_, kTicks, options));
+    options.chunk_s = 0.004;
+    ASSERT_TRUE(record(disk_, source_, static_cast<int>(kTicks), options));
   }
   /// Ticks read; an Error as text in `error`.
   std::size_t read(const std::vector<std::byte>& bytes, std::string& error, RecordingEnd* end = nullptr,
@@ -178,7 +178,7 @@ class RecordFile : public testing::Test {
     if (end != nullptr) *end = recording->end();
     return ticks;
   }
-  static constexpr int kTicks = 30;
+  static constexpr std::size_t kTicks = 12;  // three chunks
   MemoryDisk disk_;
   RandomTicks source_{kSeed};
 };
@@ -186,11 +186,11 @@ class RecordFile : public testing::Test {
 TEST_F(RecordFile, ReadsBackWhole) {
   std::string error;
   RecordingEnd end;
-  EXPECT_EQ(read(disk_.bytes, error, &end), 30u);
+  EXPECT_EQ(read(disk_.bytes, error, &end), kTicks);
   EXPECT_EQ(error, "");
   EXPECT_TRUE(end.closed);
   EXPECT_EQ(end.reason, "ended");
-  EXPECT_EQ(end.ticks, 30u);
+  EXPECT_EQ(end.ticks, kTicks);
   EXPECT_EQ(end.lost, 0u);
   EXPECT_TRUE(end.warnings().empty());
   const Result<Recording> recording = open_bytes(disk_.bytes);
@@ -230,7 +230,7 @@ TEST_F(RecordFile, CutAtEveryByteItGivesWholeChunksAndSaysWhatItDropped) {
     EXPECT_FALSE(end.warnings().empty()) << size;
     EXPECT_EQ(end.torn_at + end.torn_bytes, end.torn_bytes > 0 ? size : 0u) << size;
   }
-  EXPECT_EQ(before, 30u);
+  EXPECT_EQ(before, kTicks);
 }
 
 TEST_F(RecordFile, AnyByteThatIsChangedIsNoticed) {
@@ -253,14 +253,14 @@ TEST_F(RecordFile, DamageInTheMiddleIsRefusedAndCanBeLeftOut) {
   wrong[wrong.size() / 2] ^= std::byte{4};
   std::string error;
   const std::size_t front = read(wrong, error);
-  EXPECT_LT(front, 30u);
+  EXPECT_LT(front, kTicks);
   EXPECT_TRUE(says(error, "--skip-damaged"));
   EXPECT_TRUE(says(error, "byte "));
   RecordingEnd end;
   const std::size_t rest = read(wrong, error, &end, true);
   EXPECT_EQ(error, "");
   EXPECT_GT(rest, front);
-  EXPECT_LT(rest, 30u);
+  EXPECT_LT(rest, kTicks);
   ASSERT_EQ(end.damaged.size(), 1u);
   EXPECT_FALSE(end.warnings().empty());
 }

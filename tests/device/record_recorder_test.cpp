@@ -124,9 +124,10 @@ TEST(Recorder, ADepthImageWithADamagedPartIsLeftOutWhole) {
 TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
   MemoryDisk disk;
   RandomTicks source(kRecorderSeed);
+  constexpr int kSession = 4'000;
   RecorderOptions options;
   options.ring_bytes = std::size_t{1} << 16;
-  ASSERT_TRUE(record(disk, source, 20'000, options));
+  ASSERT_TRUE(record(disk, source, kSession, options));
   Result<Recording> recording = open_bytes(disk.copy());
   ASSERT_TRUE(recording);
   RecordedTick tick;
@@ -144,7 +145,7 @@ TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
     EXPECT_GE(tick.late_ns, 0);
     EXPECT_LT(tick.late_ns, 10'001);
   }
-  EXPECT_EQ(i, 20'000u);
+  EXPECT_EQ(i, std::size_t{kSession});
   ASSERT_EQ(recording->renderers().size(), 2u);
   EXPECT_EQ(recording->renderers()[1].name, "mesh-godobject");
 }

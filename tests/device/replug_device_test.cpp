@@ -94,8 +94,9 @@ TEST(ReconnectingDevice, TenTimesInOneSessionOnAVirtualClock) {
   servo.stop();
 }
 
-TEST(ReconnectingDevice, TenTimesInRealTimeWhileTheServoTicks) {
+TEST(ReconnectingDevice, InRealTimeWhileTheServoTicks) {
   const MonotonicClock clock;
+  constexpr int kRounds = 3;
   ReplugBench bench(clock);
   // What the machine does is no fault of it.
   bench.governed.late_zero_s = bench.governed.latch_late_s = bench.governed.silence_s = 60.0;
@@ -109,7 +110,7 @@ TEST(ReconnectingDevice, TenTimesInRealTimeWhileTheServoTicks) {
   Watchdog watchdog(bench.device, heart, {1.0, 1e-3});
   ASSERT_TRUE(watchdog.start());
   ASSERT_TRUE(thread->start());
-  for (int round = 0; round < 10; ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     ASSERT_TRUE(comes([&] { return bench.held_n() > 0.5; })) << round;
     bench.board.unplug(clock.now_ns());
     ASSERT_TRUE(comes([&] { return bench.device.lost(); }));
@@ -121,7 +122,7 @@ TEST(ReconnectingDevice, TenTimesInRealTimeWhileTheServoTicks) {
     EXPECT_FALSE(bench.board.holds_force()) << "not armed";
     thread->request_rearm();
   }
-  EXPECT_EQ(bench.device.times_back(), 10u);
+  EXPECT_EQ(bench.device.times_back(), std::uint64_t{kRounds});
   thread->stop();
   watchdog.stop();
   servo.watched_by(nullptr);
@@ -312,24 +313,6 @@ TEST(DurationHistogram, NothingNegativeAndTooLongAllHaveTheirPlace) {
   EXPECT_EQ(all.min_ns, 0);
   EXPECT_EQ(all.max_ns, 2 * kHourNs);
   EXPECT_EQ(all.p999_ns, 2 * kHourNs) << "the last bin has no end: the largest is told";
-}
-
-TEST(LoopHistograms, CountsAreReadAsTheyWereCounted) {
-  LoopHistograms book;
-  for (int i = 0; i < 10; ++i) book.lateness.count(i);
-  for (int i = 0; i < 9; ++i) book.period.count(1000);
-  book.step.count(7);
-  book.exchange.count(3);
-  book.miss(4);
-  book.miss(1);
-  book.overrun();
-  const LoopStatistics all = book.statistics();
-  EXPECT_EQ(all.ticks, 10u);
-  EXPECT_EQ(all.missed, 5u);
-  EXPECT_EQ(all.overruns, 1u);
-  EXPECT_EQ(all.period.count, 9u);
-  EXPECT_EQ(all.step.max_ns, 7);
-  EXPECT_EQ(all.exchange.p50_ns, 3);
 }
 
 TEST(DurationHistogram, AReaderBesideTheLoopSeesWholeNumbersThatFitEachOther) {

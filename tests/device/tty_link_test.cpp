@@ -42,73 +42,54 @@ TEST(NewestCommand, TheNewestIsTakenOnce) {
   EXPECT_FALSE(newest.take(taken));
 }
 
-TEST(NewestCommand, ManyPutAndWhatIsTakenIsWhole) {
-  NewestCommand newest;
-  constexpr int kThreads = 3, kEach = 20'000;
-  std::atomic<int> running{kThreads};
-  std::atomic<std::uint64_t> put{0};
-  std::vector<std::thread> threads;
-  for (int t = 0; t < kThreads; ++t)
-    threads.emplace_back([&, t] {
-      for (int i = 0; i < kEach; ++i) {
-        const std::vector<std::uint8_t> bytes(40, static_cast<std::uint8_t>(t * 80 + i % 80));
-        put += newest.put(bytes) ? 1 : 0;
-      }
-      --running;
-    });
-  std::uint64_t taken = 0;
-  CommandBytes command;
-  for (bool last = false; !last;) {
-    last = running == 0;
-    while (newest.take(command)) {
-      ++taken;
-      ASSERT_EQ(command.size, 40u);
-      ASSERT_EQ(std::set<std::uint8_t>(command.bytes.begin(), command.bytes.begin() + 40).size(), 1u);
-    }
-  }
-  for (std::thread& thread : threads) thread.join();
-  EXPECT_EQ(put, static_cast<std::uint64_t>(kThreads) * kEach) << "there was always a slot";
-  EXPECT_EQ(taken + newest.replaced(), put);
-}
-
-std::array<std::uint8_t, 8> numbered(std::uint32_t writer, std::uint32_t number) {
-  std::array<std::uint8_t, 8> bytes{};
-  std::memcpy(bytes.data(), &writer, 4);
-  std::memcpy(bytes.data() + 4, &number, 4);
-  return bytes;
+/// A writer and a number, written so often that a command made of two would show.
+constexpr std::size_t kNumberedTimes = 5;
+std::array<std::uint32_t, 2 * kNumberedTimes> numbered(std::uint32_t writer, std::uint32_t number) {
+  std::array<std::uint32_t, 2 * kNumberedTimes> words{};
+  for (std::size_t i = 0; i < words.size(); i += 2) words[i] = writer, words[i + 1] = number;
+  return words;
 }
 
 // As a USB link uses it: the servo puts a command in every frame, the watchdog cuts meanwhile, the link's
 // thread takes; what a thread has put is never taken after what it put later, and a zero at the end is the
 // last.
-TEST(NewestCommandOfALink, ServoWatchdogAndLinkAtOnceKeepTheOrderAndEndInTheLastZero) {
+TEST(NewestCommand, ServoWatchdogAndLinkAtOnceKeepItWholeAndInOrderAndEndInTheLastZero) {
   constexpr std::uint32_t kFrames = 30'000, kServo = 1, kCut = 2, kEnd = 3;
   NewestCommand newest;
   std::atomic<int> running{2};
+  const auto put = [&](std::uint32_t writer, std::uint32_t number) {
+    const auto words = numbered(writer, number);
+    EXPECT_TRUE(newest.put({reinterpret_cast<const std::uint8_t*>(words.data()), sizeof words}));
+  };
   const auto put_all = [&](std::uint32_t writer) {
-    for (std::uint32_t i = 1; i <= kFrames; ++i) EXPECT_TRUE(newest.put(numbered(writer, i)));
+    for (std::uint32_t i = 1; i <= kFrames; ++i) put(writer, i);
     --running;
   };
   std::thread servo([&] { put_all(kServo); }), watchdog([&] { put_all(kCut); });
   std::array<std::uint32_t, 4> last{};
-  std::uint32_t writer = 0, number = 0;
+  std::uint32_t writer = 0;
+  std::uint64_t taken = 0;
   CommandBytes command;
   const auto take_all = [&] {
     while (newest.take(command)) {
-      ASSERT_EQ(command.size, 8u);
-      std::memcpy(&writer, command.bytes.data(), 4);
-      std::memcpy(&number, command.bytes.data() + 4, 4);
-      ASSERT_GT(number, last.at(writer)) << "of " << writer;
-      last.at(writer) = number;
+      std::array<std::uint32_t, 2 * kNumberedTimes> words{};
+      ASSERT_EQ(command.size, sizeof words);
+      std::memcpy(words.data(), command.bytes.data(), sizeof words);
+      ASSERT_EQ(words, numbered(words[0], words[1])) << "it is whole";
+      writer = words[0];
+      ASSERT_GT(words[1], last.at(writer)) << "of " << writer;
+      last.at(writer) = words[1];
+      ++taken;
     }
   };
   while (running.load() > 0) take_all();
   servo.join();
   watchdog.join();
-  EXPECT_TRUE(newest.put(numbered(kEnd, 1)));
+  put(kEnd, 1);
   take_all();
   EXPECT_EQ(writer, kEnd) << "the zero of close() goes out last";
   EXPECT_TRUE(newest.empty());
+  EXPECT_EQ(taken + newest.replaced(), 2u * kFrames + 1);
 }
 
 TEST(TtyLink, CarriesRawBytesBothWays) {
@@ -350,35 +331,6 @@ TEST(TtyLink, FramesOfAnArmAllocateNothing) {
   EXPECT_EQ(allocated, 0u);
 }
 
-TEST(TtyLink, WhenTheProgramIsKilledTheGuardSendsZeroThroughAHandleOfItsOwn) {
-  PALPATE_SKIP_FORKS();
-  for (int round = 0; round < 3; ++round) {
-    TextBoard text;
-    TtyBoard board(text.answer(), TtyBoard::Starts::kLater);
-    const pid_t program = ::fork();  // before there are threads
-    ASSERT_GE(program, 0);
-    if (program == 0) {
-      const MonotonicClock clock;
-      auto made =
-          driver_of(&register_arm_driver, "arm").make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
-      if (!made) ::_exit(1);
-      const Result<Guard> guard = Guard::start(made->zero);
-      if (!guard || !made->device->open()) ::_exit(2);
-      for (;;) {
-        (void)made->device->read();
-        made->device->send(governed(Vec3(0, 0, 0.5)));
-      }
-    }
-    board.start();
-    EXPECT_TRUE(comes([&] { return !text.last().empty() && text.last() != kTextZero; })) << "round " << round;
-    ::kill(program, SIGKILL);
-    EXPECT_TRUE(comes([&] { return text.last() == kTextZero; })) << "round " << round;
-    int status = 0;
-    ::waitpid(program, &status, 0);
-    EXPECT_TRUE(WIFSIGNALED(status)) << "it did not end by itself, with " << WEXITSTATUS(status);
-  }
-}
-
 // planar_test.cpp goes through every part of a command; here it is the line that is new.
 TEST(TtyLink, APlaneLetsGoOfWhatAPartOfACommandLeft) {
   const CommandBytes held = encoded_torques({0.1F, -0.1F});
@@ -418,29 +370,6 @@ TEST(TtyLink, APlaneThatAnswersNothingIsNotSaidToHaveLetGo) {
   EXPECT_FALSE(planar_let_go(link));
   link.close();
   ASSERT_TRUE(comes([&] { return board.received().size() >= encoded_let_go().size; })) << "but it was told";
-}
-
-TEST(TtyLink, APlaneSpeaksOverIt) {
-  std::mutex mutex;
-  PlanarBoard plane;
-  TtyBoard board([&](std::span<const std::uint8_t> bytes) {
-    const std::lock_guard lock(mutex);
-    return plane.take(bytes);
-  });
-  const MonotonicClock clock;
-  PlanarDevice device(std::make_unique<TtyLink>(TtyLinkOptions{board.path()}), clock, *planar_model(2));
-  ASSERT_TRUE(ok(device.open()));
-  int fresh = 0;
-  ASSERT_TRUE(comes([&] {
-    fresh += device.read().status == ReadStatus::kFresh ? 1 : 0;
-    device.send(governed(Vec3(0.5, 0, 0)));
-    return fresh >= 100;
-  }));
-  device.close();
-  EXPECT_TRUE(comes([&] {
-    const std::lock_guard lock(mutex);
-    return plane.most > 0.0F && plane.torques == std::array<float, 2>{};
-  }));
 }
 
 }  // namespace

@@ -181,16 +181,13 @@ TEST(ServoEnds, StoppedItSendsZero) {
   EXPECT_FALSE(board.holds_force()) << "nothing comes after it";
 }
 
-// The servo alone: its device, which would send zero too, is still there.
-TEST(ServoEnds, DestroyedItSendsZero) {
+TEST(ServoEnds, DestroyedOrLeftByAnExceptionItSendsZero) {
   SimulatedBoard board;
-  Pressed pressed(board);
-  pressed.servo.reset();
-  EXPECT_FALSE(board.holds_force());
-}
-
-TEST(ServoEnds, AnExceptionThroughItSendsZero) {
-  SimulatedBoard board;
+  {
+    Pressed pressed(board);
+    pressed.servo.reset();  // alone: its device, which would send zero too, is still there
+    EXPECT_FALSE(board.holds_force());
+  }
   try {
     const Pressed pressed(board);
     throw std::bad_alloc();

@@ -41,15 +41,6 @@ class CleanCommand : public OnCommandLine {
   std::size_t points_ = 0;
 };
 
-TEST_F(CleanCommand, ListsItsStepsWithOptions) {
-  const ProcessOutcome text = palpate("list steps");
-  const json list = printed("list steps --json");
-  ASSERT_EQ(list.size(), all_cleaning().all().size());
-  for (const scene::CleaningStep& step : all_cleaning().all())
-    for (const OptionSpec& option : step.options)
-      EXPECT_THAT(text.out, HasSubstr(option.key + "=" + option.default_value)) << option.key;
-}
-
 TEST_F(CleanCommand, WritesWhatIsLeft) {
   const json report = printed("clean @/scan.ply --steps outliers+smooth --out @/cleaned.ply --json");
   EXPECT_EQ(report["points_before"], points_);
@@ -168,7 +159,7 @@ bool is_gone(int column, int row, double share) {
 
 TEST_F(HolesCommand, AThinnedSinusoidIsFelt) {
   if (all_cleaning().find("thin") == nullptr) GTEST_SKIP() << "cleaning needs the baselines";
-  for (const char* cell : {"1.5", "2", "3", "4"}) {
+  for (const char* cell : {"1.5", "4"}) {
     write_text(
         folder_ / "thin.toml",
         fmt::format("[[model]]\ngenerate = \"sinusoid\"\npoints = 10201\nextent_mm = 40\namplitude_mm = 1\n"
@@ -182,13 +173,12 @@ TEST_F(HolesCommand, AThinnedSinusoidIsFelt) {
 }
 
 TEST_F(HolesCommand, InfoPlanAndRenderersAgree) {
-  for (const double share : {0.05, 0.5, 0.7, 0.92})
+  for (const double share : {0.7, 0.92})
     write_hill(fmt::format("holes{}.xyz", share), [&](int c, int r) { return !is_gone(c, r, share); });
   int flat = 0;
   for (const std::string& model :
-       {in("holes0.05.xyz"), in("holes0.5.xyz"), in("holes0.7.xyz"), in("holes0.92.xyz"),
-        std::string("sinusoid:points=2601"), std::string("sinusoid:points=2601:jitter=0.3"),
-        std::string("sphere:points=1000")}) {
+       {in("holes0.7.xyz"), in("holes0.92.xyz"), std::string("sinusoid:points=2601"),
+        std::string("sinusoid:points=2601:jitter=0.3")}) {
     SCOPED_TRACE(model);
     const bool is_file = model.find(".xyz") != std::string::npos;
     const auto with_unit = [&](std::vector<std::string> arguments) {
@@ -213,7 +203,7 @@ TEST_F(HolesCommand, InfoPlanAndRenderersAgree) {
       EXPECT_EQ(run.err.find("use the renderer cloud") == std::string::npos, is) << run.err;
     }
   }
-  EXPECT_EQ(flat, 4);
+  EXPECT_EQ(flat, 2);
 }
 
 TEST_F(HolesCommand, EveryTapOnAScanWithHolesIsFelt) {
@@ -221,7 +211,7 @@ TEST_F(HolesCommand, EveryTapOnAScanWithHolesIsFelt) {
   Random random(3);
   for (int i = 0; i < 30; ++i) taps.emplace_back(random.uniform(3.0, 26.0), random.uniform(3.0, 26.0));
   write_taps("taps.csv", taps);
-  for (const double share : {0.05, 0.3, 0.5, 0.7}) {
+  for (const double share : {0.05, 0.7}) {
     write_hill("scan.xyz", [&](int c, int r) { return !is_gone(c, r, share); });
     EXPECT_EQ(replayed({in("scan.xyz"), "--unit", "mm", "--path", in("taps.csv")})["name"], "heightfield");
     EXPECT_EQ(felt_taps(), 30) << share;

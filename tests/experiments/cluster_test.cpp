@@ -26,7 +26,7 @@ class Cluster : public OnCommandLine {
                  "--out", in(out));
   }
   Words sweep(const std::string& out) const {
-    return words(on_scene("compare sweep", out, "cloud,cloud-smooth"), "--axes points,rate");
+    return words(on_scene("compare sweep", out, "cloud"), "--axes points,rate");
   }
   /// Rows of the table, by id.
   std::map<std::string, Words> jobs(const std::string& out) const {

@@ -24,21 +24,6 @@ TEST_F(Command, VersionNamesCommitAndBuild) {
   EXPECT_FALSE(commit.empty());
 }
 
-TEST_F(Command, RenderersAreThoseOfTheRegistry) {
-  const ProcessOutcome text = palpate("list renderers");
-  const json list = printed("list renderers --json");
-  const render::Registry registry = all_renderers();
-  ASSERT_EQ(list.size(), registry.all().size());
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    const render::RendererInfo& info = registry.all()[i];
-    EXPECT_EQ(list[i]["name"], info.name);
-    ASSERT_EQ(list[i]["options"].size(), info.options.size());
-    EXPECT_THAT(text.out, HasSubstr(info.source)) << info.name;
-    for (const OptionSpec& option : info.options)
-      EXPECT_THAT(text.out, HasSubstr(option.key + "=" + option.default_value)) << option.key;
-  }
-}
-
 TEST_F(Command, WhatIsPrintedAsJsonFollowsItsSchema) {
   write_text(folder_ / "two.toml",
              "[[model]]\ngenerate = \"plane\"\npoints = 121\nextent_mm = 10\n[[model]]\ngenerate = "
@@ -182,13 +167,6 @@ TEST_F(Command, TracesAreTheSameForAnyThreadsAndFromRunToRun) {
   EXPECT_EQ(hashes.size(), 1u);
 }
 
-TEST_F(Command, LabelsNameOneRendererTwice) {
-  const json result = printed("compare", kTinyWaves, "--renderers cloud,cloud:refine=1:label=bare --path",
-                              kTinyWeave, "--out @/out --json");
-  EXPECT_EQ(result["renderers"][1]["label"], "bare");
-  EXPECT_TRUE(exists("out/trace-bare.csv"));
-}
-
 TEST_F(Command, ASceneFileNamesItsRenderer) {
   write_text(folder_ / "s.toml",
              "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n[renderer]\nname = "
@@ -302,18 +280,6 @@ TEST_F(Command, ReproduceMakesEachMeshOnceAndAnewWhereAsked) {
   const json anew = rows("second", 1, {"--no-cache", "--mesh-limit", "1e-6"});
   ASSERT_EQ(anew.size(), first.size());
   for (const json& row : anew) EXPECT_TRUE(row.contains("failure")) << row;
-}
-
-TEST_F(Command, ARendererThatFeelsFreeSpaceIsWrongAndNotThePath) {
-  if (all_renderers().find("penalty-grid") == nullptr) GTEST_SKIP() << "built without the rivals";
-  // A scan without faces has no truth; the penalty is felt from the path's start on.
-  succeeds("clean sphere:points=2000 --steps thin/cell=0.1 --out @/scan.ply");
-  succeeds(
-      "compare @/scan.ply --renderers penalty-grid:threshold=16,cloud --path "
-      "exploration:frames=2000:depth_mm=0.5:seed=1 --out @/out");
-  const json result = json_in("out/result.json");
-  EXPECT_EQ(result["renderers"][0]["frame"]["contact_frames"], 2000);
-  EXPECT_LT(result["renderers"][1]["frame"]["contact_frames"], 2000);
 }
 
 TEST_F(Command, APathThatStartsNearASurfaceIsNotInsideIt) {

@@ -123,31 +123,12 @@ TEST_F(Output, AResultThatIsReadIsNotReplaced) {
   EXPECT_EQ(text_in("out/trace.csv"), before);
 }
 
-TEST_F(Output, ARerunLeavesNoOldTracesOrFigures) {
-  const auto compare = [&](const std::string& renderers) {
-    succeeds("compare", kTinyWaves, "--renderers", renderers, "--path weave:frames=600 --out @/out");
-  };
-  compare("cloud,cloud-literal");
-  EXPECT_TRUE(exists("out/trace-cloud-literal.csv"));
-  write_text(in("out/notes.txt"), "mine");
-  write_text(in("out/figures/sketch.svg"), "mine");
-  compare("cloud,brute-force");
-  EXPECT_FALSE(exists("out/trace-cloud-literal.csv"));
-  EXPECT_TRUE(exists("out/trace-brute-force.csv"));
-  EXPECT_TRUE(exists("out/figures/study-force.gp"));
-  compare("cloud");
-  EXPECT_FALSE(exists("out/trace-cloud.csv"));
-  EXPECT_EQ(text_in("out/notes.txt"), "mine");
-  EXPECT_EQ(text_in("out/figures/sketch.svg"), "mine");
-}
-
 TEST_F(Output, ASecondRunIntoTheSameFolderIsRefused) {
   apart_ = true;
   const Result<OutputFolder> ours = OutputFolder::open(in("out"));
   ASSERT_TRUE(ours.ok());
   for (const std::vector<std::string>& arguments :
        {std::vector<std::string>{"compare", kTinyWaves, "--renderers", "cloud", "--path", kOutputPath},
-        {"compare", kTinyWaves, "--renderers", "cloud", "--path", kOutputPath},
         {"reproduce", "--tables", "7", "--quick"},
         {"test", "behaviours", "--only", "hovering", "--renderers", "cloud"}}) {
     std::vector<std::string> all = arguments;
@@ -193,8 +174,7 @@ TEST_F(Output, NoStandardStreamThatFailsEndsACommandOtherwise) {
 // messages.
 TEST_F(Output, ASessionInContactOutlivesItsTerminal) {
   int number = 0;
-  for (const char* const streams :
-       {"2>&-", "2>/dev/full", "0<&- 2>&-", "1>&- 2>&-", "1>/dev/full 2>/dev/full"}) {
+  for (const char* const streams : {"0<&- 2>&-", "2>/dev/full", "1>/dev/full 2>/dev/full"}) {
     const std::string out = in("live" + std::to_string(number++));
     const int status = status_with({"live", kTinyWaves, "--device", "sim", "--seconds", "2", "--renderers",
                                     "cloud,analytic", "--switch-every", "1", "--accelerated", "--out", out},

@@ -365,7 +365,7 @@ TEST(PsiMethod, IsRightOnAverageAndCovers) {
   constexpr int kRuns = 400;
   constexpr std::uint64_t kSeedsApart = 1'000'000;
   std::uint64_t seed = 0;
-  for (const double jnd : {0.02, 0.05, 0.1}) {
+  for (const double jnd : {0.02, 0.1}) {
     seed += kSeedsApart;
     double log_bias = 0.0, covered = 0.0;
     for (int r = 0; r < kRuns; ++r) {
@@ -393,35 +393,33 @@ TEST(PsiMethod, IsRightOnAverageAndCovers) {
 TEST(UpDownRules, TheirIntervalCovers) {
   constexpr int kStudies = 120, kResamplesHere = 200;
   constexpr double kJnd = 0.05;
-  for (UpDownOptions options : {UpDownOptions{.down = 2}, UpDownOptions{.down = 3}}) {
-    options.start = 0.2;
-    options.factor = 1.5;
-    options.reversals = 14;
-    options.discarded = 4;
-    double log_bias = 0.0, covered = 0.0;
-    for (int s = 0; s < kStudies; ++s) {
-      UpDown staircase(options);
-      std::map<double, LevelAnswers> levels;
-      run_with_observer(
-          staircase, 5000 + static_cast<std::uint64_t>(s), 1.0, [&](double level, bool correct) {
-            LevelAnswers& one = levels.try_emplace(level, LevelAnswers{level, 0, 0}).first->second;
-            ++one.trials;
-            one.correct += correct ? 1u : 0u;
-          });
-      std::vector<LevelAnswers> all;
-      for (const auto& [level, answers] : levels) all.push_back(answers);
-      const auto fit = fit_psychometric(all, {}, 1.0);
-      ASSERT_TRUE(fit);
-      const Estimate found = bootstrap_procedure([&] { return std::make_unique<UpDown>(options); }, *fit, 1.0,
-                                                 static_cast<std::uint64_t>(s), kResamplesHere);
-      log_bias += std::log(found.value / kJnd) / kStudies;
-      const Interval& i = found.interval;
-      covered += (i.low <= kJnd && kJnd <= i.high ? 1.0 : 0.0) / kStudies;
-    }
-    std::printf("staircase, %d down: bias %+.1f %%, covered %.3f\n", options.down, 100.0 * log_bias, covered);
-    EXPECT_NEAR(log_bias, 0.0, 0.05) << options.down;
-    EXPECT_GE(covered, 0.87) << options.down;
+  UpDownOptions options{.down = 3};
+  options.start = 0.2;
+  options.factor = 1.5;
+  options.reversals = 14;
+  options.discarded = 4;
+  double log_bias = 0.0, covered = 0.0;
+  for (int s = 0; s < kStudies; ++s) {
+    UpDown staircase(options);
+    std::map<double, LevelAnswers> levels;
+    run_with_observer(staircase, 5000 + static_cast<std::uint64_t>(s), 1.0, [&](double level, bool correct) {
+      LevelAnswers& one = levels.try_emplace(level, LevelAnswers{level, 0, 0}).first->second;
+      ++one.trials;
+      one.correct += correct ? 1u : 0u;
+    });
+    std::vector<LevelAnswers> all;
+    for (const auto& [level, answers] : levels) all.push_back(answers);
+    const auto fit = fit_psychometric(all, {}, 1.0);
+    ASSERT_TRUE(fit);
+    const Estimate found = bootstrap_procedure([&] { return std::make_unique<UpDown>(options); }, *fit, 1.0,
+                                               static_cast<std::uint64_t>(s), kResamplesHere);
+    log_bias += std::log(found.value / kJnd) / kStudies;
+    const Interval& i = found.interval;
+    covered += (i.low <= kJnd && kJnd <= i.high ? 1.0 : 0.0) / kStudies;
   }
+  std::printf("staircase, %d down: bias %+.1f %%, covered %.3f\n", options.down, 100.0 * log_bias, covered);
+  EXPECT_NEAR(log_bias, 0.0, 0.05) << options.down;
+  EXPECT_GE(covered, 0.87) << options.down;
 }
 
 TEST(Order, IsBalancedAndSeeded) {

@@ -249,14 +249,6 @@ TEST_F(RecordCommand, RecordsReplaysToTheSameHashesAndCompares) {
             200);
 }
 
-TEST_F(RecordCommand, TheSameSessionTwiceIsTheSameTicks) {
-  succeeds(record("a.palrec"));
-  succeeds(record("b.palrec"));
-  for (const char* const name : {"a", "b"})
-    succeeds("report export", in(std::string(name) + ".palrec"), "--out", in(std::string(name) + ".csv"));
-  EXPECT_EQ(text_in("a.csv"), text_in("b.csv"));
-}
-
 TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
   succeeds(record("one.palrec"));
   // What is in it.
@@ -363,40 +355,24 @@ TEST_F(RecordCommand, InfoSaysWhatIsInIt) {
   EXPECT_THAT(renamed.out, HasSubstr("2,001 ticks")) << renamed.err;
 }
 
-TEST_F(RecordCommand, InfoOfWhatIsMissingOrDamaged) {
+TEST_F(RecordCommand, WhatIsTornIsReadAndWhatIsDamagedOnlyWhereAsked) {
   succeeds(record("one.palrec"));
-  const auto bytes = std::filesystem::file_size(in("one.palrec"));
   std::filesystem::copy_file(in("one.palrec"), in("torn.palrec"));
-  std::filesystem::resize_file(in("torn.palrec"), bytes / 2);
+  std::filesystem::resize_file(in("torn.palrec"), std::filesystem::file_size(in("one.palrec")) / 2);
   const json facts = printed("info @/torn.palrec --json");
   EXPECT_TRUE(facts["ticks"] < 2001 && facts["ticks"] > 500) << facts["ticks"];
   EXPECT_FALSE(facts["closed"].get<bool>());
   EXPECT_TRUE(facts["reason"].is_null());
   EXPECT_GE(facts["warnings"].size(), 1u);
+  EXPECT_THAT(succeeds("report export @/torn.palrec --out @/torn.csv").err,
+              HasAll("not closed", "half a chunk"));
+  const ProcessOutcome replayed =
+      succeeds("compare", kSmallWaves, "--path @/torn.palrec --passes 1 --out @/again --renderers auto");
+  EXPECT_THAT(replayed.out, HasSubstr("the same hash"));
+  EXPECT_THAT(replayed.err, HasSubstr("not closed"));
   damage(in("one.palrec"));
   refused("--skip-damaged", "info @/one.palrec");
   EXPECT_THAT(succeeds("info @/one.palrec --skip-damaged").out, HasSubstr("damaged and were left out"));
-  write_text(in("text.palrec"), "somebody's");
-  refused("is no recording", "info @/text.palrec");
-  refused("no such file", "info @/missing.palrec");
-  refused("--unit does nothing", "info @/torn.palrec --unit m");
-  refused("--skip-damaged does nothing", "info", kSmallWaves, "--skip-damaged");
-}
-
-TEST_F(RecordCommand, ATornTailIsDroppedAndSaid) {
-  succeeds(record("one.palrec"));
-  std::filesystem::resize_file(in("one.palrec"), std::filesystem::file_size(in("one.palrec")) / 2);
-  EXPECT_THAT(succeeds("report export @/one.palrec --out @/one.csv").err,
-              HasAll("not closed", "half a chunk"));
-  const ProcessOutcome replayed =
-      succeeds("compare", kSmallWaves, "--path @/one.palrec --passes 1 --out @/again --renderers auto");
-  EXPECT_THAT(replayed.out, HasSubstr("the same hash"));
-  EXPECT_THAT(replayed.err, HasSubstr("not closed"));
-}
-
-TEST_F(RecordCommand, DamageInTheMiddleIsAnErrorThatNamesTheByte) {
-  succeeds(record("one.palrec"));
-  damage(in("one.palrec"));
   refuses({"byte ", "--skip-damaged"}, "report export @/one.palrec --out @/one.csv");
   EXPECT_FALSE(exists("one.csv"));
   EXPECT_THAT(succeeds("report export @/one.palrec --skip-damaged --out @/one.csv").err,
@@ -416,7 +392,11 @@ TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
   EXPECT_EQ(text_in("there.palrec"), "somebody's");
   refused("is no recording", "report export @/there.palrec --out @/x.csv");
   refused("no such file", "report export @/missing.palrec --out @/x.csv");
+  refused("is no recording", "info @/there.palrec");
+  refused("no such file", "info @/missing.palrec");
+  refused("--skip-damaged does nothing", "info", kSmallWaves, "--skip-damaged");
   succeeds(record("one.palrec"));
+  refused("--unit does nothing", "info @/one.palrec --unit m");
   refused(".csv", "report export @/one.palrec --out @/x.txt");
   refused("cloud", "report export @/one.palrec --renderer bare --out @/x.csv");
   refused("--out", "report export @/one.palrec");

@@ -82,14 +82,7 @@ std::vector<Killed> killed_commands() {
        "rows.jsonl",
        R"("reason":"")",
        R"("reason":"987654")",
-       "sweep.json"},
-      // The mark becomes digits of the seconds before the first answer.
-      {"study",
-       {"study", "abx", "--observer", "machine", "--stop-after", "4"},
-       "trials.csv",
-       ",2,1,0.500,",
-       "987654,2,1,0.500,",
-       "trials.csv"}};
+       "sweep.json"}};
 }
 
 class GoesOn : public InFolder, public testing::WithParamInterface<Killed> {};

@@ -42,17 +42,6 @@ Row row_with(const std::string& name, double load, double bytes, double prepare_
   return row;
 }
 
-TEST(Dominance, IsBetterInSomethingAndWorseInNothing) {
-  const std::vector<Standing> s =
-      standings_of({row_with("best", 1, 100, 10, 1), row_with("all-worse", 2, 200, 20, 2),
-                    row_with("more-exact", 9, 900, 90, 0.1), row_with("slower-alone", 1.5, 100, 10, 1)});
-  EXPECT_FALSE(s[0].dominated);
-  EXPECT_TRUE(s[1].dominated);
-  EXPECT_EQ(s[1].by, "best");
-  EXPECT_FALSE(s[2].dominated) << "nothing is as exact";
-  EXPECT_TRUE(s[3].dominated);
-}
-
 TEST(Dominance, NothingIsSaidWithinTheIntervals) {
   std::vector<Row> rows = {row_with("a", 1.00, 100, 10, 1, 0.1), row_with("b", 1.05, 100, 10, 1, 0.1)};
   for (const Standing& s : standings_of(rows)) EXPECT_FALSE(s.dominated);

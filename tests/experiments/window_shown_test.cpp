@@ -170,26 +170,6 @@ TEST_F(WindowShows, WhatHomesTheDeviceOverEverythingElse) {
   EXPECT_TRUE(link.homing_prompt().empty());
 }
 
-TEST_F(WindowShows, HowManyPicturesItTakesUntilEveryPointIsDrawn) {
-  VirtualSession virtual_session("sinusoid:points=400000", {"cloud"});
-  virtual_session.session.show_in(link);
-  settle();
-  Camera camera = window->camera();
-  camera.turn(0.1, 0.0);
-  window->look_from(camera);
-  const SplatDrawer& splats = window->scene().splats();
-  std::size_t pictures = 0;
-  do {
-    ASSERT_TRUE(window->frame());
-    ++pictures;
-    EXPECT_EQ(splats.whole_after() > 0, splats.drawn() == splats.points());
-  } while (splats.drawn() < splats.points() && pictures < 1'000);
-  EXPECT_EQ(splats.whole_after(), pictures);
-  EXPECT_GT(pictures, 1u) << "all at once: nothing was counted";
-  for (int i = 0; i < 3; ++i) ASSERT_TRUE(window->frame());
-  EXPECT_EQ(splats.whole_after(), pictures) << "nothing moved";
-}
-
 /// The colours of plots.cpp.
 constexpr std::array<std::uint8_t, 3> kLimitLine = {255, 90, 80}, kPlotLetters = {150, 160, 175};
 

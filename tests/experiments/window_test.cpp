@@ -88,23 +88,25 @@ TEST_F(WindowTest, ColoursAreThoseOfWhatWasChosen) {
 TEST_F(WindowTest, GoesOnWithThePictureAndBeginsAnewWhenTheCameraMoves) {
   VirtualSession virtual_session("sinusoid:points=400000");
   virtual_session.session.show_in(link);
-  ASSERT_TRUE(window->frame());
-  const SplatDrawer& splats = window->scene().splats();
-  const std::size_t first = splats.drawn();
-  EXPECT_GT(first, 0u);
-  EXPECT_LT(first, splats.points()) << "all at once: nothing to go on with";
-  ASSERT_TRUE(window->frame());
-  EXPECT_GT(splats.drawn(), first);
   settle();
+  const SplatDrawer& splats = window->scene().splats();
   const std::uint64_t begun = splats.begun();
-  for (int i = 0; i < 3; ++i) ASSERT_TRUE(window->frame());
-  EXPECT_EQ(splats.begun(), begun) << "nothing moved";
   Camera camera = window->camera();
   camera.turn(0.1, 0.0);
   window->look_from(camera);
-  ASSERT_TRUE(window->frame());
+  std::size_t pictures = 0, drawn = 0;
+  do {
+    ASSERT_TRUE(window->frame());
+    ++pictures;
+    EXPECT_GT(splats.drawn(), drawn);
+    drawn = splats.drawn();
+    EXPECT_EQ(splats.begun(), begun + 1);
+    EXPECT_EQ(splats.whole_after() > 0, drawn == splats.points());
+  } while (drawn < splats.points() && pictures < 1'000);
+  EXPECT_GT(pictures, 1u) << "all at once: nothing to go on with";
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(window->frame());
+  EXPECT_EQ(splats.whole_after(), pictures) << "nothing moved";
   EXPECT_EQ(splats.begun(), begun + 1);
-  EXPECT_LT(splats.drawn(), splats.points());
 }
 
 TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
@@ -355,16 +357,16 @@ TEST_F(WindowTest, TheServoTicksOnWhileTheWindowStandsStill) {
   session.show_in(link, [&] { thread->request_rearm(); });
   for (int i = 0; i < 5; ++i) ASSERT_TRUE(window->frame());
   const std::uint64_t before = session.feed().ticks(), drawn = window->drawn_tick().ticks;
-  std::this_thread::sleep_for(std::chrono::seconds(2));  // the window's thread stands still
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // the window's thread stands still
   const std::uint64_t after = session.feed().ticks();
   const device::LoopStatistics loop = thread->histograms().statistics();
   EXPECT_EQ(window->drawn_tick().ticks, drawn);
-  // Each of the 2,000 periods was either ticked or, on a machine that gave it no time, counted as missed.
-  EXPECT_GE(after - before + loop.missed, 1'900u);
+  // Each of the 300 periods was either ticked or, on a machine that gave it no time, counted as missed.
+  EXPECT_GE(after - before + loop.missed, 280u);
   EXPECT_GT(after - before, 0u);
   ASSERT_TRUE(window->frame());
   EXPECT_GE(window->drawn_tick().ticks, after) << "the newest tick is shown, not one of the past";
-  EXPECT_EQ(session.feed().samples().lost(), 0u) << "two seconds fit into the ring";
+  EXPECT_EQ(session.feed().samples().lost(), 0u) << "a moment fits into the ring";
   link.ended();
   thread->stop();
 }
@@ -402,7 +404,7 @@ TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
   }
   const ProcessOutcome run =
       palpate_process({"live", kWindowWaves, "--renderers", "cloud", "--window", "--hand", "press",
-                       "--seconds", "6", "--rearm", "--out", in("out")});
+                       "--seconds", "2", "--rearm", "--out", in("out")});
   ASSERT_TRUE(ended_well(run.exit_code, in("out/live.json"))) << run.err;
   EXPECT_NE(run.err.find("touchable after"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("first touch after"), std::string::npos) << run.err;
@@ -413,7 +415,7 @@ TEST_F(LiveInAWindow, WhatCannotBeIsRefusedWithAReason) {
   const auto refused = [&](std::vector<std::string> more) {
     std::vector<std::string> arguments = {"live", kWindowWaves, "--renderers", "cloud", "--out", in("out")};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    const ProcessOutcome run = palpate_process(arguments);
+    const ProcessOutcome run = palpate_command(arguments);
     EXPECT_EQ(run.exit_code, 2) << run.err;
     return run.err;
   };

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kCountLimitS = 900.0, kFullLimitS = 2.0 * 3600.0;
 /// Callgrind prepares fifty times as slowly; the written bound does not grow with the points.
-constexpr const char* kSmall = "3000";
+constexpr const char* kSmall = "1000";
 constexpr const char* kLarge = "300000";
 /// A frame that is thrown at a renderer on purpose takes more than one that touches nothing, some 200.
 constexpr double kIdleFrame = 1000.0;
