@@ -91,13 +91,11 @@ inline Result<std::vector<Vec3>> stream(StreamFile open, const std::string& cont
   }
 }
 
-/// An error that says each of the parts, the file, its line and a remedy.
+/// An error that says each of the parts, its line and a remedy.
 template <class R>
-void expect_named(const R& result, const std::vector<std::string>& parts, std::int64_t line,
-                  const std::string& file = kFileName) {
+void expect_named(const R& result, const std::vector<std::string>& parts, std::int64_t line) {
   ASSERT_FALSE(result) << "accepted, not refused for " << parts.front();
   for (const std::string& part : parts) EXPECT_TRUE(test::contains(result.error().message(), part));
-  EXPECT_EQ(result.error().file, file);
   EXPECT_EQ(result.error().line, line) << result.error().message();
   EXPECT_FALSE(result.error().remedy.empty()) << result.error().message();
 }
