@@ -181,26 +181,6 @@ TEST_P(EveryRival, StrangeHipsDoNoHarm) {
   EXPECT_GT(contacts, sample().path.size() / 10);
 }
 
-TEST_P(EveryRival, SaysWhatItIsAndWhatItCannot) {
-  const Probe rival = prepare(model_of(sample().points), GetParam());
-  const render::Description d = rival.renderer->describe();
-  EXPECT_FALSE(d.source.empty());
-  EXPECT_FALSE(d.work_bound.empty());
-  EXPECT_GT(rival.report.bytes, sample().points.size() * 12);
-  EXPECT_GT(rival.report.total_ms, 0.0);
-
-  render::SceneInput scene;
-  EXPECT_FALSE(test::rival(GetParam())->prepare(scene, {}).ok()) << "a scene without models";
-  scene.models.push_back(model_of(sample().points));
-  auto varied = std::make_shared<surface::PointProperties>();
-  varied->stiffness_n_per_mm.assign(sample().points.size(), 0.3f);
-  scene.models[0].surface.per_point = varied;
-  EXPECT_NE(refusal(GetParam(), scene).what, "");
-  scene.models[0].surface.per_point = nullptr;
-  scene.models[0].surface.stiffness_n_per_mm = -1.0;
-  EXPECT_FALSE(test::rival(GetParam())->prepare(scene, {}).ok());
-}
-
 TEST_P(EveryRival, ForceIsLimitedAndModelsAddUp) {
   render::SceneInput scene;
   scene.force_limit_n = 0.1;

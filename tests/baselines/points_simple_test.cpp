@@ -1,6 +1,5 @@
 // `penalty-grid` and `sphere-proxy` against brute force and formulas.
 #include <algorithm>
-#include <optional>
 
 #include "baselines/points/point_grid.h"
 #include "baselines/points/sphere_proxy.h"
@@ -92,31 +91,6 @@ struct Balls {
   }
   baselines::BallWalk walk() const { return {grid, radius}; }
 };
-
-TEST(BallWalk, OneTwoAndThreeBallsHaveTheirFormulas) {
-  const double h = std::sqrt(3.0) / 2.0;
-  const std::vector<Vec3> one{{0, 0, 0}}, two{{-1, 0, 0}, {1, 0, 0}},
-      three{{1, 0, 0}, {-0.5, h, 0}, {-0.5, -h, 0}};
-  const struct {
-    std::vector<Vec3> balls;
-    Vec3 goal, proxy;
-  } rests[] = {{one, {0.3, 0.1, 0.5}, 2.0 * Vec3(0.3, 0.1, 0.5).normalized()},
-               {one, {1.0, -0.5, 0.2}, 2.0 * Vec3(1.0, -0.5, 0.2).normalized()},
-               {one, {-1, 0.2, -0.1}, 2.0 * Vec3(-1, 0.2, -0.1).normalized()},
-               // The groove is the circle of radius sqrt(3) about the x axis.
-               {two, {0, 0.1, 0.5}, std::sqrt(3.0) * Vec3(0, 0.1, 0.5).normalized()},
-               // Each centre is 1 from the axis.
-               {three, {0.01, 0.02, -1}, {0, 0, std::sqrt(3.0)}}};
-  for (const auto& rest : rests) {
-    const Balls balls(rest.balls, 2.0);
-    const Vec3 middle = -balls.cloud.origin_mm;
-    baselines::BallWalk walk = balls.walk();
-    walk.reset(middle + Vec3(0.2, 0.1, 5));
-    for (int i = 0; i < 20; ++i) ASSERT_TRUE(walk.go(middle + rest.goal));
-    EXPECT_LT((walk.proxy() - middle - rest.proxy).norm(), 1e-4) << rest.goal.transpose();
-    EXPECT_EQ(walk.carried_by(), static_cast<int>(rest.balls.size()));
-  }
-}
 
 TEST(BallWalk, NeverEntersABallAndRestsAtALocalMinimum) {
   for (const double radius : {0.8, 1.5, 4.0}) {
@@ -222,35 +196,6 @@ TEST(SphereProxy, FrictionIsTheSharedStage) {
 
 // ---- `vgraph` and `vector-field` against brute force and formulas.
 
-TEST(VGraph, GreedyWalksOnItsGraphEndAtTheNearestPoint) {
-  Random random(3);
-  std::vector<Vec3> points;
-  for (int i = 0; i < 800; ++i)
-    points.push_back({random.uniform(-5, 5), random.uniform(-5, 5), random.uniform(-1, 1)});
-  points.push_back(points[7]);  // two at one place
-  const auto links = voronoi::natural_links(points).value();
-  ASSERT_EQ(links.begin.size(), points.size() + 1);
-  for (std::uint32_t i = 0; i < points.size(); ++i)
-    for (const std::uint32_t other : links.of(i)) {
-      const auto back = links.of(other);
-      ASSERT_NE(std::find(back.begin(), back.end(), i), back.end()) << "links go both ways";
-    }
-  for (int k = 0; k < 1000; ++k) {
-    const Vec3 h(random.uniform(-7, 7), random.uniform(-7, 7), random.uniform(-3, 3));
-    std::uint32_t at = static_cast<std::uint32_t>(random.uniform(0.0, 800.0));
-    if (links.of(at).empty()) continue;  // the other of the two
-    const auto distance = [&](std::uint32_t i) { return (points[i] - h).norm(); };
-    for (std::uint32_t from = at + 1; from != at;) {
-      from = at;
-      for (const std::uint32_t other : links.of(from))
-        if (distance(other) < distance(at)) at = other;
-    }
-    double best = HUGE_VAL;
-    for (const Vec3& p : points) best = std::min(best, (p - h).norm());
-    ASSERT_DOUBLE_EQ(distance(at), best) << k;
-  }
-}
-
 TEST(VGraph, ConstrainsAsZillesAndSalisburyDo) {
   // A groove holds by two planes: the god object runs along its bottom.
   const Probe groove = prepare(model_of(height_mesh(20, 10.0, [](double x, double) { return std::abs(x); })),
@@ -269,71 +214,6 @@ TEST(VGraph, MissesWhatTheNearestVertexDoesNotShare) {
   const Probe rival = prepare(model_of(mesh), "vgraph:mesh=original");
   EXPECT_FALSE(rival.press({3, 0, 2}, {3, 0, -1}, 0.05).contact);
   EXPECT_TRUE(rival.press({-9, -9, 2}, {-9, -9, -1}, 0.05).contact);
-}
-
-TEST(FixedOrder, IsTheSameForAnyOrderAndOrientation) {
-  TriangleMesh mesh = height_mesh(4, 2.0, [](double x, double) { return x; });
-  // A second piece.
-  const auto first = static_cast<std::uint32_t>(mesh.vertices_mm.size());
-  mesh.vertices_mm.insert(mesh.vertices_mm.end(), {{9, 0, 0}, {9, 1, 0}, {9, 0, 1}});
-  mesh.triangles.push_back({first, first + 1, first + 2});
-  TriangleMesh a = mesh, b = mesh;
-  std::reverse(b.triangles.begin(), b.triangles.end());
-  for (auto& t : b.triangles) {
-    std::rotate(t.begin(), t.begin() + 1, t.end());
-    if (t[0] < first) std::swap(t[0], t[1]);  // the first piece turned over, the second not
-  }
-  baselines::fix_order(a);
-  baselines::fix_order(b);
-  EXPECT_EQ(a.triangles, b.triangles);
-  EXPECT_EQ(a.triangles.size(), mesh.triangles.size());
-  // Still oriented: no edge runs the same way twice.
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-  for (const auto& t : a.triangles)
-    for (std::size_t i = 0; i < 3; ++i) edges.emplace_back(t[i], t[(i + 1) % 3]);
-  std::sort(edges.begin(), edges.end());
-  EXPECT_EQ(std::adjacent_find(edges.begin(), edges.end()), edges.end());
-}
-
-TEST(VoxelField, IsTrilinearAndExactOnPlanes) {
-  const Vec3 n = Vec3(0.2, -0.3, 1.0).normalized();
-  const auto points =
-      height_points(41, 0.5, [&](double x, double y) { return -(n.x() * x + n.y() * y) / n.z(); });
-  geometry::Aabb box;
-  for (const Vec3& p : points) box.add(p);
-  baselines::VoxelFieldOptions options;
-  options.voxel_mm = 0.7;
-  options.depth_mm = 5.0;
-  const auto sample = [&](const Vec3& at, double, std::uint32_t&) {
-    const double height = n.dot(at);
-    const Vec3f pull = (-height * n).cast<float>();
-    return baselines::FieldSample{pull.x(), pull.y(), pull.z(), static_cast<float>(height)};
-  };
-  const auto one = baselines::VoxelField::build([&](std::size_t i) { return points[i]; }, points.size(), box,
-                                                options, sample, 1)
-                       .value();
-  const auto all = baselines::VoxelField::build([&](std::size_t i) { return points[i]; }, points.size(), box,
-                                                options, sample, 0)
-                       .value();
-  EXPECT_EQ(one.bricks(), all.bricks());
-  Random random(6);
-  std::size_t known = 0;
-  for (int i = 0; i < 5000; ++i) {
-    const Vec3 at(random.uniform(-9, 9), random.uniform(-9, 9), random.uniform(-12, 12));
-    const auto value = one.at(at);
-    ASSERT_EQ(value.known, all.at(at).known);
-    const double height = n.dot(at);
-    if (height < 0.0 && height > -options.depth_mm) {
-      ASSERT_TRUE(value.known) << at.transpose();
-    }
-    if (!value.known) continue;
-    ++known;
-    ASSERT_NEAR(value.distance, height, 1e-5);
-    ASSERT_NEAR((value.to_surface + height * n).norm(), 0.0, 1e-5);
-  }
-  EXPECT_GT(known, 1000u);
-  EXPECT_FALSE(one.at({1e300, 0, 0}).known);
-  EXPECT_FALSE(one.at({-1e300, 1e9, 0}).known);
 }
 
 TEST(VectorField, IsWithinItsInterpolationErrorOnASphere) {

@@ -82,61 +82,6 @@ TEST(SphereTree, FindsWhatBruteForceFinds) {
   }
 }
 
-TEST(ImplicitField, IsItsFormulaAndItsGradientTheSlope) {
-  const auto places = height_points(
-      21, 1.0, [](double x, double y) { return 0.1 * x * y; }, 0.3);
-  const render::ModelInput model = model_of(places);
-  for (const auto weight : {baselines::ImplicitWeight::kWyvill, baselines::ImplicitWeight::kWendland}) {
-    render::PrepareReport report;
-    auto oriented = baselines::build_oriented_grid(model, 3.0, "auto", true, {1, nullptr}, report).value();
-    const auto points = oriented.points.points;
-    const auto neighbours = oriented.neighbours;
-    baselines::ImplicitField balls, surfels;
-    balls.build(oriented.points, neighbours, {baselines::ImplicitSurface::kMetaball, weight}, 1);
-    surfels.build(std::move(oriented.points), neighbours, {baselines::ImplicitSurface::kSurfel, weight}, 1);
-    const auto w = [&](double q) {
-      const double s = q * q;
-      if (weight == baselines::ImplicitWeight::kWyvill)
-        return 1 - 22.0 / 9 * s + 17.0 / 9 * s * s - 4.0 / 9 * s * s * s;
-      return std::pow(1 - q, 4) * (4 * q + 1);
-    };
-    Random random(9);
-    baselines::OutwardSide side;
-    std::size_t defined = 0;
-    for (int i = 0; i < 300; ++i) {
-      const Vec3 at(random.uniform(-9, 9), random.uniform(-9, 9), random.uniform(-4, 4));
-      double sum = 0.0;
-      Vec3 mean = Vec3::Zero(), normal = Vec3::Zero();
-      for (std::size_t k = 0; k < points.size(); ++k) {
-        std::vector<double> distance;
-        for (const std::uint32_t other : neighbours[k])
-          if (other != k) distance.push_back((points[other].at() - points[k].at()).norm());
-        std::sort(distance.begin(), distance.end());
-        const double radius = double(float(distance[0] + distance[1] + distance[2]));  // 3 x the mean of 3
-        const double q = (points[k].at() - at).norm() / radius;
-        if (q >= 1.0) continue;
-        sum += w(q);
-        mean += w(q) * points[k].at();
-        normal += w(q) * surface::decode_normal(points[k].normal);
-      }
-      const auto ball = balls.at(at, side), surfel = surfels.at(at, side);
-      ASSERT_EQ(surfel.defined, sum > 0.0) << i;
-      if (!(sum > 0.0)) continue;
-      ++defined;
-      ASSERT_NEAR(ball.f, 0.5 - sum, 1e-6);
-      ASSERT_NEAR(surfel.f, (normal / sum).dot(at - mean / sum), 1e-6);
-      const double step = 1e-5;
-      for (int axis = 0; axis < 3; ++axis) {
-        const Vec3 d = step * Vec3::Unit(axis);
-        const auto up = balls.at(at + d, side), down = balls.at(at - d, side);
-        if (!up.defined || !down.defined) continue;
-        ASSERT_NEAR((up.f - down.f) / (2 * step), ball.gradient[axis], 1e-4) << i;
-      }
-    }
-    EXPECT_GT(defined, 100u);
-  }
-}
-
 TEST(MlsPenalty, WiderKernelsSmoothNoise) {
   Random random(4);
   const double noise = 0.1;

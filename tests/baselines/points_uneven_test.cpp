@@ -71,43 +71,6 @@ INSTANTIATE_TEST_SUITE_P(Points, OnUneven,
                                          "vector-field", "sdf-godobject", "variable-proxy"),
                          [](const auto& rival) { return test_name(rival.param); });
 
-TEST(SdfGrid, HoldsTheDistanceToASphereAndItsGradient) {
-  const auto made = generated("sphere:extent_mm=20:points=20000:mesh=false");
-  const render::ModelInput model = model_of(made.cloud);
-  render::PrepareReport report;
-  auto oriented = baselines::build_oriented_grid(model, 1.0, "auto", false, {1, nullptr}, report).value();
-  ASSERT_TRUE(oriented.closed);
-  baselines::SphereTree tree;
-  tree.build(oriented.points.points, 1);
-  baselines::SdfOptions options;
-  options.voxel_mm = 0.3;
-  options.width_mm = 0.3;
-  options.beside_mm = 1.0;
-  auto one = baselines::SdfGrid::build(oriented.points, tree, options, 1).value();
-  auto all = baselines::SdfGrid::build(oriented.points, tree, options, 0).value();
-  EXPECT_EQ(one.voxels(), all.voxels());
-  const Vec3 middle = -made.cloud.origin_mm;  // the ball is around the origin of the model
-  Random random(5);
-  int known = 0;
-  for (int i = 0; i < 5000; ++i) {
-    const Vec3 way = Vec3(random.normal(), random.normal(), random.normal()).normalized();
-    const double height = random.uniform(-2.0, 2.0);
-    const auto value = one.at(middle + (10.0 + height) * way);
-    ASSERT_EQ(value.distance, all.at(middle + (10.0 + height) * way).distance);
-    if (std::abs(height) < 0.6) {
-      ASSERT_TRUE(value.known) << height;
-    }
-    if (!value.known) continue;
-    ++known;
-    // Curvature over the kernel, and trilinear sums: (width^2 + 3 voxel^2 / 4) / 2 R.
-    ASSERT_NEAR(value.distance, height, 0.02) << i;
-    ASSERT_GT(value.gradient.normalized().dot(way), 0.99) << i;
-  }
-  EXPECT_GT(known, 1000);
-  EXPECT_FALSE(one.at({1e300, 0, 0}).known);
-  EXPECT_FALSE(one.at(middle).known) << "deeper than the band";
-}
-
 TEST(SdfGodobject, HoldsAThinPlateHoweverDeepTheHip) {
   // 1 mm thick, pushed to 5: a field without a path would throw the HIP out on the other side.
   const Sampled set = sampled("slab:extent_mm=20:thickness_mm=1:sampling=random:points=40000", 0.1);

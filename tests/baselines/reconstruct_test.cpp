@@ -6,7 +6,6 @@
 #include <numeric>
 #include <set>
 
-#include <palpate/generate.h>
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
@@ -346,14 +345,6 @@ TEST(Reconstruction, NamesWhatThereIs) {
     EXPECT_TRUE(keys.insert(spec.key).second) << spec.key;
     EXPECT_NE(spec.help, "") << spec.key;
   }
-}
-
-TEST(PoleLabels, SpreadFromTheOutsideAndTurnAcrossASample) {
-  // 0 is outside; 1 is opposite to it; 2 overlaps 1; 3 is opposite to 2 less surely than it overlaps 1.
-  const std::vector<PoleLink> links = {
-      {0, 1, 0.9F, true}, {1, 2, 0.8F, false}, {2, 3, 0.1F, true}, {1, 3, 0.7F, false}};
-  const std::vector<std::uint32_t> outside = {0};
-  EXPECT_EQ(label_poles(5, links, outside), (std::vector<bool>{false, true, true, true, false}));
 }
 
 }  // namespace

@@ -105,16 +105,6 @@ TEST(DepthRebuilds, WithoutMemoryTheLastSurfaceStays) {
   EXPECT_EQ(*rebuild.newest(), 7);
 }
 
-TEST_P(Streams, APlaneIsFeltWhereItIs) {
-  Rig rig(GetParam(), plane_at(1000.0));
-  const Vec3 above{3, 4, 960}, inside{3, 4, 1005};
-  EXPECT_EQ(rig.show(plane_at(1000.0), above).fate, stream::FrameFate::kTaken);
-  const render::Frame frame = rig.probe.press(above, inside, 0.5);
-  ASSERT_TRUE(frame.contact);
-  EXPECT_NEAR(frame.god_object_mm.z(), 1000.0, allowed_mm(GetParam()));
-  EXPECT_NEAR(frame.force_n.z(), -kStiffness * 5.0, kStiffness * allowed_mm(GetParam()));
-}
-
 TEST_P(Streams, AHeldContactFollowsASurfaceThatComesAndGoes) {
   Rig rig(GetParam(), plane_at(1000.0));
   const Vec3 above{3, 4, 960}, inside{3, 4, 1005};

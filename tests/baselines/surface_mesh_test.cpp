@@ -218,19 +218,6 @@ TEST(SurfaceMesh, OrderAlongTheCurveChangesNumbersAlone) {
   EXPECT_LT(20.0 * near, far) << "facets next to each other in memory are near each other";
 }
 
-TEST(SurfaceMesh, HandsItsFacesOut) {
-  const geometry::TriangleMesh given = test::moved(test::height_mesh(30, 50.0, test::sinusoid), {}, 1e3);
-  const SurfaceMesh mesh = std::move(SurfaceMesh::build(given, 1, MeshOrder::kCurve)).value();
-  const geometry::TriangleMesh out = mesh.as_mesh();
-  ASSERT_EQ(out.triangles.size(), given.triangles.size());
-  ASSERT_EQ(out.vertices_mm.size(), given.vertices_mm.size());
-  for (const Vec3& v : out.vertices_mm) {
-    double least = std::numeric_limits<double>::infinity();
-    for (const Vec3& g : given.vertices_mm) least = std::min(least, (g - v).norm());
-    ASSERT_LE(least, mesh.rounding_mm());
-  }
-}
-
 /// Pieces by a walk over single neighbours, one facet at a time.
 TEST(Pieces, AreThoseOfAWalkForAnyNumberOfThreads) {
   const SurfaceMesh mesh = std::move(SurfaceMesh::build(jumble(4), 0, MeshOrder::kCurve)).value();

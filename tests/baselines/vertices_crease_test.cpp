@@ -8,7 +8,6 @@
 
 #include <palpate/geometry.h>
 #include "tests/baselines/vertices_scenes.h"
-#include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
 
 namespace palpate::baselines::vertices {
@@ -190,24 +189,6 @@ TEST(Crease, AlongARidgeTheGodObjectFollowsOnItsFace) {
     ASSERT_LE((frames[i].force_n - truth[i].force_n).norm(), kStored * kStiffness) << i;
   }
   EXPECT_GT(contacts, 500u);
-}
-
-TEST(Crease, PermutedPointsAnswerTheSame) {
-  std::vector<Vec3> points = corner_points(0.2, 20);
-  Random random(3);
-  for (Vec3& p : points) p += 0.02 * Vec3(random.uniform(), random.uniform(), random.uniform());
-  std::vector<Vec3> shuffled = points;
-  for (std::size_t i = shuffled.size(); i > 1; --i) std::swap(shuffled[i - 1], shuffled[random.below(i)]);
-  const std::vector<Vec3> path = straight(
-      {{2, 2, 2}, {-0.5, -0.5, -0.5}, {1, -0.6, -0.4}, {-0.3, 1, -0.3}, {-0.6, -0.2, -0.2}}, 0.02, 1.0);
-  const auto a = ready(cloud_of(points), "cloud-vertices:neighbours=exact-knn"),
-             b = ready(cloud_of(shuffled), "cloud-vertices:neighbours=exact-knn");
-  const std::vector<Frame> one = run(a, path), other = run(b, path);
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    ASSERT_EQ(one[i].contact, other[i].contact) << i;
-    ASSERT_EQ(one[i].force_n, other[i].force_n) << i;
-  }
-  EXPECT_GT(std::count_if(one.begin(), one.end(), [](const Frame& f) { return f.contact; }), 100);
 }
 
 }  // namespace

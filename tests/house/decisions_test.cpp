@@ -171,10 +171,14 @@ TEST(Decisions, AMeshIsDecidedWithoutBeingMade) {
       << "the model brings no faces";
 }
 
-TEST(Decisions, EmptyScenesAndCloudsAreRefused) {
+TEST(Decisions, EveryRendererSaysWhatItIsAndRefusesAnEmptyScene) {
   const render::Registry registry = all_renderers();
-  for (const render::RendererInfo& info : registry.all())
-    EXPECT_FALSE(registry.make(info.name, {}).value()->decide({}, {1, nullptr})) << info.name;
+  for (const render::RendererInfo& info : registry.all()) {
+    SCOPED_TRACE(info.name);
+    const auto renderer = registry.make(info.name, {}).value();
+    EXPECT_FALSE(info.source.empty() || renderer->describe().work_bound.empty());
+    EXPECT_FALSE(renderer->decide({}, {1, nullptr}));
+  }
 }
 
 // ---- The registry tells the truth: a supported feature changes the answers, and a scene with an unsupported

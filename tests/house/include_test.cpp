@@ -220,6 +220,7 @@ std::string forbidden_in_line(const std::array<const char*, N>& line, const std:
 /// Path of an #include line ("palpate/vec.h", "CGAL/Kernel.h"); nothing for other lines.
 std::optional<std::string> included_path(std::string_view line) {
   static const std::regex kInclude(R"(^\s*#\s*include\s*[<"]([^>"]+)[>"])");
+  if (line.find("include") == std::string_view::npos) return std::nullopt;  // regular expressions are slow
   std::match_results<std::string_view::const_iterator> match;
   if (!std::regex_search(line.begin(), line.end(), match, kInclude)) return std::nullopt;
   return match[1].str();
@@ -326,53 +327,27 @@ struct Edge {
 };
 
 TEST(IncludeEdges, ForbiddenOnesAreFound) {
+  // Each rule once: between top-level folders, rooms of experiments, the lines of modules, names that the
+  // lines do not know, libraries by folder and by kind of file, how paths are written, public headers.
   const Edge edges[] = {
       {"toolkit/render/a.cpp", "baselines/mesh/b.h"},
-      {"toolkit/render/a.cpp", "device/loop.h"},
-      {"toolkit/io/a.cpp", "experiments/report.h"},
       {"baselines/mesh/a.cpp", "device/loop.h"},
-      {"device/a.cpp", "baselines/mesh/b.h"},
       {"device/a.cpp", "experiments/b.h"},
       {"experiments/a.cpp", "tests/house/source_tree.h"},
       {"experiments/report/a.cpp", "experiments/run/run.h"},
-      {"experiments/report/a.h", "experiments/session/session.h"},
-      {"experiments/study/a.cpp", "experiments/run/stage.h"},
-      {"experiments/study/a.cpp", "experiments/report/page.h"},
-      {"experiments/run/a.cpp", "experiments/report/page.h"},
-      {"experiments/tables/a.cpp", "experiments/command/subcommand.h"},
-      {"experiments/behaviours/a.cpp", "experiments/command/subcommand.h"},
-      {"experiments/behaviours/a.cpp", "experiments/tables/manifest.h"},
-      {"experiments/session/a.h", "experiments/behaviours/matrix.h"},
-      {"experiments/report/a.cpp", "experiments/tables/manifest.h"},
       {"experiments/new_room/a.cpp", "experiments/study/study.h"},
-      {"toolkit/core/a.cpp", "valijson/schema.hpp"},
       {"toolkit/core/a.h", "toolkit/geometry/aabb.h"},
-      {"toolkit/cloud/a.cpp", "toolkit/render/renderer.h"},
-      {"toolkit/render/a.cpp", "toolkit/trace/trace.h"},
-      {"toolkit/io/a.cpp", "toolkit/pcd/pcd.h"},
       {"toolkit/new_folder/a.cpp", "toolkit/core/vec.h"},
       {"toolkit/core/a.cpp", "toolkit/new_folder/b.h"},
+      {"device/interface/a.h", "device/servo/b.h"},
+      {"device/new_folder/a.cpp", "device/interface/b.h"},
       {"toolkit/cloud/a.cpp", "CGAL/Surface_mesh.h"},
-      {"toolkit/io/a.cpp", "pcl/io/pcd_io.h"},
       {"toolkit/pcd/a.h", "pcl/io/pcd_io.h"},
-      {"toolkit/geometry/a.h", "OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh"},
-      {"toolkit/render/a.cpp", "embree3/rtcore.h"},
-      {"device/a.cpp", "embree4/rtcore.h"},
-      {"experiments/a.h", "nlohmann/json.hpp"},
-      {"toolkit/metrics/a.h", "nlohmann/json.hpp"},
-      {"toolkit/trace/a.cpp", "nlohmann/json.hpp"},
-      {"toolkit/search/a.cpp", "tbb/parallel_for.h"},
-      {"toolkit/search/a.cpp", "oneapi/tbb.h"},
       {"toolkit/cloud/a.cpp", "execution"},
       {"toolkit/cloud/a.cpp", "../core/vec.h"},
-      {"device/interface/a.h", "device/servo/b.h"},
-      {"device/record/a.cpp", "device/live/b.h"},
-      {"device/new_folder/a.cpp", "device/interface/b.h"},
       {"elsewhere/a.cpp", "toolkit/core/vec.h"},
       {"toolkit/core/a.cpp", "palpate/registry.h"},
       {"toolkit/include/palpate/vec.h", "palpate/scene.h"},
-      {"baselines/a.cpp", "palpate/device/servo.h"},
-      {"device/interface/a.cpp", "palpate/device/servo.h"},
       {"experiments/study/a.cpp", "palpate/no_such.h"},
   };
   for (const Edge& edge : edges)
@@ -383,26 +358,16 @@ TEST(IncludeEdges, AllowedOnesPass) {
   const Edge edges[] = {
       {"toolkit/geometry/a.h", "toolkit/core/vec.h"},
       {"toolkit/core/a.cpp", "toolkit/core/vec.h"},
-      {"toolkit/plan/a.cpp", "toolkit/scene/b.h"},
       {"toolkit/pcd/a.cpp", "pcl/io/pcd_io.h"},
-      {"toolkit/core/parallel.cpp", "tbb/parallel_for.h"},
-      {"baselines/mesh/a.cpp", "CGAL/Surface_mesh.h"},
       {"baselines/mesh/a.cpp", "toolkit/render/renderer.h"},
-      {"device/a.cpp", "toolkit/render/renderer.h"},
       {"experiments/a.cpp", "baselines/mesh/b.h"},
       {"experiments/report/a.cpp", "experiments/study/study.h"},
-      {"experiments/run/a.cpp", "experiments/study/study.h"},
-      {"experiments/command/a.cpp", "experiments/report/page.h"},
-      {"experiments/tables/a.cpp", "experiments/behaviours/matrix.h"},
-      {"experiments/tables/a.cpp", "experiments/session/session.h"},
       {"device/live/a.cpp", "device/record/b.h"},
-      {"experiments/a.cpp", "device/loop.h"},
       {"experiments/a.cpp", "nlohmann/json.hpp"},
       {"tests/toolkit/renderers/a.cpp", "experiments/report.h"},
       {"toolkit/core/a.h", "vector"},
       {"toolkit/core/a.h", "Eigen/Core"},
       {"toolkit/core/a.cpp", "palpate/vec.h"},
-      {"experiments/study/a.cpp", "palpate/scene.h"},
       {"device/include/palpate/device/servo.h", "palpate/renderer.h"},
   };
   for (const Edge& edge : edges)

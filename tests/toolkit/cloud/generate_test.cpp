@@ -156,25 +156,6 @@ TEST(Generate, AnOrderChangesPlacesInTheStoreAlone) {
   EXPECT_EQ(rings.x_mm, table.x_mm);
 }
 
-TEST(Generate, LatticeNumbersEverySurfacePointOnce) {
-  for (const auto& n : {std::array<std::uint32_t, 3>{1, 1, 1}, {2, 1, 1}, {1, 3, 2}, {4, 5, 6}, {7, 2, 1}}) {
-    const BoxLattice lattice(n[0], n[1], n[2]);
-    std::size_t on_surface = 0;
-    for (std::uint32_t k = 0; k <= n[2]; ++k)
-      for (std::uint32_t j = 0; j <= n[1]; ++j)
-        for (std::uint32_t i = 0; i <= n[0]; ++i)
-          on_surface += i == 0 || j == 0 || k == 0 || i == n[0] || j == n[1] || k == n[2];
-    ASSERT_EQ(lattice.size(), on_surface);
-    for (std::size_t i = 0; i < lattice.size(); ++i) {
-      const auto c = lattice.coordinates(i);
-      ASSERT_EQ(lattice.index(c[0], c[1], c[2]), i);
-      ASSERT_LE(c[0], n[0]);
-      ASSERT_LE(c[1], n[1]);
-      ASSERT_LE(c[2], n[2]);
-    }
-  }
-}
-
 TEST(Generate, ClosedShapesHaveAboutTheWantedNumber) {
   for (const char* name : {"sphere", "torus", "slab"}) {
     const double n = static_cast<double>(made(std::string(name) + ":points=50000").cloud.size());
@@ -266,22 +247,6 @@ TEST(Round, PointsLieOnTheSurfaceAndMeshesFaceOutward) {
       }
 }
 
-TEST(Round, RingsAreNumberedOnce) {
-  const SphereRings rings(10, 2.0, 0.7);
-  std::size_t next = 0;
-  for (std::uint32_t ring = 0; ring <= rings.rings(); ++ring)
-    for (std::uint32_t spoke = 0;; ++spoke, ++next) {
-      const SphereRings::Place at = rings.place(next);
-      if (at.ring != ring) break;
-      ASSERT_EQ(at.spoke, spoke);
-      if (next + 1 == rings.size()) {
-        ++next;
-        break;
-      }
-    }
-  EXPECT_EQ(next, rings.size());
-}
-
 TEST(Sampling, EveryWayLiesOnTheSurface) {
   // One way a scale: each makes a table of the surface's areas.
   for (const auto& [scale, how] :
@@ -324,20 +289,20 @@ TEST(Sampling, RandomIsEvenByArea) {
 
 TEST(Sampling, BlueNoiseKeepsItsDistance) {
   for (const char* name : {"plane", "torus", "rounded-box", "sinusoid"}) {
-    const GeneratedModel model = made(std::string(name) + ":points=20000:sampling=blue");
+    const GeneratedModel model = made(std::string(name) + ":points=5000:sampling=blue");
     const std::vector<double> nearest = nearest_distances(model.cloud, 4 * model.nominal_spacing_mm);
     EXPECT_GT(*std::min_element(nearest.begin(), nearest.end()), 0.65 * model.nominal_spacing_mm) << name;
     EXPECT_LT(mean(nearest), 0.9 * model.nominal_spacing_mm) << name;
   }
   // The sheets of a thin wall do not keep apart.
-  const GeneratedModel shells = made("shells:points=20000:gap_mm=0.1:sampling=blue");
-  EXPECT_EQ(shells.cloud.size(), 20000u);
+  const GeneratedModel shells = made("shells:points=5000:gap_mm=0.1:sampling=blue");
+  EXPECT_EQ(shells.cloud.size(), 5000u);
   const std::vector<double> across = nearest_distances(shells.cloud, 4 * shells.nominal_spacing_mm);
   EXPECT_LT(*std::min_element(across.begin(), across.end()), 0.5 * shells.nominal_spacing_mm);
   const auto outer = std::count_if(shells.cloud.x_mm.begin(), shells.cloud.x_mm.end(), [&](const float& x) {
     return shells.cloud.local_mm(static_cast<std::size_t>(&x - shells.cloud.x_mm.data())).norm() > 19.95;
   });
-  EXPECT_NEAR(static_cast<double>(outer), 10000, 500);
+  EXPECT_NEAR(static_cast<double>(outer), 2500, 125);
 }
 
 TEST(Sampling, LinesHaveTheirRatio) {
@@ -419,7 +384,8 @@ TEST(Sampling, ShuffleChangesTheOrderAlone) {
 TEST(Sampling, TheSeedDecidesAndTheNameTells) {
   for (const char* how :
        {"jitter=0.3", "sampling=random", "sampling=blue", "sampling=lines", "noise=0.1", "outliers=0.1",
-        "shuffle", "sampling=blue:density=4:noise=0.1:outliers=0.02:shuffle"}) {
+        "shuffle", "sampling=blue:density=4:noise=0.1:outliers=0.02:shuffle",
+        "sampling=scan:views=3:noise=0.2:flying=0.02:dropout=0.1"}) {
     const std::string text = std::string("torus:points=5000:") + how;
     const GeneratedModel a = made(text + ":seed=2"), b = made(text + ":seed=2"), c = made(text + ":seed=3");
     EXPECT_EQ(a.cloud.x_mm, b.cloud.x_mm) << text;

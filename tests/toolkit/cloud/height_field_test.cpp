@@ -100,13 +100,6 @@ double worst_difference(const HeightField& field, const Heights& expected) {
   return worst;
 }
 
-TEST(HeightField, HolesAreKept) {
-  const HeightField field = field_of(
-      40, 40, [](std::size_t c, std::size_t r) { return c == 20 && r > 3; }, rough(0.5, 1));
-  EXPECT_EQ(field.holes, 36u);
-  EXPECT_TRUE(std::isnan(field.height_mm[field.at(20, 4)]));
-}
-
 struct Counts {
   std::size_t gaps, voids, outside;
   std::uint32_t widest;
@@ -335,20 +328,6 @@ TEST(Holes, PointsStrewnThinlyOverALatticeAreNoHeightField) {
   EXPECT_TRUE(
       is_height_field(100, 100, [](std::size_t c, std::size_t r) { return c > 60 && r != 50 && r != 51; }));
   EXPECT_TRUE(is_height_field(3, 2, box(1, 1, 1, 1)));
-}
-
-TEST(Holes, WordsSayWhatStaysOpen) {
-  const auto words = [](const Gone& gone, bool filled = true) {
-    const HeightField field = field_of(40, 30, gone);
-    return describe(field, find_holes(field), filled);
-  };
-  EXPECT_TRUE(test::contains(words([](std::size_t, std::size_t) { return false; }), "40 x 30", "each with"));
-  EXPECT_TRUE(test::contains(words(box(5, 5, 3, 2)), "6 of them", "(0.5 %)", "hole 2 posts", "all filled"));
-  EXPECT_TRUE(test::contains(words(box(5, 5, 1, 1), false), "(0.0833 %)", "hole 1 post:", "all left open"));
-  const Gone hole = box(10, 10, 9, 9), dot = box(30, 20, 1, 1), corner = box(0, 0, 1, 1);
-  const auto all = [&](std::size_t c, std::size_t r) { return hole(c, r) || dot(c, r) || corner(c, r); };
-  EXPECT_TRUE(test::contains(words(all), "83 of them", "(6.92 %)", "9 posts", "1 filled", "81 in holes",
-                             "open", "1 beside the points"));
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 // Values of the core: errors, options, numbers, random numbers, hashes, ranks.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -65,17 +64,6 @@ TEST(Random, IsThePublishedGenerator) {
   for (const std::uint64_t expected :
        {0x99ec5f36cb75f2b4u, 0xbf6e1f784956452au, 0x1a5f849d4933e6e0u, 0x6aa594f1262d2d2cu})
     EXPECT_EQ(random.next(), expected);
-}
-
-TEST(Random, RepeatsBySeed) {
-  Random a(7), b(7), c(8);
-  bool differs = false;
-  for (int i = 0; i < 1000; ++i) {
-    const std::uint64_t x = a.next();
-    EXPECT_EQ(x, b.next());
-    differs |= c.next() != x;
-  }
-  EXPECT_TRUE(differs);
 }
 
 /// Pearson's statistic of counts that should be equal: its mean is the degrees of freedom f, variance 2 f.
@@ -220,16 +208,6 @@ TEST(Options, WhatWouldDoNothingIsRefused) {
     EXPECT_EQ(wrong(fine), "") << fine;
 }
 
-TEST(Options, ActWhereTheirConditionsHold) {
-  Options given;
-  EXPECT_TRUE(option_applies("cell", given, kSpecs));
-  EXPECT_FALSE(option_applies("leaf", given, kSpecs));
-  EXPECT_FALSE(option_applies("nothing", given, kSpecs));
-  given.set("method", "tree");
-  EXPECT_FALSE(option_applies("cell", given, kSpecs));
-  EXPECT_TRUE(option_applies("leaf", given, kSpecs));
-}
-
 TEST(Options, WrongOnesAreNamedInShort) {
   EXPECT_EQ(wrong("x:leef=5"), "x has no option 'leef'; did you mean 'leaf'?");
   EXPECT_TRUE(test::contains(wrong("x:wood=5"), "it has method, cell, leaf"));
@@ -334,13 +312,6 @@ TEST(AlignedNumbers, AreNeverRowsOfZeros) {
 }
 
 // Nearest rank against its definition.
-
-TEST(Percentile, IsTheNearestRank) {
-  const std::vector<std::int64_t> four{10, 20, 30, 40};
-  for (const auto& [percent, value] : {std::pair(0.0, 10), std::pair(25.0, 10), std::pair(25.1, 20),
-                                       std::pair(50.0, 20), std::pair(100.0, 40)})
-    EXPECT_EQ(nearest_rank(four, percent), value) << percent;
-}
 
 /// The definition in whole numbers: the first of the ranks that `per_mille` of all samples do not exceed.
 std::size_t rank_by_counting(std::size_t n, std::size_t per_mille) {

@@ -19,7 +19,6 @@
 #include <vector>
 
 #include <palpate/page_faults.h>
-#include <palpate/progress.h>
 #include <palpate/triple_buffer.h>
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
@@ -283,7 +282,7 @@ TEST(TripleBuffer, PreallocatedMemoryIsUsedAgain) {
 
 /// What ThreadSanitizer watches: a reader and a writer at full speed.
 TEST(TripleBuffer, TwoThreadsNeverTearAndNeverGoBack) {
-  constexpr std::uint64_t kValues = 200'000;
+  constexpr std::uint64_t kValues = 50'000;
   TripleBuffer<Block> box(block(0));
   std::uint64_t torn = 0, older = 0, not_newer = 0, taken = 0, last = 0;
   std::thread reader([&] {
@@ -321,7 +320,7 @@ TEST(SpscRing, AFullOneRefusesAndNothingIsLostOrReordered) {
   EXPECT_EQ(got, 0u);
   EXPECT_TRUE(ring.push(8));
 
-  constexpr std::uint64_t kValues = 200'000;
+  constexpr std::uint64_t kValues = 50'000;
   std::uint64_t wrong = 0;
   std::thread reader([&] {
     for (std::uint64_t next = 1; next < kValues;) {

@@ -372,14 +372,6 @@ TEST(Analytic, FindsTheEntryThousandsOfWavesOn) {
   EXPECT_GT(found_any, 3);
 }
 
-TEST(EntrySearch, SafeStepIsTheSmallestRoot) {
-  EXPECT_DOUBLE_EQ(root_free_step(1, -1, 0), 1.0);
-  EXPECT_TRUE(std::isinf(root_free_step(1, 1, 0)));
-  EXPECT_DOUBLE_EQ(root_free_step(1, 0, 2), 1.0);       // 1 - s^2
-  EXPECT_TRUE(std::isinf(root_free_step(1, -1, -2)));   // 1 - s + s^2 > 0
-  EXPECT_DOUBLE_EQ(root_free_step(0.75, -2, -2), 0.5);  // s^2 - 2 s + 0.75 = (s - 0.5)(s - 1.5)
-}
-
 // The detailed closed surface against its own definition and a dense sampling.
 
 class PebbleAt : public testing::TestWithParam<double> {

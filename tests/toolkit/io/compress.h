@@ -11,8 +11,12 @@
 #include <stdexcept>
 #include <string>
 
+#include <palpate/progress.h>
 #include <palpate/read_model.h>
+#include "tests/toolkit/messages.h"
 #include "toolkit/io/byte_source.h"
+#include "toolkit/io/decoding.h"
+#include "toolkit/io/point_stream.h"
 
 namespace palpate::io {
 
@@ -59,6 +63,41 @@ inline ReadModel model_of(const std::string& content, const std::string& name,
   Result<ReadModel> model = read_text(content, name, options);
   if (!model) throw std::runtime_error(model.error().message());
   return std::move(*model);
+}
+
+using ReadFile = Result<DecodedFile> (*)(const ReaderInput&);
+using StreamFile = Result<std::unique_ptr<PointStream>> (*)(std::unique_ptr<RandomAccess>,
+                                                            const std::string&);
+inline const std::string kFileName = "a.file";
+
+/// What a format's reader finds in `content`, a file of kFileName.
+inline Result<DecodedFile> decode(ReadFile read, const std::string& content,
+                                  std::uint64_t max_bytes = kMemoryLimitBytes) {
+  MemorySource source(std::as_bytes(std::span(content)));
+  ReadOptions options;
+  options.max_bytes = max_bytes;
+  return read(ReaderInput{source, kFileName, options, no_progress()});
+}
+
+/// All points of a stream over `content`, `piece` at a time.
+inline Result<std::vector<Vec3>> stream(StreamFile open, const std::string& content, std::size_t piece) {
+  PALPATE_ASSIGN(auto points,
+                 open(std::make_unique<MemoryAccess>(std::as_bytes(std::span(content))), kFileName));
+  std::vector<Vec3> all, some(piece);
+  while (true) {
+    PALPATE_ASSIGN(const std::size_t n, points->read(some));
+    if (n == 0) return all;
+    all.insert(all.end(), some.begin(), some.begin() + static_cast<std::ptrdiff_t>(n));
+  }
+}
+
+/// An error that says each of the parts, its line and a remedy.
+template <class R>
+void expect_named(const R& result, const std::vector<std::string>& parts, std::int64_t line) {
+  ASSERT_FALSE(result) << "accepted, not refused for " << parts.front();
+  for (const std::string& part : parts) EXPECT_TRUE(test::contains(result.error().message(), part));
+  EXPECT_EQ(result.error().line, line) << result.error().message();
+  EXPECT_FALSE(result.error().remedy.empty()) << result.error().message();
 }
 
 inline bool warns(const ReadModel& model, const std::string& part) {

@@ -5,7 +5,11 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <string>
+#include <tuple>
 
+#include "compress.h"
+#include "e57_writer.h"
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
@@ -14,29 +18,6 @@
 
 namespace palpate::io {
 namespace {
-
-using ReadText = Result<DecodedFile> (*)(const ReaderInput&);
-using StreamText = Result<std::unique_ptr<PointStream>> (*)(std::unique_ptr<RandomAccess>,
-                                                            const std::string&);
-
-Result<DecodedFile> decode(ReadText read, const std::string& text,
-                           std::uint64_t max_bytes = kMemoryLimitBytes) {
-  MemorySource source(std::as_bytes(std::span(text)));
-  const std::string name = "a.ptx";
-  ReadOptions options;
-  options.max_bytes = max_bytes;
-  return read(ReaderInput{source, name, options, no_progress()});
-}
-
-Result<std::vector<Vec3>> stream(StreamText open, const std::string& text, std::size_t piece) {
-  PALPATE_ASSIGN(auto points, open(std::make_unique<MemoryAccess>(std::as_bytes(std::span(text))), "a.ptx"));
-  std::vector<Vec3> all, some(piece);
-  while (true) {
-    PALPATE_ASSIGN(const std::size_t n, points->read(some));
-    if (n == 0) return all;
-    all.insert(all.end(), some.begin(), some.begin() + static_cast<std::ptrdiff_t>(n));
-  }
-}
 
 const std::string kUnitPose = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
 // A quarter turn about z takes x to y; then comes the way to (100, 200, 300). Points are rows before
@@ -136,29 +117,45 @@ TEST(Pts, OtherColumnsOfTextAreReadAsSuch) {
   EXPECT_EQ(test::value_of(decode(read_pts, "1\n1,5 2 3\n")).points[0], Vec3(1.5, 2, 3));
 }
 
-class ScanTextFiles : public InFolder {};
+class PointFiles : public InFolder {};
 
-TEST_F(ScanTextFiles, StreamsRewindAndErrorsNameTheFile) {
-  ASSERT_TRUE(write_file(in("a.ptx"), "1\n2\n" + kUnitPose + "1 2 3 0.5\n4 5 6 0.5\n"));
-  ASSERT_TRUE(write_file(in("a.pts"), "2\n1 2 3\n4 5 6\n"));
-  ASSERT_TRUE(write_file(in("short.pts"), "2\n1 2 3\n"));
-  for (const char* const file : {"a.ptx", "a.pts"}) {
-    const auto points = test::value_of(open_point_stream(in(file), 1));
+TEST_F(PointFiles, StreamsRewindAndErrorsNameTheFile) {
+  E57TestFile e57;
+  BitStream axes[3];
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (const double value : {1.0, 4.0}) axes[axis].put(value + static_cast<double>(axis));
+  e57.add({"<cartesianX type=\"Float\"/><cartesianY type=\"Float\"/><cartesianZ type=\"Float\"/>",
+           {data_packet({axes[0].bytes(), axes[1].bytes(), axes[2].bytes()})},
+           2});
+  std::string damaged = e57.bytes();
+  damaged[100] = static_cast<char>(damaged[100] ^ 1);
+  const std::pair<const char*, std::string> files[] = {
+      {"a.e57", e57.bytes()},
+      {"a.ptx", "1\n2\n" + kUnitPose + "1 2 3 0.5\n4 5 6 0.5\n"},
+      {"a.pts", "2\n1 2 3\n4 5 6\n"}};
+  for (const auto& [name, content] : files) {
+    SCOPED_TRACE(name);
+    ASSERT_TRUE(write_file(in(name), content));
+    const auto points = test::value_of(open_point_stream(in(name), 1));
     EXPECT_EQ(points->header().points, 2u);
-    EXPECT_EQ(points->header().conventional_unit, Unit::kMetre);
     std::vector<Vec3> one(1), all(9);
     for (int round = 0; round < 2; ++round) {
       EXPECT_EQ(test::value_of(points->read(one)), 1u);
       EXPECT_EQ(one[0], Vec3(1, 2, 3));
       ASSERT_TRUE(points->rewind());
       EXPECT_EQ(test::value_of(points->read(all)), 2u);
+      EXPECT_EQ(all[1], Vec3(4, 5, 6));
       EXPECT_EQ(test::value_of(points->read(all)), 0u);
       ASSERT_TRUE(points->rewind());
     }
+    EXPECT_EQ(test::value_of(points->read({})), 0u);
   }
-  const auto cut = test::value_of(open_point_stream(in("short.pts"), 1));
+  ASSERT_TRUE(write_file(in("short.pts"), "2\n1 2 3\n"));
+  ASSERT_TRUE(write_file(in("damaged.e57"), damaged));
   std::vector<Vec3> all(9);
-  EXPECT_TRUE(test::refused(cut->read(all), "short.pts:2", "promises 2 points", "holds 1"));
+  EXPECT_TRUE(test::refused(test::value_of(open_point_stream(in("short.pts"), 1))->read(all), "short.pts:2",
+                            "promises 2 points", "holds 1"));
+  EXPECT_TRUE(test::refused(open_point_stream(in("damaged.e57"), 1), "damaged.e57", "checksum of page 1"));
   EXPECT_TRUE(test::refused(open_point_stream(in("missing.ptx"), 1), "missing.ptx"));
 }
 
@@ -177,8 +174,8 @@ TEST(ScanText, FormatsAreToldByTheirFirstLines) {
 }
 
 struct BadText {
-  ReadText read;
-  StreamText stream;
+  ReadFile read;
+  StreamFile stream;
   std::string text;
   std::vector<std::string> parts;
   std::int64_t line;
@@ -230,14 +227,10 @@ TEST(ScanTextHostile, EachWrongThingIsNamed) {
   };
   for (const BadText& bad : cases) {
     SCOPED_TRACE(bad.text.substr(0, 60));
-    const Result<DecodedFile> decoded = decode(bad.read, bad.text);
-    ASSERT_FALSE(decoded);
-    for (const std::string& part : bad.parts) EXPECT_TRUE(test::contains(decoded.error().message(), part));
-    EXPECT_EQ(decoded.error().line, bad.line);
-    EXPECT_FALSE(decoded.error().remedy.empty());
+    expect_named(decode(bad.read, bad.text), bad.parts, bad.line);
     const Result<std::vector<Vec3>> streamed = stream(bad.stream, bad.text, 100);
     ASSERT_FALSE(streamed);
-    EXPECT_EQ(streamed.error().file, "a.ptx");
+    EXPECT_EQ(streamed.error().file, kFileName);
   }
   EXPECT_TRUE(
       test::refused(decode(read_pts, "9000000000000000000\n1 2 3\n"), "9000000000000000000", "memory"));
@@ -247,39 +240,25 @@ TEST(ScanTextHostile, TruncationsAndFlipsGivePointsOrErrors) {
   const std::string ptx =
       "2\n2\n" + kTurned + "1 2 3 0.5\n0 0 0 0.5\n4 5 6 1\n7 8 9 1\n1\n1\n" + kUnitPose + "1 2 3 1 7 8 9\n";
   const std::string pts = "2\n1 2 3 9 1 2 3\n4 5 6 9 1 2 3\n1\n7 8 9\n";
-  const std::size_t ptx_points = 5, pts_points = 3;  // with the hole, of which a flip makes a point
-  const auto try_all = [](ReadText read, StreamText open, const std::string& text, std::size_t most) {
-    const Result<DecodedFile> decoded = decode(read, text, std::uint64_t{1} << 20);
-    const Result<std::vector<Vec3>> streamed = stream(open, text, 3);
-    EXPECT_EQ(decoded.ok(), streamed.ok()) << text;
-    if (decoded && streamed) {
+  // With the hole, of which a flip makes a point, and a digit that another count takes for one.
+  const std::tuple<ReadFile, StreamFile, std::string, std::size_t> formats[] = {
+      {read_ptx, ptx_stream, ptx, 5}, {read_pts, pts_stream, pts, 4}};
+  for (const auto& [read, open, text, most] : formats) {
+    const auto expect_agreement = [&, read = read, open = open, most = most](const std::string& wrong) {
+      const Result<DecodedFile> decoded = decode(read, wrong, std::uint64_t{1} << 20);
+      const Result<std::vector<Vec3>> streamed = stream(open, wrong, 3);
+      EXPECT_EQ(decoded.ok(), streamed.ok()) << wrong;
+      if (!decoded || !streamed) return;
       EXPECT_EQ(decoded->points.size(), streamed->size());
       EXPECT_LE(decoded->points.size(), most);
-    }
-    return decoded.ok();
-  };
-  for (std::size_t length = 0; length < ptx.size(); ++length) {
-    const bool whole_scan = ptx.substr(length - (length > 0 ? 1 : 0)).starts_with("\n1\n1\n") ||
-                            ptx.substr(length).starts_with("\n1\n1\n");
-    const bool last_digit = length + 1 == ptx.size();
-    const bool accepted = try_all(read_ptx, ptx_stream, ptx.substr(0, length), ptx_points);
-    // A scan ends where the next begins, and a last row may lack what is behind its first three numbers.
-    EXPECT_TRUE(!accepted || whole_scan || last_digit ||
-                length >= ptx.size() - std::string(" 1 7 8 9\n").size())
-        << length;
-  }
-  for (std::size_t length = 0; length < pts.size(); ++length)
-    try_all(read_pts, pts_stream, pts.substr(0, length), pts_points);
-  for (const int mask : {0x01, 0x10, 0x40, 0xFF}) {
-    for (std::size_t at = 0; at < ptx.size(); ++at) {
-      std::string wrong = ptx;
-      wrong[at] = static_cast<char>(wrong[at] ^ mask);
-      try_all(read_ptx, ptx_stream, wrong, ptx_points);
-    }
-    for (std::size_t at = 0; at < pts.size(); ++at) {
-      std::string wrong = pts;
-      wrong[at] = static_cast<char>(wrong[at] ^ mask);
-      try_all(read_pts, pts_stream, wrong, pts_points + 1);
+    };
+    for (std::size_t at = 0; at < text.size(); ++at) {
+      expect_agreement(text.substr(0, at));
+      for (const int mask : {0x01, 0x10, 0x40, 0xFF}) {
+        std::string wrong = text;
+        wrong[at] = static_cast<char>(wrong[at] ^ mask);
+        expect_agreement(wrong);
+      }
     }
   }
 }
@@ -291,8 +270,8 @@ TEST(ScanTextShared, FilesOfScannersAreRead) {
   const std::filesystem::path folder = std::filesystem::path(data) / "formats";
   if (!std::filesystem::exists(folder / "ptx")) GTEST_SKIP() << "no folder formats/ptx in PALPATE_DATA";
   struct Known {
-    ReadText read;
-    StreamText stream;
+    ReadFile read;
+    StreamFile stream;
     const char* name;
     std::size_t points;
     Vec3 first;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "compress.h"
 #include "e57_writer.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/io/decoding.h"
@@ -16,11 +17,7 @@ namespace {
 using Facet = std::array<Vec3, 3>;
 
 Result<DecodedFile> decode_stl(const std::string& file, std::uint64_t max_bytes = kMemoryLimitBytes) {
-  MemorySource source(std::as_bytes(std::span(file)));
-  const std::string name = "a.stl";
-  ReadOptions options;
-  options.max_bytes = max_bytes;
-  return read_stl(ReaderInput{source, name, options, no_progress()});
+  return decode(read_stl, file, max_bytes);
 }
 
 std::string binary_stl(const std::vector<Facet>& facets, const std::string& comment = "by a test") {
@@ -143,11 +140,7 @@ TEST(StlHostile, EachWrongThingIsNamed) {
   };
   for (const Bad& bad : cases) {
     SCOPED_TRACE(bad.parts.front());
-    const Result<DecodedFile> decoded = decode_stl(bad.file);
-    ASSERT_FALSE(decoded);
-    for (const std::string& part : bad.parts) EXPECT_TRUE(test::contains(decoded.error().message(), part));
-    EXPECT_EQ(decoded.error().line, bad.line);
-    EXPECT_FALSE(decoded.error().remedy.empty());
+    expect_named(decode_stl(bad.file), bad.parts, bad.line);
   }
   EXPECT_TRUE(test::refused(decode_stl(binary_stl(tetrahedron()), 500), "memory"));
 }

@@ -7,8 +7,9 @@
 #include <random>
 
 #include <palpate/progress.h>
-#include "tests/toolkit/laz/laz_encoder.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/bytes.h"
+#include "toolkit/core/files.h"
 #include "toolkit/io/las_header.h"
 #include "toolkit/io/las_points.h"
 #include "toolkit/io/read_las.h"
@@ -121,14 +122,9 @@ void add_record(LasFile& file, const std::string& user, std::uint16_t number,
   ++file.record_count;
 }
 
-std::vector<std::byte> las_bytes(const LasFile& given) {
-  LasFile file = given;
-  const std::size_t point_bytes = las_point_bytes(file.format) + file.extra_bytes;
+std::vector<std::byte> las_bytes(const LasFile& file) {
+  const std::size_t point_bytes = las_point_bytes(file.format);
   const std::size_t count = file.points.size() / point_bytes;
-  const laz::Compression how =
-      laz::test::compression_of(file.format, file.extra_bytes, file.chunk_points, file.layered_version);
-  if (file.compressed)
-    add_record(file, laz::kLaszipUser, laz::kLaszipRecord, laz::test::encode_compression(how));
   const std::size_t header_bytes = kTestHeaderBytes[file.minor];
   std::vector<std::byte> bytes(header_bytes);
   ByteWriter out(bytes);
@@ -140,7 +136,7 @@ std::vector<std::byte> las_bytes(const LasFile& given) {
   out.u16(static_cast<std::uint16_t>(header_bytes));
   out.u32(static_cast<std::uint32_t>(header_bytes + file.records.size()));
   out.u32(file.record_count);
-  out.u8(static_cast<std::uint8_t>(file.format | (file.compressed ? 0x80 : 0)));
+  out.u8(file.format);
   out.u16(static_cast<std::uint16_t>(point_bytes));
   out.u32(file.format >= 6 ? 0 : static_cast<std::uint32_t>(count));
   for (int i = 0; i < 5; ++i) out.u32(0);
@@ -157,35 +153,19 @@ std::vector<std::byte> las_bytes(const LasFile& given) {
     out.u64(count);
   }
   append(bytes, file.records);
-  if (!file.compressed) {
-    append(bytes, file.points);
-    return bytes;
-  }
-  const std::size_t place_at = bytes.size();
-  bytes.resize(place_at + 8);
-  std::vector<laz::Chunk> chunks;
-  for (std::size_t i = 0; i < count;) {
-    laz::Chunk chunk;
-    // Chunks of their own length: one, a few, many.
-    chunk.points = std::min(count - i, file.chunk_points > 0 ? std::size_t{file.chunk_points}
-                                                             : std::size_t{1} + 97 * chunks.size());
-    chunk.at = bytes.size();
-    const std::vector<std::byte> coded = laz::test::encode_chunk(
-        how, std::span(file.points)
-                 .subspan(i * point_bytes, static_cast<std::size_t>(chunk.points) * point_bytes));
-    chunk.bytes = coded.size();
-    append(bytes, coded);
-    i += static_cast<std::size_t>(chunk.points);
-    chunks.push_back(chunk);
-  }
-  ByteWriter(std::span(bytes).subspan(place_at)).u64(bytes.size());
-  std::vector<std::byte> start(8);
-  ByteWriter table(start);
-  table.u32(0);
-  table.u32(static_cast<std::uint32_t>(chunks.size()));
-  append(bytes, start);
-  append(bytes, laz::test::encode_chunk_table(how, chunks));
+  append(bytes, file.points);
   return bytes;
+}
+
+std::vector<std::byte> laz_bytes(const std::string& name) {
+  const std::string text =
+      value_of(read_file(std::string(PALPATE_CORPUS) + "/laz/" + name, std::uint64_t{1} << 20));
+  const auto bytes = std::as_bytes(std::span(text));
+  return {bytes.begin(), bytes.end()};
+}
+
+std::vector<std::byte> laz_points(std::uint8_t format, std::size_t extra_bytes) {
+  return scanned_points(format, extra_bytes, kLazPoints, 7u + format);
 }
 
 Result<std::vector<std::byte>> raw_points(const io::RandomAccess& file, int threads) {

@@ -1,4 +1,5 @@
-// LAS and LAZ files made in memory for the tests, of points with everything that a scanner may give them.
+// LAS files made in memory, and LAZ files from disk, for the tests, of points with everything that a scanner
+// may give them.
 #pragma once
 
 #include <cstddef>
@@ -15,10 +16,6 @@ namespace palpate::test {
 
 struct LasFile {
   std::uint8_t minor = 4, format = 0;
-  std::size_t extra_bytes = 0;
-  bool compressed = false;
-  std::uint32_t chunk_points = 700;  ///< 0: chunks say how many they hold
-  std::uint32_t layered_version = 3;
   std::vector<std::byte> points;   ///< whole records
   std::vector<std::byte> records;  ///< VLRs, heads included
   std::uint32_t record_count = 0;
@@ -32,6 +29,13 @@ void add_record(LasFile& file, const std::string& user, std::uint16_t number,
                 std::span<const std::byte> content);
 /// The file's bytes: scales of 0.01, offsets of 100, 200 and 300.
 [[nodiscard]] std::vector<std::byte> las_bytes(const LasFile& file);
+
+/// LAZ files of tests/corpus/io/laz hold kLazPoints scanned_points of seed 7 + format: "6.laz" in chunks of
+/// 500, "6_extra.laz" with three more bytes a point in chunks of their own lengths; "same_8.laz" one point
+/// over and over in a single chunk.
+inline constexpr std::size_t kLazPoints = 800, kLazChunk = 500, kLazExtraBytes = 3;
+[[nodiscard]] std::vector<std::byte> laz_bytes(const std::string& name);
+[[nodiscard]] std::vector<std::byte> laz_points(std::uint8_t format, std::size_t extra_bytes);
 
 /// All points as they stand in a LAS or LAZ file, or decoded to that.
 [[nodiscard]] Result<std::vector<std::byte>> raw_points(const io::RandomAccess& file, int threads);

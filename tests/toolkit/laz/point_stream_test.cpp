@@ -96,17 +96,16 @@ TEST_F(Streams, BinaryPcd) {
 }
 
 TEST_F(Streams, LasAndLaz) {
-  test::LasFile file;
-  file.points = test::scanned_points(0, 0, kPoints, 3);
-  for (const bool compressed : {false, true}) {
-    file.compressed = compressed;
-    const std::vector<std::byte> bytes = test::las_bytes(file);
+  test::LasFile plain;
+  plain.points = test::laz_points(0, 0);
+  for (const auto& [bytes, kind] :
+       {std::pair(test::las_bytes(plain), "LAS"), std::pair(test::laz_bytes("0.laz"), "LAZ")}) {
     const std::string path =
         write("scan", std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
     const std::unique_ptr<PointStream> stream = test::value_of(open_point_stream(path, 2));
-    EXPECT_TRUE(test::contains(stream->header().format, compressed ? "LAZ" : "LAS", "point format 0"));
+    EXPECT_TRUE(test::contains(stream->header().format, kind, "point format 0"));
     std::vector<Vec3> points(2 * kPoints);
-    EXPECT_EQ(test::value_of(stream->read(points)), kPoints);
+    EXPECT_EQ(test::value_of(stream->read(points)), test::kLazPoints);
     EXPECT_EQ(test::value_of(stream->read(points)), 0u);
   }
 }

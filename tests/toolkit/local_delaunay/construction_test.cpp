@@ -295,7 +295,7 @@ TEST(Refined, KeepsThePointsAndTheCreases) {
 }
 
 TEST(Refined, IsTheSameForAnyNumberOfThreads) {
-  const LocalDelaunayMesh coarse = LocalDelaunayMesh::build(cloud_of(random_torus(60000, 0.0, 42)), 2);
+  const LocalDelaunayMesh coarse = LocalDelaunayMesh::build(cloud_of(random_torus(20000, 0.0, 42)), 2);
   const LocalDelaunayMesh one = refined(coarse, 1, 1), many = refined(coarse, 1, 0);
   ASSERT_EQ(one.size(), many.size());
   EXPECT_EQ(one.order(), many.order());

@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 
 #include <algorithm>
-#include <string>
 
 #include "tests/toolkit/local_delaunay/clouds.h"
 #include "toolkit/local_delaunay/block_knn.h"
@@ -56,12 +55,6 @@ TEST(LocalDelaunayMesh, PilesAreOnePointEach) {
   EXPECT_EQ(many.counts().triangles, single.counts().triangles);
   EXPECT_EQ(many.counts().welded, single.counts().welded + 39u * 2000u);
   EXPECT_EQ(many.counts().unused, single.counts().unused);
-}
-
-TEST(LocalDelaunayMesh, PointsOutOfClosedPieces) {
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud_of(random_spheres({10.0}, 0.2, 12)), 2);
-  ASSERT_EQ(mesh.counts().closed_components, 1u);
-  expect_outward(mesh);
 }
 
 TEST(LocalDelaunayMesh, KeepsSheetsApart) {
@@ -118,18 +111,6 @@ TEST(LocalDelaunayMesh, IsDelaunayOnAPlane) {
   EXPECT_LT(mesh.counts().voted, 30u);
 }
 
-TEST(LocalDelaunayMesh, BordersEndWherePointsEnd) {
-  const LocalDelaunayMesh roof = LocalDelaunayMesh::build(cloud_of(random_roof(40000, 15)), 2);
-  double longest = 0.0;
-  each_triangle(roof, [&](std::uint32_t a, std::uint32_t b, std::uint32_t) {
-    longest = std::max(longest, (roof.at(a) - roof.at(b)).norm());
-  });
-  const double spacing = std::sqrt(40.0 * 40.0 * std::sqrt(2.0) / 40000.0);
-  EXPECT_LT(longest, 7.0 * spacing);
-  EXPECT_EQ(roof.counts().pieces, 1u);
-  EXPECT_LT(roof.counts().unorientable, 20u);
-}
-
 TEST(LocalDelaunayMesh, IsTheSameForAnyThreadsAndOrder) {
   for (const Named& cloud : all_clouds()) {
     SCOPED_TRACE(cloud.name);
@@ -160,15 +141,6 @@ TEST(LocalDelaunayMesh, KnowsNoScale) {
   const LocalDelaunayMesh moved = LocalDelaunayMesh::build(cloud_of(far), 2);
   EXPECT_EQ(moved.counts().closed_components, 1u);
   EXPECT_EQ(moved.counts().open_points, 0u);
-}
-
-TEST(LocalDelaunayMesh, FewPointsHaveNoSurface) {
-  for (const std::size_t count : {std::size_t{1}, std::size_t{2}}) {
-    const std::vector<Vec3> points(count, Vec3(1, 2, 3));
-    const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud_of(points), 1);
-    EXPECT_EQ(mesh.size(), count);
-    EXPECT_EQ(mesh.counts().triangles, 0u);
-  }
 }
 
 /// Against all pairs: even and uneven, lattices with their ties, an outlier, piles, few points.

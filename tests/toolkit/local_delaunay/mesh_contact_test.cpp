@@ -362,23 +362,6 @@ TEST(MeshContact, AWalkInAnyStepsMeetsWhatItGoesThrough) {
   EXPECT_GT(steps, 1000);
 }
 
-TEST(MeshContact, AClearanceEndsAtTheSurface) {
-  Random random(36);
-  std::vector<Vec3> plane;
-  for (int i = 0; i < 4000; ++i)
-    plane.emplace_back(random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.0);
-  Felt felt(plane);
-  for (int i = 0; i < 300; ++i) {
-    const double step = 0.01 * std::pow(30.0, random.uniform());
-    Vec3 at(random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0), random.uniform(40.0, 60.0) * step);
-    const Vec3 way = Vec3{random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), -1.0} * step;
-    felt.contact.reset(felt.local(at));
-    ContactCounters counters;
-    for (int k = 0; at.z() > -5.0 * step; ++k, at += way)
-      ASSERT_EQ(felt.contact.update(felt.local(at), counters), at.z() < 0.0) << i << " at " << at.z();
-  }
-}
-
 TEST(MeshContact, FreeAirIsLookedAtSeldom) {
   Felt felt(random_torus(3000, 0.0, 33));
   // 12 mm above the torus, in steps of 0.05 mm: more than a hundred to the next look.
@@ -388,34 +371,6 @@ TEST(MeshContact, FreeAirIsLookedAtSeldom) {
   for (int i = 1; i <= 1000; ++i) ASSERT_FALSE(felt.contact.update(felt.local(from + i * step), counters));
   EXPECT_GT(counters.blocks, 0u);
   EXPECT_LT(counters.blocks, 20u);
-}
-
-TEST(MeshContact, PackedTrianglesAreThoseOfTheBlock) {
-  const Felt felt(random_torus(3000, 0.2, 34));
-  std::size_t filled = 0;
-  for (std::uint32_t block = 0; block * kBlockPlaces < felt.mesh.size(); ++block) {
-    PackedBlock packed;
-    packed.pack(felt.mesh, block);
-    const std::uint32_t first = block * kBlockPlaces, last = std::min(first + kBlockPlaces, felt.mesh.size());
-    std::uint32_t at = 0;
-    for (std::uint32_t place = first; place < last; ++place)
-      felt.mesh.for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-        const std::uint32_t k = at++;
-        if (k >= PackedBlock::kMost) return;
-        EXPECT_EQ(packed.corner[k], (std::array{a, b, c}));
-        const Vec3 low = felt.mesh.at(a).cwiseMin(felt.mesh.at(b)).cwiseMin(felt.mesh.at(c));
-        const Vec3 high = felt.mesh.at(a).cwiseMax(felt.mesh.at(b)).cwiseMax(felt.mesh.at(c));
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          EXPECT_EQ(static_cast<double>(packed.box[k / kBvhWidth].low[axis][k % kBvhWidth]),
-                    low[static_cast<int>(axis)]);
-          EXPECT_EQ(static_cast<double>(packed.box[k / kBvhWidth].high[axis][k % kBvhWidth]),
-                    high[static_cast<int>(axis)]);
-        }
-      });
-    EXPECT_EQ(packed.size, at);
-    filled += at;
-  }
-  EXPECT_GT(filled, felt.mesh.size());
 }
 
 }  // namespace

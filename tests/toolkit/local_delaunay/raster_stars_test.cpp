@@ -137,26 +137,12 @@ TEST(RasterStars, AreTheSameForAnyNumberOfThreads) {
   }
 }
 
-TEST(RasterStars, ShuffledPointsAndOffMakeTheStarsOfAnyPoints) {
-  cloud::Cloud cloud = raster_of(80, 90, waves);
+TEST(RasterStars, OffMakesTheStarsOfAnyPoints) {
+  const cloud::Cloud cloud = raster_of(80, 90, waves);
   const LocalDelaunayMesh off =
       LocalDelaunayMesh::build(cloud, 2, {}, {.both_sides = false, .raster = false});
   EXPECT_EQ(off.counts().raster_points, 0u);
   EXPECT_EQ(triangles_of(off), triangles_of(without_raster(cloud)));
-  // In another order, and the file says nothing of rows: the same triangles as ever.
-  Random random(91);
-  const std::vector<std::uint32_t> at = shuffled_order(cloud.size(), random);
-  std::vector<Vec3> shuffled;
-  for (const std::uint32_t i : at) shuffled.push_back(cloud.point_mm(i));
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud_of(shuffled), 2);
-  EXPECT_EQ(mesh.counts().raster_points, 0u);
-  std::vector<Triple> back = triangles_of(mesh);
-  for (Triple& t : back) t = {at[t[0]], at[t[1]], at[t[2]]};
-  back = in_order(back);
-  const std::vector<Triple> expected = triangles_of(off);
-  std::vector<Triple> turned = expected;
-  for (Triple& t : turned) std::swap(t[1], t[2]);
-  EXPECT_TRUE(back == expected || back == in_order(turned));
 }
 
 /// A step in depth is bridged by no triangle, whichever rows or columns it runs along, and what is far from
@@ -363,27 +349,6 @@ TEST(RasterStars, ScanLinesFarApartAreARaster) {
   const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
   expect_sound(mesh);
   EXPECT_EQ(mesh.counts().raster_points, cloud.size());
-}
-
-/// Twice as large is the same, and places follow one another as near as those that were sorted.
-TEST(RasterStars, PlacesAreNearOnesAndScaleWithTheModel) {
-  const cloud::Cloud cloud = raster_of(257, 301, waves);
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2), any = without_raster(cloud);
-  const auto blocks = [](const LocalDelaunayMesh& of) {
-    double sum = 0.0;
-    for (std::uint32_t begin = 0; begin + kBlockPlaces <= of.size(); begin += kBlockPlaces) {
-      geometry::Aabb box;
-      for (std::uint32_t i = begin; i < begin + kBlockPlaces; ++i) box.add(of.at(i));
-      sum += box.extent_mm().norm();
-    }
-    return sum;
-  };
-  EXPECT_LT(blocks(mesh), 1.05 * blocks(any));
-  std::vector<Vec3> larger;
-  for (std::size_t i = 0; i < cloud.size(); ++i) larger.push_back(1024.0 * cloud.point_mm(i));
-  cloud::Cloud scaled = cloud_of(larger);
-  scaled.raster = cloud.raster;
-  EXPECT_EQ(triangles_of(LocalDelaunayMesh::build(scaled, 2)), triangles_of(mesh));
 }
 
 }  // namespace

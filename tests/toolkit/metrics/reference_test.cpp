@@ -7,7 +7,6 @@
 #include <palpate/reference.h>
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/metrics/small_traces.h"
-#include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
 #include "toolkit/metrics/closest_point.h"
 #include "toolkit/metrics/scores.h"
@@ -36,33 +35,6 @@ geometry::RigidTransform some_pose() {
   return pose;
 }
 
-TEST(AnalyticReference, PlaneToTheDigit) {
-  const auto plane = geometry::make_plane(100.0);
-  const trace::ProbePath path = path_through({{0, 0, 1}, {3, 0, -2}, {5, 5, -1}, {5, 5, 1}}, 40);
-  const auto r = test::value_of(analytic_reference(*plane, path, kStiffness, 0.0, {}));
-  EXPECT_EQ(r.name, "analytic");
-  EXPECT_TRUE(test::contains(r.exactness, "halving"));
-  std::size_t contacts = 0;
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    const Vec3& h = path.hip_mm[i];
-    const trace::TruthFrame& f = r.frames[i];
-    EXPECT_EQ(f.frame.contact, h.z() < 0.0) << i;
-    EXPECT_NEAR(f.signed_distance_mm, h.z(), 1e-13) << i;
-    EXPECT_NEAR(f.frame.force_n.z(), h.z() < 0.0 ? -kStiffness * h.z() : 0.0, 1e-13) << i;
-    EXPECT_NEAR(f.frame.force_n.head<2>().norm(), 0.0, 1e-13) << i;
-    contacts += f.frame.contact ? 1u : 0u;
-  }
-  EXPECT_GT(contacts, 60u);
-}
-
-TEST(AnalyticReference, ForceLimitKeepsTheDirection) {
-  const auto plane = geometry::make_plane(100.0);
-  const auto r = analytic_reference(*plane, path_through({{0, 0, 1}, {0, 0, -9}}, 20), kStiffness, 1.0, {});
-  ASSERT_TRUE(r);
-  EXPECT_NEAR(r->frames.back().frame.force_n.z(), 1.0, 1e-15);
-  EXPECT_NEAR(r->frames.back().signed_distance_mm, -8.5, 1e-12) << "the distance is not limited";
-}
-
 TEST(AnalyticReference, SphereUnderAPose) {
   const auto sphere = geometry::make_sphere(10.0);
   const geometry::RigidTransform pose = some_pose();
@@ -82,20 +54,6 @@ TEST(AnalyticReference, SphereUnderAPose) {
     if (d < 0.0) {
       EXPECT_NEAR((r->frames[i].frame.force_n + kStiffness * d * normal).norm(), 0.0, 1e-9);
     }
-  }
-}
-
-TEST(AnalyticReference, StaysOnItsSheetOfAThinSlab) {
-  const auto slab = geometry::make_slab(50.0, 1.0);
-  // From above down to 0.2 mm over the lower face: the nearest face is the lower one, the constrained god
-  // object stays up.
-  const trace::ProbePath path = path_through({{0, 0, 2}, {0, 0, -0.3}, {3, 0, -0.3}, {3, 0, 2}}, 60);
-  const auto r = analytic_reference(*slab, path, kStiffness, 0.0, {});
-  ASSERT_TRUE(r);
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    if (!r->frames[i].frame.contact) continue;
-    EXPECT_NEAR(r->frames[i].frame.god_object_mm.z(), 0.5, 1e-12);
-    EXPECT_GT(r->frames[i].frame.force_n.z(), 0.0);
   }
 }
 

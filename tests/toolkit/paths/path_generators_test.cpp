@@ -116,9 +116,9 @@ TEST(Paths, TheSameForEverySpacingOfASurface) {
 TEST(Paths, AllStartFreeRunSmoothlyAndTouchOnEveryShape) {
   for (const char* shape :
        {"sinusoid", "plane", "saddle", "wedge:angle_deg=80", "wedge:angle_deg=300", "sphere", "torus",
-        "slab:thickness_mm=5", "ellipsoid", "rounded-box", "shells:gap_mm=5"})
+        "slab:thickness_mm=5", "ellipsoid", "rounded-box", "shells:gap_mm=5"}) {
+    const Target t = target_of(std::string(shape) + ":points=10000");
     for (const auto& generator : path_generators()) {
-      const Target t = target_of(std::string(shape) + ":points=10000");
       const trace::ProbePath path = path_of(generator.name + ":frames=4000", t.target);
       SCOPED_TRACE(std::string(shape) + " " + generator.name);
       ASSERT_EQ(path.size(), 4000u);
@@ -137,6 +137,7 @@ TEST(Paths, AllStartFreeRunSmoothlyAndTouchOnEveryShape) {
       EXPECT_GT(inside, 20u);
       EXPECT_GT(outside, generator.name == "hold" ? 5u : 10u);
     }
+  }
 }
 
 TEST(Paths, NoneGoesDeeperThanItsDepthOnAnyShape) {
@@ -144,10 +145,10 @@ TEST(Paths, NoneGoesDeeperThanItsDepthOnAnyShape) {
   constexpr double kRounding = 1.0;
   for (const char* shape :
        {"sinusoid", "plane", "saddle", "relief", "wedge:angle_deg=80", "wedge:angle_deg=300", "sphere",
-        "pebble", "torus", "slab:thickness_mm=5", "ellipsoid", "rounded-box", "shells:gap_mm=5"})
+        "pebble", "torus", "slab:thickness_mm=5", "ellipsoid", "rounded-box", "shells:gap_mm=5"}) {
+    const Target t = target_of(std::string(shape) + ":points=10000");
     for (const auto& generator : laid_generators()) {
       SCOPED_TRACE(std::string(shape) + " " + generator.name);
-      const Target t = target_of(std::string(shape) + ":points=10000");
       // Strokes are at their full depth in few frames.
       const std::string frames = generator.name == "strokes" ? "20000" : "6000";
       const trace::ProbePath path = path_of(generator.name + ":depth_mm=2:frames=" + frames, t.target);
@@ -157,6 +158,7 @@ TEST(Paths, NoneGoesDeeperThanItsDepthOnAnyShape) {
       EXPECT_LE(deepest, 2 + (generator.name == "exploration" ? kRounding : 1e-3));
       EXPECT_GE(deepest, 2 - 1e-3);
     }
+  }
 }
 
 TEST(Paths, SlideHoldsItsDepthWhereTheSurfaceBends) {

@@ -104,42 +104,6 @@ TEST(Bytes, OfLargeModelsAreExpectedWithinAQuarter) {
   }
 }
 
-TEST(Bytes, PropertiesThatVaryAreExpectedToo) {
-  render::SceneInput scene = render::generated("sinusoid:points=10201").input;
-  auto properties = std::make_shared<surface::PointProperties>();
-  for (const float x : scene.models[0].cloud->x_mm) properties->deformation.push_back(x > 0.0f ? 0.5f : 0.0f);
-  scene.models[0].surface.per_point = properties;
-  for (const char* name : {"cloud", "cloud-smooth", "cloud-literal", "heightfield"}) {
-    SCOPED_TRACE(name);
-    const auto said =
-        static_cast<double>(render::renderer_of(name)->decide(scene, {1, nullptr}).value().bytes);
-    const auto held = static_cast<double>(render::prepare_report(scene, name)->bytes);
-    EXPECT_LE(std::abs(said - held), share_of(name, said, held)) << said << " said, " << held << " held";
-  }
-}
-
-TEST(Precision, IsPickedFromExtentOverSpacing) {
-  const render::Registry& registry = render::toolkit_renderers();
-  for (const char* name : {"cloud", "cloud-smooth"}) {
-    const NamedOptions named = parse_named_options(name).value();
-    render::SceneInput scene = render::generated("sphere:points=2000").input;
-    const Plan fine = make_plan(scene, named, registry, {1, nullptr}).value();
-    EXPECT_TRUE(fine.warnings.empty()) << name;
-    int said = 0;
-    for (const render::Decision& d : fine.decided.models[0].decisions) said += d.about == "coordinates";
-    EXPECT_EQ(said, 1) << name;
-    // The same points with two of them 2^24 spacings away.
-    cloud::Cloud far = *scene.models[0].cloud;
-    far.x_mm.push_back(1e9f);
-    far.y_mm.push_back(0.0f);
-    far.z_mm.push_back(0.0f);
-    far.raster.reset();
-    scene.models[0].cloud = std::make_shared<const cloud::Cloud>(std::move(far));
-    const Plan coarse = make_plan(scene, named, registry, {1, nullptr}).value();
-    EXPECT_EQ(coarse.warnings.size(), 1u) << name;
-  }
-}
-
 /// A sphere at the origin and another one so many of its spacings along x.
 std::vector<Vec3> two_spheres(const render::Scene& sphere, double spacings, bool second) {
   std::vector<Vec3> points;

@@ -1,5 +1,4 @@
-// Surfaces made region by region: the same bytes as in one piece, felt as in memory, gone on with after a
-// kill.
+// Surfaces made region by region: the same bytes as in one piece, gone on with after a kill.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -9,7 +8,6 @@
 #include <vector>
 
 #include "tests/toolkit/prepared/prepared_points.h"
-#include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/prepared/prepare_surface.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 
@@ -106,44 +104,6 @@ TEST_F(PreparedSurface, DivisionLeavesNoTrace) {
     EXPECT_EQ(file->surfaces().front().surface.grid.closed_components.size(), kind.closed);
     EXPECT_EQ(names(), (std::set<std::string>{"cells", "divided", "whole"}));
   }
-}
-
-render::SceneInput scene_of(const std::shared_ptr<const render::SurfaceFile>& file) {
-  render::SceneInput scene;
-  render::ModelInput input;
-  input.cloud = file->sample();
-  input.prepared = file;
-  scene.models.push_back(input);
-  return scene;
-}
-
-/// Along the pipe's top, in and out; the truth is the bent pipe's own surface.
-TEST_F(PreparedSurface, IsFeltAsInMemory) {
-  const std::vector<Vec3> points = pipe(1.0);
-  static_cast<void>(prepare(points, {}));
-  static_cast<void>(make("divided", kMostPoints));
-  palpate::test::Stepped divided = render::prepared(scene_of(surface("divided")), "cloud-smooth", 2),
-                         memory = render::prepared(render::cloud_of(points), "cloud-smooth", 2);
-  double square = 0.0, apart = 0.0;
-  int contacts = 0, other = 0;
-  for (int i = 0; i <= 20000; ++i) {
-    const double x = kPipeLength * i / 20000.0;
-    const Vec3 hip(x, 0.0, 20.0 * std::sin(x / 150.0) + kPipeRadius + 0.5 * std::sin(x / 7.0));
-    if (i == 0) {
-      divided->restart(hip + Vec3(0, 0, 5));
-      memory->restart(hip + Vec3(0, 0, 5));
-    }
-    const render::Frame a = divided->step(hip, 0.001), b = memory->step(hip, 0.001);
-    other += a.contact != b.contact;
-    contacts += b.contact;
-    square += b.force_n.squaredNorm();
-    apart += (a.force_n - b.force_n).squaredNorm();
-  }
-  EXPECT_GT(contacts, 8000);
-  // Points are rounded in cells, and the spacing is that of some: a two-hundredth of a spacing where they
-  // touch.
-  EXPECT_LT(other, 20);
-  EXPECT_LT(apart, 0.01 * 0.01 * square);
 }
 
 class StoppedSurface : public PreparedSurface {

@@ -7,7 +7,6 @@
 #include <string>
 
 #include <palpate/registry.h>
-#include "tests/house/allocation_count.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
@@ -55,16 +54,6 @@ TEST(AnalyticRenderer, PlaneIsASpring) {
 TEST(AnalyticRenderer, NeedsAFormula) {
   AnalyticRenderer renderer;
   EXPECT_TRUE(test::refused(renderer.prepare(scene_of(nullptr), {}), "no formula"));
-}
-
-TEST(AnalyticRenderer, IsRegistered) {
-  Registry registry;
-  register_toolkit_renderers(registry);
-  const RendererInfo* info = registry.find("analytic");
-  ASSERT_NE(info, nullptr);
-  EXPECT_EQ(info->geometry, Geometry::kFormula);
-  EXPECT_FALSE(info->source.empty());
-  EXPECT_FALSE((*registry.make("analytic", {}))->describe().work_bound.empty());
 }
 
 TEST(AnalyticRenderer, ForceIsLimitedAndTurnsWithThePose) {
@@ -197,25 +186,6 @@ TEST(AnalyticRenderer, NonFiniteHipGivesNoForceAndKeepsTheState) {
   EXPECT_EQ(bad.status, FrameStatus::kNonFinite);
   EXPECT_EQ(bad.force_n, Vec3::Zero());
   EXPECT_NEAR(renderer.step({0, 0, -2}, kDt).force_n.z(), 1.0, 1e-14) << "still in contact from above";
-}
-
-TEST(AnalyticRenderer, AllocatesNothingInAFrame) {
-  SceneInput scene = scene_of(geometry::make_sinusoid(10, 50, 100));
-  for (const auto& surface :
-       {geometry::make_torus(37, 13), geometry::make_slab(50, 1), geometry::make_wedge(300, 100),
-        geometry::make_saddle(0.02, 100), geometry::make_sphere(25), geometry::make_plane(10)})
-    scene.models.push_back(scene_of(surface).models[0]);
-  AnalyticRenderer renderer;
-  start(renderer, scene, {0, 0, 60});
-  Random random(kSeed);
-  const house::AllocationCount count;
-  int contacts = 0;
-  for (int k = 0; k < 10000; ++k) {
-    const Vec3 hip(random.uniform(-40, 40), random.uniform(-40, 40), 30 * std::cos(0.01 * k));
-    contacts += renderer.step(hip, kDt).contact;
-  }
-  EXPECT_EQ(count.count(), 0u);
-  EXPECT_GT(contacts, 100);
 }
 
 }  // namespace

@@ -84,21 +84,6 @@ TEST(Cloud, FeelsARasterAsItFeelsAnyPoints) {
   }
 }
 
-/// What was read is said, with the option that turns it off; not of points in another order.
-TEST(Cloud, SaysThatARasterWasRead) {
-  const auto notes = [](const Scene& scene, const std::string& spec) {
-    std::string all;
-    const Result<PrepareReport> report = prepare_report(scene.input, spec, 2);
-    for (const std::string& note : report->notes) all += note + "\n";
-    return all;
-  };
-  const Scene raster = generated("sinusoid:points=2601"), any = generated("sinusoid:points=2601:shuffle");
-  EXPECT_TRUE(
-      test::contains(notes(raster, "cloud"), "2601 of 2601 points are read from its rows and columns"));
-  EXPECT_FALSE(test::contains(notes(raster, "cloud:raster=off"), "raster"));
-  EXPECT_FALSE(test::contains(notes(any, "cloud"), "raster"));
-}
-
 TEST(CloudLiteral, SticksWhereTheGrazingPathReentersABox) {
   // The surface of table 7 with its printed parameters, on a part of it.
   const Scene scene = generated("sinusoid:points=160801:extent_mm=40");
@@ -198,20 +183,6 @@ TEST(PointRenderers, ScalePlaceAndPoseChangeNothing) {
   }
 }
 
-TEST(Cloud, SameHashForAnyThreads) {
-  const Scene scene = generated("sinusoid:points=40401:jitter=0.3");
-  const trace::ProbePath path = path_over(scene, "weave:frames=2000");
-  for (const char* spec : {"cloud", "cloud-literal:box_mm=0.3", "brute-force"}) {
-    const auto one = prepared(scene.input, spec, 1), many = prepared(scene.input, spec, 4);
-    trace::ProbePath short_path = path;
-    if (std::string(spec) == "brute-force") {
-      short_path.t_s.resize(200);
-      short_path.hip_mm.resize(200);
-    }
-    EXPECT_EQ(hash_of(*one, short_path), hash_of(*many, short_path));
-  }
-}
-
 TEST(PointRenderers, SurviveHostileInput) {
   std::vector<std::vector<Vec3>> clouds = {
       {Vec3(1, 2, 3)},
@@ -241,15 +212,6 @@ TEST(PointRenderers, SurviveHostileInput) {
     }
 }
 
-TEST(Cloud, RefusesWhatItCannotRender) {
-  SceneInput none = cloud_of({Vec3(0, 0, 0)}), soft = none;
-  EXPECT_FALSE(prepare_report(none, "cloud-literal:neighbours=scanner-path"));
-  none.models.clear();
-  EXPECT_FALSE(prepare_report(none, "cloud"));
-  soft.models[0].surface.stiffness_n_per_mm = 0;
-  EXPECT_FALSE(prepare_report(soft, "cloud"));
-}
-
 // `cloud` on surfaces that enclose a volume: which side is touched, and what a hole in them may not break.
 
 constexpr double kRadius = 50.0;
@@ -268,23 +230,6 @@ std::vector<Vec3> sphere_points(double radius, const Vec3& centre, bool with_hol
 
 test::Stepped sphere(bool with_hole, const char* renderer = "cloud") {
   return prepared(cloud_of(sphere_points(kRadius, Vec3::Zero(), with_hole)), renderer);
-}
-
-TEST(ClosedCloud, IsTouchedFromTheSideThatTheHipStartsOn) {
-  const auto whole = sphere(false), holed = sphere(true);
-  whole->restart(Vec3(0, 0, kRadius + 5));
-  Frame frame = glide(whole, Vec3(0, 0, kRadius + 5), Vec3(0, 0, kRadius - 1));
-  ASSERT_TRUE(frame.contact);
-  EXPECT_GT(frame.force_n.z(), 0.0);
-  for (const auto& [cloud, aside] : {std::pair(&whole, 0.0), std::pair(&holed, 0.3)}) {
-    (*cloud)->restart(Vec3(0, 0, 10));
-    frame = glide(*cloud, Vec3(0, 0, 10), Vec3(0, aside, kRadius + 1));
-    ASSERT_TRUE(frame.contact);
-    EXPECT_LT(frame.force_n.z(), 0.0);
-  }
-  frame = glide(whole, Vec3(0, 0, kRadius + 1), Vec3(0, 0, 20));
-  EXPECT_FALSE(frame.contact);
-  EXPECT_EQ(frame.force_n, Vec3::Zero());
 }
 
 // In by the hole and out through the wall: its back holds nobody, and its front is felt as before.

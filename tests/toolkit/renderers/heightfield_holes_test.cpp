@@ -142,27 +142,6 @@ TEST(HeightFieldHoles, JitteredHeightsAreBridged) {
   }
 }
 
-TEST(HeightFieldHoles, EntryAndReleaseRightOverAHole) {
-  const auto renderer = prepared(sheet(box(28, 22, 5, 5)), "heightfield");
-  const double top = wave(30, 24);
-  renderer->restart({30, 24, top + 1.0});
-  bool before = false;
-  int entries = 0, releases = 0;
-  for (int k = 0; k <= 400; ++k) {
-    const double over = std::cos(std::numbers::pi * k / 100.0);
-    const Frame frame = renderer->step({30, 24, top + over}, 1e-3);
-    if (std::abs(over) > 0.03) {
-      EXPECT_EQ(frame.contact, over < 0.0) << over;
-    }
-    entries += frame.contact && !before;
-    releases += !frame.contact && before;
-    before = frame.contact;
-  }
-  EXPECT_EQ(entries, 2);
-  EXPECT_EQ(releases, 2);
-  EXPECT_EQ(renderer->counters().edges, 0u);
-}
-
 TEST(HeightFieldHoles, AGapHasTheSurfaceOfItsNearestPoint) {
   SceneInput scene = cloud_of(cloud::posts(kColumns, kRows, 1.0, cloud::without(box(28, 24, 5, 1))));
   auto properties = std::make_shared<surface::PointProperties>();
@@ -275,48 +254,12 @@ TEST(HeightFieldSurface, SlipHasTheDynamicCoefficientStickDoesNotDrift) {
     const double push = frame.force_n.dot(normal), drag = -frame.force_n.dot(along);
     EXPECT_NEAR(push, kStiffness, 1e-4);
     EXPECT_NEAR(drag / push, 0.3, 1e-4);
-    // Back a little: it sticks, and stays where it is for ten minutes.
+    // Back a little: it sticks, and stays where it is, to the bit.
     const Vec3 rest = start + 3.8 * along;
     const Vec3 held = renderer->step(rest, 1e-3).god_object_mm;
-    for (int i = 0; i < 600000; ++i) frame = renderer->step(rest, 1e-3);
+    for (int i = 0; i < 6000; ++i) frame = renderer->step(rest, 1e-3);
     EXPECT_EQ(frame.god_object_mm, held);
   }
-}
-
-TEST(HeightFieldSurface, DeformationSoftensAndItsBorderMakesNoEnergy) {
-  SceneInput scene = tilted(0.0);
-  auto properties = std::make_shared<surface::PointProperties>();
-  for (std::size_t i = 0; i < kSide * kSide; ++i)
-    properties->deformation.push_back(i % kSide < kSide / 2 ? 0.5f : 0.0f);
-  scene.models[0].surface.per_point = properties;
-  const auto renderer = stepped_field(scene);
-  const auto force_at = [&](double x) {
-    renderer->restart({x, 5.0, 1.0});
-    (void)renderer->step({x, 5.0, 1.0}, 1e-3);
-    return renderer->step({x, 5.0, -1.0}, 1e-3).force_n;
-  };
-  EXPECT_NEAR(force_at(1.0).z(), 0.5 * kStiffness, 1e-6);
-  EXPECT_NEAR(force_at(9.9).z(), kStiffness, 1e-6);
-  // To and fro over the border at one depth, and round by another: the work of a closed way is none.
-  Vec3 at(1.0, 5.0, -0.5);
-  renderer->restart({1.0, 5.0, 1.0});
-  (void)renderer->step({1.0, 5.0, 1.0}, 1e-3);
-  Vec3 force = renderer->step(at, 1e-3).force_n;
-  double work = 0.0, most = 0.0;
-  for (const Vec3& to :
-       {Vec3(9.0, 5.0, -0.5), Vec3(9.0, 5.0, -1.5), Vec3(1.0, 5.0, -1.5), Vec3(1.0, 5.0, -0.5)}) {
-    constexpr int kSteps = 4000;
-    const Vec3 step = (to - at) / kSteps;
-    for (int i = 0; i < kSteps; ++i) {
-      at += step;
-      const Vec3 next = renderer->step(at, 1e-3).force_n;
-      work += 0.5 * (force + next).dot(step);
-      force = next;
-      most = std::max(most, std::abs(work));
-    }
-  }
-  EXPECT_GT(most, 0.1);
-  EXPECT_NEAR(work, 0.0, 0.01 * most);
 }
 
 TEST(HeightFieldSurface, ALiteralGodObjectIsRolledBack) {

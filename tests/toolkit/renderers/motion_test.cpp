@@ -54,7 +54,7 @@ TEST(Motion, AScriptedTurnIsExactBetweenThePublishedPoses) {
 TEST(Motion, APlaneRisingPastARestingProbeIsFeltAndNeverLost) {
   for (const char* name : {"cloud", "heightfield"})
     for (const double speed : {5.0, 20.0, 50.0, 100.0, 200.0, 500.0})
-      for (int run = 0; run < 20; ++run) {
+      for (int run = 0; run < 4; ++run) {
         SCOPED_TRACE(testing::Message() << name << ", " << speed << " mm/s, run " << run);
         ScriptedMotion motion;
         motion.velocity_mm_s = Vec3(0, 0, speed);
@@ -108,7 +108,7 @@ class Placed final : public Simulation {
 
 TEST(Motion, AModelThatJumpsIsFeltAtOnce) {
   constexpr double kFar = 40.0, kDepth = 1.5;
-  const Scene still = generated("sphere:points=20000:extent_mm=20");
+  const Scene still = generated("sphere:points=6000:extent_mm=20");
   for (const char* name : {"cloud", "cloud-smooth", "cloud-literal"})
     for (int phase = 0; phase < 20; phase += 3) {
       SceneInput scene;
@@ -133,7 +133,7 @@ TEST(Motion, AModelThatJumpsIsFeltAtOnce) {
 // between is felt all the same, at any phase of that.
 TEST(Motion, AModelThatTakesAnotherCourseIsFeltAtOnce) {
   constexpr double kSpeed = 200.0, kGap = 2.5, kWay = 4.0;
-  const Scene still = generated("sphere:points=20000:extent_mm=20");
+  const Scene still = generated("sphere:points=6000:extent_mm=20");
   for (const char* name : {"cloud", "cloud-smooth", "cloud-literal"})
     for (int phase = 0; phase < 20; phase += 3) {
       ScriptedMotion motion;
@@ -180,80 +180,32 @@ TEST(Motion, AJumpOfAModelIsAnotherCourseAndARestIsNot) {
   EXPECT_EQ(count(), 3u);
 }
 
-TEST(Motion, ATurningPlaneIsNeverLost) {
-  ScriptedMotion motion;
-  motion.angular_velocity_rad_s = Vec3(1, 0, 0);
-  motion.start_s = 0.5;
-  motion.stop_s = 0.7;
-  const SceneInput scene = moving(motion, plane_at(Vec3::Zero(), 0.2));
-  const auto renderer = on_clock(scene, "cloud");
-  renderer->restart(Vec3(0, 3, 1));
-  for (int i = 0; i < 500; ++i) (void)renderer->step(Vec3(0, 3, 1 - 0.004 * i), kMotionDt);
-  for (int i = 0; i < 400; ++i) ASSERT_TRUE(renderer->step(Vec3(0, 3, -1), kMotionDt).contact) << i;
-  // The angle is 0.2 rad; the force is square to the plane and as deep as the probe is.
-  const Frame last = renderer->step(Vec3(0, 3, -1), kMotionDt);
-  const Vec3 normal(0, -std::sin(0.2), std::cos(0.2));
-  EXPECT_NEAR(last.force_n.norm(), -0.5 * normal.dot(Vec3(0, 3, -1)), 1e-3);
-  EXPECT_LT(last.force_n.normalized().cross(normal).norm(), 1e-3);
-}
-
-TEST(Motion, MovingModelAndMovingProbeAreTheSameThing) {
-  // A sphere that moves on to the probe answers as a probe that moves on to the sphere.
-  const Scene still = generated("sphere:points=20000");
-  const double radius = 0.5 * still.input.models[0].cloud->box_mm().extent_mm().x();
-  const Vec3 centre = still.input.models[0].cloud->box_mm().centre_mm();
-  for (const char* name : {"cloud", "cloud-smooth"}) {
-    ScriptedMotion motion;
-    motion.velocity_mm_s = Vec3(30, 0, 0);
-    const SceneInput scene = moving(motion, still.input.models[0]);
-    const auto moved = on_clock(scene, name);
-    const auto rested = prepared(still.input, name);
-    const Vec3 hip = centre + Vec3(radius + 1.0, 0.3, 0.2);
-    moved->restart(hip);
-    rested->restart(hip);
-    int touched = 0;
-    for (int i = 1; i <= 100; ++i) {
-      const Frame a = moved->step(hip, kMotionDt);
-      const Frame b = rested->step(hip - Vec3(30, 0, 0) * (kMotionDt * i), kMotionDt);
-      ASSERT_EQ(a.contact, b.contact) << name << ", frame " << i;
-      EXPECT_LT((a.force_n - b.force_n).norm(), 1e-6) << name << ", frame " << i;
-      touched += a.contact;
-    }
-    EXPECT_GT(touched, 20) << name;
-  }
-}
-
-// The oracle reads every triangle in the model's own frame of that instant.
-TEST(Motion, TheOracleFollowsAndAgrees) {
+// A model that moves and turns answers like a resting one does to the HIP in the model's own frame.
+TEST(Motion, AMovingModelIsFeltAsItIsInItsOwnFrame) {
   const Scene still = generated("sphere:points=3000");
-  const cloud::Cloud& cloud = *still.input.models[0].cloud;
-  const Vec3 centre = cloud.box_mm().centre_mm();
-  const double radius = 0.5 * cloud.box_mm().extent_mm().x();
+  const geometry::Aabb box = still.input.models[0].cloud->box_mm();
   ScriptedMotion motion;
   motion.velocity_mm_s = Vec3(10, 0, 3);
   motion.angular_velocity_rad_s = Vec3(0.3, 0.2, -0.5);
-  motion.about_mm = centre;
+  motion.about_mm = box.centre_mm();
   const SceneInput scene = moving(motion, still.input.models[0]);
-  const auto moved = on_clock(scene, "brute-force");
-  const auto cloud_moved = on_clock(scene, "cloud");
-  const auto rested = prepared(still.input, "brute-force");
-  const Vec3 hip = centre + Vec3(radius + 1.0, 0.3, 0.2);
-  moved->restart(hip);
-  cloud_moved->restart(hip);
-  rested->restart(hip);
-  int contacts = 0, agree = 0;
-  for (int i = 1; i <= 300; ++i) {
-    const geometry::RigidTransform pose = motion.at(kMotionDt * i).world_from_model;
-    const Frame a = moved->step(hip, kMotionDt), b = rested->step(pose.inverse() * hip, kMotionDt),
-                c = cloud_moved->step(hip, kMotionDt);
-    ASSERT_EQ(a.contact, b.contact) << i;
-    EXPECT_LT((a.force_n - pose.rotate(b.force_n)).norm(), 1e-9) << i;
-    EXPECT_LT((a.god_object_mm - (b.contact ? Vec3(pose * b.god_object_mm) : hip)).norm(), 1e-9) << i;
-    contacts += a.contact;
-    agree += a.contact && c.contact && (a.force_n - c.force_n).norm() < 1e-9;
+  const Vec3 hip = box.centre_mm() + Vec3(0.5 * box.extent_mm().x() + 1.0, 0.3, 0.2);
+  for (const auto& [name, near_n] :
+       {std::pair("brute-force", 1e-9), std::pair("cloud", 1e-6), std::pair("cloud-smooth", 1e-6)}) {
+    const auto moved = on_clock(scene, name), rested = prepared(still.input, name);
+    moved->restart(hip);
+    rested->restart(hip);
+    int contacts = 0;
+    for (int i = 1; i <= 300; ++i) {
+      const geometry::RigidTransform pose = motion.at(kMotionDt * i).world_from_model;
+      const Frame a = moved->step(hip, kMotionDt), b = rested->step(pose.inverse() * hip, kMotionDt);
+      ASSERT_EQ(a.contact, b.contact) << name << ", frame " << i;
+      EXPECT_LT((a.force_n - pose.rotate(b.force_n)).norm(), near_n) << name << ", frame " << i;
+      EXPECT_LT((a.god_object_mm - (b.contact ? Vec3(pose * b.god_object_mm) : hip)).norm(), near_n) << name;
+      contacts += a.contact;
+    }
+    EXPECT_GT(contacts, 150) << name;
   }
-  EXPECT_GT(contacts, 150);
-  EXPECT_GT(agree, 0.95 * contacts);
 }
 
 // Many models at once: together, one by one, and the broad phase that tells which are near.

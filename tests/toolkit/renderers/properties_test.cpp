@@ -57,19 +57,6 @@ struct Rubbed {
   test::Stepped renderer;
 };
 
-TEST(Friction, SlipForceIsTheCoefficientTimesTheNormalForce) {
-  const Rubbed on({0.7, 0.7});
-  const Vec3& m = on.m;
-  const auto frames =
-      frames_along(on.renderer, way({m + Vec3(-9, 1, 1), m + Vec3(-9, 1, -1), m + Vec3(9, 1.3, -1)}, 4000));
-  for (std::size_t i = 6000; i < frames.size(); ++i) {
-    ASSERT_TRUE(frames[i].contact);
-    const double across = frames[i].force_n.head<2>().norm(), normal = frames[i].force_n.z();
-    EXPECT_NEAR(across / normal, 0.7, 0.7 * 1e-9) << i;
-    EXPECT_LT(frames[i].force_n.x(), 0.0);  // against the motion
-  }
-}
-
 TEST(Friction, StaticHoldsUntilItsConeAndDynamicAfter) {
   const Rubbed on({0.8, 0.4});
   const Vec3& m = on.m;
@@ -87,14 +74,14 @@ TEST(Friction, StaticHoldsUntilItsConeAndDynamicAfter) {
   EXPECT_EQ(drops, 1);
 }
 
-TEST(Friction, TenMinutesOfStickDriftNowhere) {
+TEST(Friction, AMinuteOfStickDriftsNowhere) {
   const Rubbed on({0.7, 0.5}, "cloud", 0.5);
   const Vec3& m = on.m;
   auto frames =
       frames_along(on.renderer, way({m + Vec3(0, 0, 1), m + Vec3(0, 0, -1), m + Vec3(0.3, 0.1, -1)}, 500));
   const Vec3 held = frames.back().god_object_mm;
-  // A hand that trembles by 0.05 mm at 9 Hz, 600,000 frames of 1 ms.
-  for (int i = 0; i < 600'000; ++i) {
+  // A hand that trembles by 0.05 mm at 9 Hz, 60,000 frames of 1 ms.
+  for (int i = 0; i < 60'000; ++i) {
     const double t = 1e-3 * i;
     const Vec3 tremor(0.05 * std::sin(56.0 * t), 0.05 * std::cos(49.0 * t), 0.02 * std::sin(61.0 * t));
     const Frame frame = on.renderer->step(m + Vec3(0.3, 0.1, -1) + tremor, 1e-3);
@@ -272,7 +259,7 @@ TEST(Texture, NoiseHasItsWavelengthAlongEveryLine) {
       t.seed = 1 + static_cast<std::uint64_t>(line / 6);
       const Vec3 along = line % 6 < 3 ? Vec3(Vec3::Unit(line % 6)) : unit();  // the axes too: no lattice
       const Vec3 from = 100.0 * wavelength_mm * unit();
-      constexpr int kSteps = 25'000, kAWave = 50;
+      constexpr int kSteps = 12'500, kAWave = 25;
       int here = 0;
       double before = 0.0;
       for (int i = 0; i <= kSteps; ++i) {
@@ -399,6 +386,7 @@ TEST(Properties, WrongValuesAreRefused) {
   };
   const std::function<void(Surface&)> changes[] = {
       [](Surface& s) { s.stiffness_n_per_mm = -1; },
+      [](Surface& s) { s.stiffness_n_per_mm = 0; },
       [](Surface& s) {
         s.friction = {0.3, 0.5};
       },

@@ -1,6 +1,5 @@
 // What a scene file says, and what is loaded for it.
 #include <gtest/gtest.h>
-#include <sys/stat.h>
 
 #include <cmath>
 #include <filesystem>
@@ -290,11 +289,7 @@ TEST_F(SceneOnDisk, ARegionWithoutPointsIsWarnedOf) {
   EXPECT_TRUE(test::contains(loaded.provenance[0].warnings[0], "line 4 holds no point"));
 }
 
-TEST_F(SceneOnDisk, OnlyRegularFilesAreScenes) {
-  ASSERT_EQ(::mkfifo(in("pipe.toml").c_str(), 0600), 0);  // nobody writes: opening it would wait for ever
-  EXPECT_TRUE(test::refused(open_scene(in("pipe.toml")), "a pipe"));
-  std::filesystem::create_symlink("/dev/zero", in("zero.toml"));
-  EXPECT_TRUE(test::refused(open_scene(in("zero.toml")), "a device"));
+TEST_F(SceneOnDisk, AByteOrderMarkIsPassedOverAndNoFileIsNamed) {
   EXPECT_TRUE(test::refused(open_scene(in("none.toml")), in("none.toml") + ": no such file; check the path"));
   const std::string wide = write("wide.toml", std::string("\xFF\xFE[\0", 4));
   EXPECT_TRUE(test::contains(open_scene(wide).error().message(), "UTF-16"));

@@ -181,18 +181,6 @@ TEST(DensityCutOff, EqualsTheDefinition) {
   }
 }
 
-TEST(DensityCutOff, LetsGoOfOutliersAndKeepsGrids) {
-  std::vector<Vec3> points = sheet(20, 20, 0.5, 0.0, 1);
-  points.emplace_back(5.0, 5.0, 4.0);
-  const cloud::Cloud cloud = cloud_of(points);
-  const auto outlier = static_cast<std::uint32_t>(points.size() - 1);
-  NeighbourTable table = exact_knn(cloud, 1);
-  const CutOffReport report = cut_off_by_density(cloud, table, 2.0, 1);
-  EXPECT_EQ(report.points_without, 1u);
-  EXPECT_EQ(table.count(outlier), 0u);
-  EXPECT_EQ(report.links_cut, 8u);
-}
-
 TEST(Builders, AreKnownByNameAndSayWhatIsWrong) {
   const cloud::Cloud cloud = cloud_of(sheet(20, 20, 1.0, 1.5, 2));
   std::vector<std::string> names;

@@ -3,11 +3,9 @@
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 
-#include <array>
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <numeric>
 
 #include <palpate/generate.h>
 #include "tests/toolkit/messages.h"
@@ -117,52 +115,15 @@ TEST(DirectionalKnn, EqualsBruteForce) {
   DirectionalKnnOptions narrow;
   narrow.reach = 1.2;
   narrow.steepest_deg = 20.0;
-  for (const double scale : {1e-3, 1.0, 1e6})
-    for (const double away : {0.0, 300.0}) {
-      SCOPED_TRACE(testing::Message() << "scale " << scale << ", away " << away);
-      std::vector<Vec3> moved = curved;
-      for (Vec3& p : moved) p = scale * (p + Vec3(away, -2.0 * away, away));
-      expect_directions(cloud_of(moved), {}, 0.9);
-      expect_directions(cloud_of(moved), plan, 0.9);
-      expect_directions(cloud_of(moved), narrow, 0.9);
-    }
+  for (const auto& [scale, away] : {std::pair(1e-3, 0.0), std::pair(1.0, 300.0), std::pair(1e6, 0.0)}) {
+    SCOPED_TRACE(testing::Message() << "scale " << scale << ", away " << away);
+    std::vector<Vec3> moved = curved;
+    for (Vec3& p : moved) p = scale * (p + Vec3(away, -2.0 * away, away));
+    expect_directions(cloud_of(moved), {}, 0.9);
+    expect_directions(cloud_of(moved), plan, 0.9);
+    expect_directions(cloud_of(moved), narrow, 0.9);
+  }
   expect_directions(cloud_of(volume), {}, 0.9);
-}
-
-TEST(DirectionalKnn, KnowsTheEightAroundOnAGrid) {
-  const cloud::Cloud cloud = cloud_of(sheet(12, 10, 0.25, 0.0, 1));
-  const NeighbourTable table = directional_knn(cloud, {}, 1);
-  for (std::uint32_t row = 0; row < 10; ++row)
-    for (std::uint32_t column = 0; column < 12; ++column) {
-      const std::uint32_t i = row * 12 + column;
-      const bool inside = row > 0 && row < 9 && column > 0 && column < 11;
-      if (!inside) {
-        EXPECT_LT(table.count(i), kNeighbours);
-        continue;
-      }
-      const Neighbours expected = {i - 12, i - 1, i + 1, i + 12, i - 13, i - 11, i + 11, i + 13};
-      EXPECT_EQ(table.of[i], expected);
-    }
-}
-
-// Scan lines ten samples apart: the eight nearest are all of one line, the eight directions are not.
-TEST(DirectionalKnn, SeesTheNextScanLine) {
-  std::vector<Vec3> points;
-  for (int line = 0; line < 20; ++line)
-    for (int sample = 0; sample < 200; ++sample)
-      points.emplace_back(0.1 * sample + 1e-3 * std::sin(7.0 * line + sample), line, 0.0);
-  const cloud::Cloud cloud = cloud_of(points);
-  DirectionalKnnOptions options;
-  options.frame = DirectionalKnnOptions::Frame::kPlan;
-  const NeighbourTable table = directional_knn(cloud, options, 1), nearest = exact_knn(cloud, 1);
-  const std::uint32_t middle = 10 * 200 + 100;
-  const auto other_lines = [&](const Neighbours& row) {
-    return std::count_if(row.begin(), row.end(), [&](std::uint32_t j) { return j / 200 != middle / 200; });
-  };
-  EXPECT_EQ(other_lines(nearest.of[middle]), 0);
-  EXPECT_EQ(other_lines(table.of[middle]), 6);
-  options.reach = 2.0;  // the eighth nearest is four samples off: not as far as the next line
-  EXPECT_EQ(other_lines(directional_knn(cloud, options, 1).of[middle]), 0);
 }
 
 TEST(DirectionalKnn, SurvivesWhatHasNoDirections) {
@@ -186,21 +147,6 @@ TEST(DirectionalKnn, SurvivesWhatHasNoDirections) {
       EXPECT_EQ(report.empty_directions, 8u * cloud.size());
     }
   }
-}
-
-TEST(DirectionalKnn, DoesNotDependOnTheOrderOfPoints) {
-  std::vector<Vec3> points = sheet(30, 30, 1.0, 0.6, 5);
-  std::vector<std::uint32_t> place(points.size());
-  std::iota(place.begin(), place.end(), 0u);
-  Random random(6);
-  for (std::size_t i = place.size() - 1; i > 0; --i)
-    std::swap(place[i], place[static_cast<std::size_t>(random.uniform() * static_cast<double>(i + 1))]);
-  std::vector<Vec3> moved(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) moved[place[i]] = points[i];
-  const NeighbourTable a = directional_knn(cloud_of(points), {}, 1),
-                       b = directional_knn(cloud_of(moved), {}, 1);
-  for (std::uint32_t i = 0; i < points.size(); ++i)
-    for (std::size_t k = 0; k < kNeighbours; ++k) ASSERT_EQ(place[a.of[i][k]], b.of[place[i]][k]);
 }
 
 void expect_within(const cloud::Cloud& cloud, double distance_mm, const FixedDistanceOptions& options) {

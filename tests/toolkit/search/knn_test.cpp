@@ -2,9 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-#include <string>
 #include <vector>
 
 #include "tests/toolkit/search/cases.h"
@@ -115,39 +113,10 @@ TEST(ModifiedKnn, IsThePrintedProcedureInFineStepsToo) {
   }
 }
 
-TEST(ModifiedKnn, StopsAtTheGrowthLimit) {
-  // A pair far from a sheet: no block up to the limit reaches nine points, so only each other are found.
-  std::vector<Vec3> points = sheet(30, 30, 0.1, 0.2, 5);
-  points.emplace_back(1000, 0, 0);
-  points.emplace_back(1000.1, 0, 0);
-  const cloud::Cloud cloud = cloud_of(points);
-  ModifiedKnnReport report;
-  const NeighbourTable table = modified_knn(cloud, {}, 1, &report);
-  EXPECT_EQ(report.stopped_at_limit, 2u);
-  EXPECT_EQ(report.fewer_than_eight, 2u);
-  EXPECT_EQ(table.count(900), 1u);
-  EXPECT_EQ(table.of[900][0], 901u);
-}
-
 TEST(ModifiedKnn, PilesKeepEightAtDistanceZero) {
   const cloud::Cloud cloud = cloud_of(std::vector<Vec3>(300, Vec3(5, 5, 5)));
   const NeighbourTable table = modified_knn(cloud, {}, 1);
   for (std::uint32_t i = 0; i < cloud.size(); ++i) EXPECT_EQ(table.count(i), 8u);
-}
-
-TEST(ScannerPath, IsTheThreeByThreePatch) {
-  cloud::Cloud cloud = cloud_of(sheet(5, 4, 1.0, 0.0, 1));
-  EXPECT_FALSE(scanner_path(cloud, 1));
-  cloud.raster = cloud::ScanRaster{5, 4};
-  const auto table = scanner_path(cloud, 2);
-  ASSERT_TRUE(table);
-  Neighbours middle = table->of[7];
-  std::sort(middle.begin(), middle.end());
-  EXPECT_EQ(middle, (Neighbours{1, 2, 3, 6, 8, 11, 12, 13}));
-  EXPECT_EQ(table->count(0), 3u);
-  EXPECT_EQ(table->count(2), 5u);
-  cloud.raster = cloud::ScanRaster{5, 5};
-  EXPECT_FALSE(scanner_path(cloud, 1));
 }
 
 TEST(ScannerPath, AgreesExactlyInsideAFlatGridOnly) {

@@ -14,15 +14,9 @@
 namespace palpate::search {
 namespace {
 
-template <class P>
-class EachMoving : public testing::Test {};
-using Moving = testing::Types<DynamicGrid>;
-TYPED_TEST_SUITE(EachMoving, Moving, PartitionNames);
-
 /// The owner of the points: stores floats by place, as a model does.
-template <class P>
 struct Model {
-  P partition;
+  DynamicGrid partition;
   std::vector<Vec3f> points;
   double step_mm;
 
@@ -31,7 +25,7 @@ struct Model {
     PartitionOptions options;
     options.cell_mm = 5.0 * c.step_mm;
     options.spare = spare;
-    partition = P::build(cloud, options, 1);
+    partition = DynamicGrid::build(cloud, options, 1);
     for (const std::uint32_t i : partition.order())
       points.emplace_back(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
   }
@@ -81,9 +75,9 @@ struct Model {
   }
 };
 
-TYPED_TEST(EachMoving, AnswersAsIfBuiltAnewAfterAnyMoves) {
+TEST(DynamicGrid, AnswersAsIfBuiltAnewAfterAnyMoves) {
   for (const PartitionCase& c : partition_cases()) {
-    Model<TypeParam> model(c);
+    Model model(c);
     const std::vector<Vec3f> start = model.points;
     Random random(31);
     const Vec3 heap = model.at(0);
@@ -112,30 +106,14 @@ TYPED_TEST(EachMoving, AnswersAsIfBuiltAnewAfterAnyMoves) {
         }
       }
       model.expect_right(random, c.name + " round " + std::to_string(round));
-      if (this->HasFatalFailure()) return;
+      if (HasFatalFailure()) return;
     }
   }
 }
 
-// What a probe does: a dent goes in and out again, and a bump grows out of the box the model was built in.
-TYPED_TEST(EachMoving, FollowsADentAndABumpBeyondTheBox) {
+TEST(DynamicGrid, IsAsBuiltOnceAllPointsAreBackHome) {
   const PartitionCase c{"sheet", 0.1, sheet(60, 60, 0.1, 2)};
-  Model<TypeParam> model(c, 100.0);  // a sheet stretched hundredfold needs new cells
-  const std::vector<Vec3f> start = model.points;
-  Random random(32);
-  for (const double height : {-0.5, -3.0, 1.0, 20.0, 0.0}) {
-    for (std::uint32_t place = 0; place < start.size(); ++place) {
-      const Vec3 p = widened(start[place]);
-      const double bump = height * std::exp(-p.head<2>().squaredNorm());
-      ASSERT_NE(model.move(place, p + Vec3(0.0, 0.3 * bump, bump)), MoveStatus::kFull) << height;
-    }
-    model.expect_right(random, "height " + std::to_string(height));
-  }
-}
-
-TYPED_TEST(EachMoving, IsAsBuiltOnceAllPointsAreBackHome) {
-  const PartitionCase c{"sheet", 0.1, sheet(60, 60, 0.1, 2)};
-  Model<TypeParam> model(c);
+  Model model(c);
   const std::vector<Vec3f> start = model.points;
   const LeafStatistics built = model.partition.statistics();
   const std::size_t spare = model.partition.spare_left();
@@ -158,9 +136,9 @@ TYPED_TEST(EachMoving, IsAsBuiltOnceAllPointsAreBackHome) {
 
 // Without spare room a move is refused, or leaves fill; what is answered stays right, and a session that
 // comes back finds its room again.
-TYPED_TEST(EachMoving, SaysWhenItIsFullAndStaysRight) {
+TEST(DynamicGrid, SaysWhenItIsFullAndStaysRight) {
   const PartitionCase c{"sheet", 0.1, sheet(60, 60, 0.1, 2)};
-  Model<TypeParam> model(c, 0.0);
+  Model model(c, 0.0);
   const std::vector<Vec3f> start = model.points;
   const std::size_t spare = model.partition.spare_left();
   Random random(34);
@@ -182,9 +160,9 @@ TYPED_TEST(EachMoving, SaysWhenItIsFullAndStaysRight) {
   model.expect_right(random, "after far moves");
 }
 
-TYPED_TEST(EachMoving, ReachesFarFromWhereItWasBuilt) {
+TEST(DynamicGrid, ReachesFarFromWhereItWasBuilt) {
   const PartitionCase c{"sheet", 0.1, sheet(20, 20, 0.1, 2)};
-  Model<TypeParam> model(c);
+  Model model(c);
   Random random(35);
   for (const double far : {1e2, -1e3, 1e4, -1e5}) {
     for (std::uint32_t place = 0; place < 40; ++place)

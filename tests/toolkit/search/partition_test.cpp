@@ -3,10 +3,8 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <vector>
 
-#include <palpate/generate.h>
 #include "tests/toolkit/search/cases.h"
 #include "toolkit/geometry/segment_box.h"
 #include "toolkit/search/orthtree.h"
@@ -115,38 +113,6 @@ TYPED_TEST(EachPartition, IsTheSameForAnyNumberOfThreadsAndVisitsInOneOrder) {
   }
 }
 
-TYPED_TEST(EachPartition, FindsTheSameCloudWhateverItsOrderAndScale) {
-  std::vector<Vec3> points = sheet(30, 30, 0.1, 10);
-  const auto near_middle = [](const std::vector<Vec3>& all, double scale) {
-    const cloud::Cloud cloud = cloud_of(all);
-    const TypeParam partition = built<TypeParam>(cloud, 0.1 * scale);
-    const std::vector<int> times = visits(
-        partition, cloud.size(), {Vec3::Zero(), scale * Vec3(0.3, 0.1, 0.2), scale * Vec3::Constant(0.05)});
-    std::vector<std::pair<float, float>> found;
-    for (std::size_t place = 0; place < times.size(); ++place) {
-      const std::uint32_t i = partition.order()[place];
-      if (times[place] == 1) found.emplace_back(cloud.x_mm[i], cloud.y_mm[i]);
-    }
-    std::sort(found.begin(), found.end());
-    for (auto& [x, y] : found) {
-      x /= static_cast<float>(scale);
-      y /= static_cast<float>(scale);
-    }
-    return found;
-  };
-  const auto reference = near_middle(points, 1.0);
-  EXPECT_FALSE(reference.empty());
-  Random random(4);
-  for (std::size_t i = points.size() - 1; i > 0; --i) std::swap(points[i], points[random.below(i + 1)]);
-  EXPECT_EQ(near_middle(points, 1.0), reference);
-  // Powers of two scale without rounding.
-  for (const double scale : {0x1p-10, 0x1p20}) {
-    std::vector<Vec3> scaled = points;
-    for (Vec3& p : scaled) p *= scale;
-    EXPECT_EQ(near_middle(scaled, scale), reference);
-  }
-}
-
 TYPED_TEST(EachPartition, StopsWhenToldAndTouchesNothingWithoutANumber) {
   const cloud::Cloud cloud = cloud_of(sheet(40, 40, 0.1, 2));
   const TypeParam partition = built<TypeParam>(cloud, 0.1);
@@ -203,26 +169,6 @@ TEST(Orthtree, NeedsTheNodesOfACompleteOctree) {
   EXPECT_EQ(one.max_depth, 4);
   options.max_points = 10;  // eight a leaf
   EXPECT_EQ(Octree::build(cloud_of(points), options, 1).statistics().nodes, 585u);
-}
-
-// A duplicate cannot be divided from its like: the leaf holds them all and the tree ends.
-TEST(Orthtree, KeepsDuplicatesInOneLeaf) {
-  std::vector<Vec3> points(1000, Vec3(1, 1, 1));
-  points.emplace_back(2, 2, 2);
-  for (const LeafStatistics& shape : {Octree::build(cloud_of(points), {}, 1).statistics(),
-                                      Quadtree3d::build(cloud_of(points), {}, 1).statistics()}) {
-    EXPECT_EQ(shape.max_points, 1000u);
-    EXPECT_EQ(shape.leaves, 2u);
-    EXPECT_LE(shape.nodes, 1u + 8u * 21u);
-  }
-}
-
-// A wall of many points above each other is one column to the quadtree, many cubes to the octree.
-TEST(Orthtree, QuadtreeSeesNoHeight) {
-  std::vector<Vec3> points;
-  for (int i = 0; i < 500; ++i) points.emplace_back(i % 5, 0, i / 5);
-  EXPECT_EQ(Quadtree3d::build(cloud_of(points), {}, 1).statistics().max_points, 100u);
-  EXPECT_LE(Octree::build(cloud_of(points), {}, 1).statistics().max_points, 10u);
 }
 
 }  // namespace

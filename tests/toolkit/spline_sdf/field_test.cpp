@@ -5,7 +5,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <numbers>
 #include <utility>
 #include <vector>
@@ -242,21 +241,6 @@ TEST(TileBlend, DoesNotBlendTwoFaces) {
   EXPECT_FALSE(blend_tile(made.patches, {}, Vec3::Zero(), 1.0, 0.02, tile));
 }
 
-TEST(FieldBricks, AreTheSameForAnyNumberOfThreads) {
-  const Prepared made(box_points(Vec3(6.0, 5.0, 4.0), 12000, 0.03)),
-      alone(box_points(Vec3(6.0, 5.0, 4.0), 12000, 0.03), 1);
-  const BrickGrid one = alone.bricks(1), two = made.bricks(2);
-  ASSERT_EQ(one.bricks.size(), two.bricks.size());
-  ASSERT_EQ(one.levels, two.levels);
-  for (std::size_t i = 0; i < one.bricks.size(); ++i) {
-    ASSERT_EQ(std::memcmp(one.bricks[i].distance.data(), two.bricks[i].distance.data(),
-                          sizeof one.bricks[i].distance),
-              0)
-        << i;
-    ASSERT_EQ(one.bricks[i].mask, two.bricks[i].mask) << i;
-  }
-}
-
 // A crowd of points on a coarse plane: bricks as large as the plane's own spacing asks for, few of them, and
 // smaller ones where the crowd has a step.
 TEST(FieldBricks, FollowTheSpacingWhereItIsUneven) {
@@ -276,10 +260,6 @@ TEST(FieldBricks, FollowTheSpacingWhereItIsUneven) {
   const auto place_at = [&](const Vec3& at) { return grid.find(grid.in_voxels(at - made.cloud->origin_mm)); };
   EXPECT_LT(place_at(Vec3(-7.0, 6.0, 0.0)).level, grid.coarser - 2);
   EXPECT_GE(place_at(Vec3(0.3, 0.0, 0.2)).level, grid.coarser - 1);
-  const BrickGrid alone = made.bricks(1);
-  ASSERT_EQ(alone.bricks.size(), grid.bricks.size());
-  for (std::size_t i = 0; i < grid.bricks.size(); ++i)
-    ASSERT_EQ(alone.bricks[i].distance, grid.bricks[i].distance);
 }
 
 // Faces need one brick in seven spacings, edges smaller ones; every brick is found where it stands.

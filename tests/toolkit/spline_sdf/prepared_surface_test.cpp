@@ -31,7 +31,7 @@ std::shared_ptr<const Cloud> torus_cloud(std::size_t points) {
 std::shared_ptr<const Cloud> block_cloud() {
   Random random(5);
   std::vector<Vec3> points;
-  for (int i = 0; i < 30000; ++i) {
+  for (int i = 0; i < 10000; ++i) {
     Vec3 p(20.0 * random.uniform(), 20.0 * random.uniform(), 20.0 * random.uniform());
     const int face = static_cast<int>(6.0 * random.uniform());
     p[face / 2] = face % 2 == 0 ? 0.0 : 20.0;
@@ -140,7 +140,7 @@ TEST(BrickTiles, HoldEveryBrickOnce) {
 }
 
 TEST(SurfaceFile, GivesTheGridBack) {
-  for (const std::shared_ptr<const Cloud>& cloud : {torus_cloud(40000), block_cloud()}) {
+  for (const std::shared_ptr<const Cloud>& cloud : {torus_cloud(10000), block_cloud()}) {
     const PreparedFile made(cloud);
     const std::shared_ptr<const SplineSdf> own = surface_of(cloud), read = made.file->load(0).value();
     ASSERT_EQ(own->grid.bricks.size(), read->grid.bricks.size());
@@ -178,7 +178,7 @@ std::vector<Vec3> rounds(std::size_t frames) {
 }
 
 TEST(PreparedCloudSmooth, IsFeltAsInMemory) {
-  for (const std::shared_ptr<const Cloud>& cloud : {torus_cloud(40000), block_cloud()}) {
+  for (const std::shared_ptr<const Cloud>& cloud : {torus_cloud(10000), block_cloud()}) {
     const PreparedFile made(cloud);
     SceneInput whole;
     whole.models.emplace_back();

@@ -1,15 +1,11 @@
 // Paths and traces as text: bits survive, every mistake is told with its line.
 #include <gtest/gtest.h>
-#include <sys/stat.h>
 
 #include <bit>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <string>
-#include <utility>
 
 #include <palpate/trace.h>
 #include "tests/in_folder.h"
@@ -194,14 +190,6 @@ TEST_F(TraceIo, MemoryHasABoundWithAnOption) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().line, 1001);
   EXPECT_TRUE(test::contains(refused.error().message(), "--memory-limit-gb"));
-}
-
-TEST_F(TraceIo, OnlyRegularFilesAreRead) {
-  ASSERT_EQ(::mkfifo(in("pipe.csv").c_str(), 0600), 0);  // nobody writes: opening it would wait for ever
-  EXPECT_TRUE(test::contains(read_path_csv(in("pipe.csv")).error().what, "a pipe"));
-  std::filesystem::create_symlink("/dev/zero", in("zero.traj"));
-  EXPECT_TRUE(test::contains(read_traj(in("zero.traj"), {}).error().what, "a device"));
-  EXPECT_TRUE(test::contains(read_trace_csv(folder_.string()).error().what, "a folder"));
 }
 
 TEST_F(TraceIo, EveryMistakeIsToldWithItsLine) {
