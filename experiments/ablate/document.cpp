@@ -5,12 +5,13 @@
 #include <cmath>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_document.h"
+#include "experiments/driver/json_members.h"
 
 namespace palpate::experiments {
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(AblateRow, stage, instead, reason, instructions, frame_cpu_us, bytes,
-                                   prepare_ms, error_percent, truth_percent, trace_hash)
+PALPATE_JSON_MEMBERS(AblateRow, stage, instead, reason, instructions, frame_cpu_us, bytes, prepare_ms,
+                     error_percent, truth_percent, trace_hash)
+PALPATE_JSON_MEMBERS(AblateDocument, scene, path, renderer, truth, counted, warnings, notes, rows)
 
 namespace {
 
@@ -25,23 +26,15 @@ std::optional<double> saved(const std::optional<T>& whole, const std::optional<T
   return static_cast<double>(*whole) - static_cast<double>(*rest);
 }
 
-DocumentJson row_json(const AblateRow& row, const AblateRow& whole) {
+/// What follows from a row and the whole scene's.
+DocumentJson conclusions_of(const AblateRow& row, const AblateRow& whole) {
   return {{"stage", text_or_null(row.stage)},
-          {"instead", row.instead},
           {"status", row.reason.empty() ? "ok" : "failed"},
-          {"reason", row.reason},
-          {"instructions", row.instructions},
-          {"frame_cpu_us", row.frame_cpu_us},
-          {"bytes", row.bytes},
-          {"prepare_ms", row.prepare_ms},
-          {"error_percent", row.error_percent},
-          {"truth_percent", row.truth_percent},
           {"saves",
            {{"instructions", saved(whole.instructions, row.instructions)},
             {"frame_cpu_us", saved(whole.frame_cpu_us, row.frame_cpu_us)},
             {"bytes", saved(whole.bytes, row.bytes)},
-            {"prepare_ms", saved(whole.prepare_ms, row.prepare_ms)}}},
-          {"trace_hash", row.trace_hash}};
+            {"prepare_ms", saved(whole.prepare_ms, row.prepare_ms)}}}};
 }
 
 /// "512 (-104)": value without the stage and its difference to the whole scene.
@@ -90,15 +83,10 @@ bool from_text(const std::string& text, AblateRow& row) {
 
 std::string to_json(const AblateDocument& document) {
   DocumentJson json = begin_json(kAblateSchema, document.head);
-  json["scene"] = document.scene;
-  json["path"] = document.path;
-  json["renderer"] = document.renderer;
+  to_json(json, document);
   json["truth"] = text_or_null(document.truth);
-  json["counted"] = document.counted;
-  json["warnings"] = document.warnings;
-  json["notes"] = document.notes;
-  json["rows"] = DocumentJson::array();
-  for (const AblateRow& row : document.rows) json["rows"].push_back(row_json(row, document.rows.front()));
+  for (std::size_t i = 0; i < document.rows.size(); ++i)
+    json["rows"][i].update(conclusions_of(document.rows[i], document.rows.front()));
   return document_text(json);
 }
 

@@ -7,6 +7,7 @@
 #include <palpate/result.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
+#include "experiments/driver/page_document.h"
 #include "experiments/live/recording_export.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/page.h"
@@ -69,14 +70,19 @@ Result<int> run_report(const ReportArguments& arguments, Context& context) {
   if (!arguments.docs.empty()) return write_docs(arguments);
   if (arguments.folder.empty())
     return Error{"DIR is required", "name the folder of a study, or a checkout with --docs"};
-  const bool whole = std::filesystem::exists(std::filesystem::path(arguments.folder) / kReproductionFile);
+  const auto holds = [&](const char* file) {
+    return std::filesystem::exists(std::filesystem::path(arguments.folder) / file);
+  };
+  const bool whole = holds(kReproductionFile), kept = !whole && holds(kPageFile);
   // What is wrong with the folder as a study is said before what is wrong with it as a place to write.
-  if (!whole) PALPATE_TRY(read_study(arguments.folder));
+  if (!whole && !kept) PALPATE_TRY(read_study(arguments.folder));
   PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::reopen(arguments.folder));
   context.progress.report("drawing the report", -1.0);
-  const Status drawn = whole ? draw_reproduction(folder) : draw_report(folder);
+  const Status drawn = whole  ? draw_reproduction(folder)
+                       : kept ? draw_kept_page(folder)
+                              : draw_report(folder);
   context.progress.clear();
-  context.working = drawn.ok() || !whole || drawn.error().file.empty();
+  context.working = drawn.ok() || !(whole || kept) || drawn.error().file.empty();
   PALPATE_TRY(drawn);
   fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   return kExitOk;
@@ -169,11 +175,10 @@ void declare_reproduce(const Declaration& declare, ReproduceArguments& a) {
 }  // namespace
 
 Subcommand report_subcommand() {
-  return subcommand(
-      "report", "draws report.html of a study, or of all that reproduce wrote, again, from the folder alone",
-      {"palpate report out/ab", "palpate report out/reproduce", "palpate report out/reproduce/table7",
-       "palpate report --docs ."},
-      declare_report, run_report);
+  return subcommand("report", "draws report.html of any command's folder again, from the folder alone",
+                    {"palpate report out/ab", "palpate report out/reproduce",
+                     "palpate report out/reproduce/table7", "palpate report --docs ."},
+                    declare_report, run_report);
 }
 
 Subcommand score_subcommand() {

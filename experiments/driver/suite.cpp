@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "experiments/driver/jobs.h"
-#include "experiments/driver/json_document.h"
+#include "experiments/driver/page_document.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/messages.h"
 
@@ -92,7 +92,7 @@ std::vector<std::string> Suite::files_of_cases(const std::string& name) const {
 
 Status Suite::write(const SuiteResults& results, const Page& page) const {
   PALPATE_TRY(folder_->write(results.file, results.json));
-  PALPATE_TRY(write_page(page, *folder_));
+  PALPATE_TRY(keep_page(page, *folder_));
   return folder_->complete();
 }
 

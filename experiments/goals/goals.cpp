@@ -5,16 +5,14 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_document.h"
+#include "experiments/driver/json_members.h"
+#include "experiments/driver/page_document.h"
 #include "experiments/goals/measures.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Finding, about, value, unit, limit, at_most, limit_from, baseline)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Cell, text, best, bad)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Table, title, caption, columns, rows, notes, turns, best_means, bad_means)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figure, name, title, caption, svg, wide)
+PALPATE_JSON_MEMBERS(Finding, about, value, unit, limit, at_most, limit_from, baseline)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Goal, id, title, words, method, findings, tables, figures, short_of, notes,
                                    picture)
 
@@ -28,8 +26,12 @@ std::string asked_text(const Finding& finding) {
   return (finding.at_most ? "at most " : "at least ") + with_unit(finding.limit, finding.unit);
 }
 
+std::string section_id(const Goal& goal) {
+  return "goal-" + goal.id;
+}
+
 std::string goal_file(const Goal& goal) {
-  return "goal-" + goal.id + ".html";
+  return section_id(goal) + ".html";
 }
 
 const char* class_of(Verdict verdict) {
@@ -46,14 +48,11 @@ std::string verdict_html(const Goal& goal) {
 }
 
 DocumentJson finding_json(const Finding& finding) {
-  return {{"about", finding.about},
-          {"value", finding.value},
-          {"unit", finding.unit},
-          {"limit", finding.limit},
-          {"limit_is", finding.at_most ? "at most" : "at least"},
-          {"limit_from", finding.limit_from},
-          {"baseline", finding.baseline},
-          {"kept", kept(finding)}};
+  DocumentJson json = finding;
+  json.erase("at_most");
+  json["limit_is"] = finding.at_most ? "at most" : "at least";
+  json["kept"] = kept(finding);
+  return json;
 }
 
 Table findings_table(const Goal& goal) {
@@ -82,26 +81,21 @@ std::vector<std::string> shortcomings(const Goal& goal) {
   return all;
 }
 
-Page goal_page(const Goal& goal, const GoalsDocument& document) {
-  Page page = begin_page("Goal: " + goal.title, document.head);
-  add_known(page, Known{{}, document.warnings, {}});
-  HeadlineGroup group{"What falls short", {}};
-  for (const std::string& sentence : shortcomings(goal))
-    group.lines.push_back({std::to_string(group.lines.size() + 1) + ".", sentence});
-  page.headlines.push_back(std::move(group));
+Section section_of(const Goal& goal, const GoalsDocument& document) {
   Section section;
-  section.id = goal.id;
-  section.title = "What was measured";
-  section.opening =
-      verdict_html(goal) + "<p class=\"by\"><a href=\"report.html\">All goals</a></p>\n" + goal.picture;
+  section.id = section_id(goal);
+  section.title = "Goal: " + goal.title;
+  section.opening = verdict_html(goal) + goal.picture;
+  for (const std::string& sentence : shortcomings(goal))
+    section.found.push_back({section.found.empty() ? "Falls short" : "", sentence});
+  section.paragraphs = document.warnings;
   section.paragraphs.push_back("Section 1.4 of the thesis asks for it; in our own words: " + goal.words);
   section.paragraphs.insert(section.paragraphs.end(), goal.method.begin(), goal.method.end());
   section.tables.push_back(findings_table(goal));
   section.tables.insert(section.tables.end(), goal.tables.begin(), goal.tables.end());
   section.figures = goal.figures;
   if (!goal.notes.empty()) section.facts.push_back({"notes", goal.notes});
-  page.sections.push_back(std::move(section));
-  return page;
+  return section;
 }
 
 }  // namespace
@@ -141,9 +135,7 @@ bool from_text(const std::string& text, Goal& goal) {
 
 std::string to_json(const GoalsDocument& document) {
   DocumentJson json = begin_json(kGoalsSchema, document.head);
-  json["quick"] = document.quick;
-  json["warnings"] = document.warnings;
-  json["notes"] = document.notes;
+  json.update({{"quick", document.quick}, {"warnings", document.warnings}, {"notes", document.notes}});
   json["goals"] = DocumentJson::array();
   for (const Goal& goal : document.goals) {
     DocumentJson findings = DocumentJson::array();
@@ -163,43 +155,30 @@ std::string to_json(const GoalsDocument& document) {
 Table goals_table(const GoalsDocument& document) {
   Table table;
   table.title = "The goals of section 1.4";
-  table.columns = {"goal", "verdict", "as asked", "farthest from what is asked"};
+  table.caption =
+      "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
+      "beside the same on a mesh of the same points, and with what falls short. A goal is reached where "
+      "every number that decides is as asked, reached in part where some are.";
+  table.columns = {"goal", "verdict", "as asked", "first that is not"};
   for (const Goal& goal : document.goals) {
     const auto good = std::count_if(goal.findings.begin(), goal.findings.end(), kept);
     const auto first = std::find_if_not(goal.findings.begin(), goal.findings.end(), kept);
-    table.rows.push_back({{goal.title},
+    table.rows.push_back({{goal.title, false, false, goal_file(goal)},
                           {name_of(verdict_of(goal)), false, verdict_of(goal) != Verdict::kReached},
                           {fmt::format("{} of {}", good, goal.findings.size())},
                           {first == goal.findings.end() ? std::string("all are kept")
                                                         : first->about + ": " + text_of(*first)}});
   }
-  table.columns.back() = "first that is not";
   table.bad_means = "not reached as a whole";
   return table;
 }
 
-Status write_goal_pages(const GoalsDocument& document, const OutputFolder& folder) {
-  for (const Goal& goal : document.goals)
-    PALPATE_TRY(folder.write(goal_file(goal), to_html(goal_page(goal, document))));
-  return Done{};
-}
-
 Page goals_page(const GoalsDocument& document) {
   Page page = begin_page("The goals of the thesis, measured", document.head);
+  page.apart = true;
+  page.tables = {goals_table(document)};
   add_known(page, Known{{}, document.warnings, document.notes});
-  Section section;
-  section.id = "goals";
-  section.title = "Seven goals, each answered by a measurement";
-  for (const Goal& goal : document.goals)
-    section.opening += fmt::format(
-        "<p class=\"verdict {0}\"><a href=\"{1}\">{2}</a>: <strong>{3}</strong></p>\n",
-        class_of(verdict_of(goal)), goal_file(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
-  section.paragraphs.emplace_back(
-      "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
-      "beside the same on a mesh of the same points, and with what falls short. A goal is reached where "
-      "every number that decides is as asked, reached in part where some are.");
-  section.tables.push_back(goals_table(document));
-  page.sections.push_back(std::move(section));
+  for (const Goal& goal : document.goals) page.sections.push_back(section_of(goal, document));
   return page;
 }
 
@@ -266,7 +245,6 @@ Result<int> run_goals(const GoalsArguments& arguments, Context& context) {
   PALPATE_TRY(measure_goals({registry, suite, figures, arguments.quick, arguments.threads}, document));
   if (suite.partial()) return suite.leave();
   suite.progress().report("drawing the pages", -1.0);
-  PALPATE_TRY(write_goal_pages(document, suite.folder()));
   PALPATE_TRY(suite.publish({kGoalsFile, to_json(document), {goals_table(document)}, document.warnings},
                             goals_page(document), arguments.json));
   const bool all = std::none_of(document.goals.begin(), document.goals.end(),

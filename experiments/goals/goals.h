@@ -60,9 +60,7 @@ struct GoalsDocument {
 };
 [[nodiscard]] std::string to_json(const GoalsDocument& document);
 [[nodiscard]] Table goals_table(const GoalsDocument& document);
-/// Writes a page per goal.
-[[nodiscard]] Status write_goal_pages(const GoalsDocument& document, const OutputFolder& folder);
-/// The first page, with a line and link per goal.
+/// The first page, with a line and link per goal, and a page for each.
 [[nodiscard]] Page goals_page(const GoalsDocument& document);
 
 /// A 1 kHz servo loop's.

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <utility>
 
 #include <palpate/clock.h>
@@ -13,18 +12,9 @@
 #include "experiments/hunt/input_json.h"
 #include "experiments/hunt/trial.h"
 #include "toolkit/core/hash.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
-namespace {
-
-std::string case_name(const Quest& quest, const std::string& what) {
-  return quest.renderer.label + "-" + what;
-}
-std::string fault_name(std::size_t k) {
-  return fmt::format("fault-{}", k + 1);
-}
-
-}  // namespace
 
 PALPATE_JSON_MEMBERS(Found, score, trial, frame, trial_input)
 PALPATE_JSON_MEMBERS(Fault, what, trial, trial_input)
@@ -85,24 +75,26 @@ Result<std::string> write_found(const OutputFolder& folder, const std::vector<Qu
     trials += quest.trials;
     spent_s += quest.spent_s;
     DocumentJson worst = DocumentJson::array(), faults = DocumentJson::array();
-    const auto write = [&](const std::string& name, const TrialInput& trial_input) -> Result<DocumentJson> {
+    const auto write = [&](const std::string& what, const TrialInput& trial_input,
+                           DocumentJson row) -> Result<DocumentJson> {
+      const std::string name = quest.renderer.label + "-" + what;
       PALPATE_TRY(write_case(folder, name, trial_input, renderer_of(quest, trial_input)));
-      return DocumentJson{{"case", name + ".toml"}, {"command", command_of(folder, name)}};
+      row.update({{"case", name + ".toml"}, {"command", command_of(folder, name)}});
+      return row;
     };
     for (std::size_t g = 0; g < kGoals; ++g) {
       const auto& found = quest.worst[g];
       if (!found || !(found->score > 0.0)) continue;
-      const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
-      PALPATE_ASSIGN(DocumentJson one, write(case_name(quest, goal.name), found->trial_input));
-      DocumentJson row = {
-          {"goal", goal.name}, {"score", found->score}, {"trial", found->trial}, {"frame", found->frame}};
-      row.update(one);
+      const char* const goal = info_of(static_cast<HuntGoal>(g)).name;
+      PALPATE_ASSIGN(
+          DocumentJson row,
+          write(goal, found->trial_input,
+                {{"goal", goal}, {"score", found->score}, {"trial", found->trial}, {"frame", found->frame}}));
       worst.push_back(std::move(row));
     }
-    for (std::size_t k = 0; k < quest.faults.size(); ++k) {
-      PALPATE_ASSIGN(DocumentJson one, write(case_name(quest, fault_name(k)), quest.faults[k].trial_input));
-      DocumentJson row = {{"what", quest.faults[k].what}, {"trial", quest.faults[k].trial}};
-      row.update(one);
+    for (const Fault& fault : quest.faults) {
+      PALPATE_ASSIGN(DocumentJson row, write(fmt::format("fault-{}", faults.size() + 1), fault.trial_input,
+                                             {{"what", fault.what}, {"trial", fault.trial}}));
       faults.push_back(std::move(row));
     }
     renderers.push_back({{"label", quest.renderer.label},
@@ -114,13 +106,11 @@ Result<std::string> write_found(const OutputFolder& folder, const std::vector<Qu
                          {"worst", worst},
                          {"faults", faults}});
   }
-  const std::string text = document_text({{"schema", "palpate-hunt-1"},
-                                          {"seed", seed},
-                                          {"trials", trials},
-                                          {"spent_s", spent_s},
-                                          {"renderers", renderers}});
-  PALPATE_TRY(folder.write("hunt.json", text));
-  return text;
+  return document_text({{"schema", "palpate-hunt-1"},
+                        {"seed", seed},
+                        {"trials", trials},
+                        {"spent_s", spent_s},
+                        {"renderers", renderers}});
 }
 
 namespace {
@@ -251,23 +241,49 @@ class Hunt {
   std::vector<Quest> quests_;
 };
 
-/// A line a renderer and its faults; `whole`: the worst of every goal too.
-void print(const std::vector<Quest>& quests, const OutputFolder& folder, bool whole) {
-  for (const Quest& quest : quests) {
-    fmt::print("{}: {} trials ({} without a model or refused), {} frames at the bound, {} broke a promise\n",
-               quest.renderer.label, quest.trials, quest.refused, quest.bound_hits, quest.faulty);
-    for (std::size_t g = 0; whole && g < kGoals; ++g) {
-      const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
-      const auto& found = quest.worst[g];
-      if (found && found->score > 0.0)
-        fmt::print("  {:<7} {:>12.6g}  {}; trial {}, frame {}\n", goal.name, found->score, goal.text,
-                   found->trial, found->frame);
-      else
-        fmt::print("  {:<7} {:>12}  {}\n", goal.name, "none", goal.text);
+Table quests_table(const std::vector<Quest>& quests) {
+  Table table;
+  table.title = "Trials";
+  table.columns = {"renderer", "trials", "no model, or refused", "frames at the bound", "broke a promise"};
+  table.bad_means = "a promise was broken";
+  for (const Quest& quest : quests)
+    table.rows.push_back({{quest.renderer.label},
+                          {format_count(quest.trials)},
+                          {format_count(quest.refused)},
+                          {format_count(quest.bound_hits)},
+                          {format_count(quest.faulty), false, quest.faulty > 0}});
+  return table;
+}
+
+/// Rows: what was hunted; columns: renderers.
+Table worst_table(const std::vector<Quest>& quests) {
+  Table table;
+  table.title = "The worst that was found";
+  table.caption = "In brackets: trial and frame. Each is a case beside the document: RENDERER-GOAL.toml.";
+  table.columns = {"goal"};
+  for (const Quest& quest : quests) table.columns.push_back(quest.renderer.label);
+  for (std::size_t g = 0; g < kGoals; ++g) {
+    const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
+    std::vector<Cell> row = {{goal.name}};
+    for (const Quest& quest : quests) {
+      const std::optional<Found>& found = quest.worst[g];
+      row.push_back(found && found->score > 0.0
+                        ? Cell{fmt::format("{:.6g} ({}, {})", found->score, found->trial, found->frame)}
+                        : Cell{kMissingNumber});
     }
-    for (const Fault& fault : quest.faults) fmt::print("  BROKEN  {}; trial {}\n", fault.what, fault.trial);
+    table.rows.push_back(std::move(row));
+    table.notes.push_back(fmt::format("{}: {}.", goal.name, goal.text));
   }
-  fmt::print("cases: {}\n", std::filesystem::absolute(folder.path()).string());
+  return table;
+}
+
+/// The faults of all, a line each.
+std::vector<std::string> faults_of(const std::vector<Quest>& quests) {
+  std::vector<std::string> lines;
+  for (const Quest& quest : quests)
+    for (const Fault& fault : quest.faults)
+      lines.push_back(fmt::format("{}: {}; trial {}", quest.renderer.label, fault.what, fault.trial));
+  return lines;
 }
 
 }  // namespace
@@ -284,14 +300,14 @@ Result<int> hunt(const HuntArguments& arguments, Context& context) {
   Hunt hunt(arguments, registry, suite, std::move(renderers));
   PALPATE_TRY(hunt.run());
   if (suite.partial()) return suite.leave();
-  PALPATE_ASSIGN(const std::string json, write_found(suite.folder(), hunt.quests(), arguments.seed));
-  PALPATE_TRY(suite.folder().complete());
-  suite.progress().clear();
-  if (arguments.json)
-    fmt::print("{}", json);
-  else
-    print(hunt.quests(), suite.folder(), context.verbose);
-  for (const Quest& quest : hunt.quests())
+  const std::vector<Quest>& quests = hunt.quests();
+  SuiteResults results{"hunt.json", {}, {quests_table(quests), worst_table(quests)}, {}, faults_of(quests)};
+  PALPATE_ASSIGN(results.json, write_found(suite.folder(), quests, arguments.seed));
+  Page page = begin_page("The worst that a random search found", new_head(context.command_line));
+  add_known(page, {{}, results.faults, {}});
+  page.sections.push_back({"hunt", "What was found", {}, {}, results.tables, {}, {}});
+  PALPATE_TRY(suite.publish(results, page, arguments.json));
+  for (const Quest& quest : quests)
     if (quest.faulty > 0) return kExitFellShort;
   return kExitOk;
 }

@@ -30,8 +30,10 @@ int finish(Reproduction& r) {
   r.context.progress.report("writing the report", -1.0);
   const Page page = page_of(r.head, parts_of(r.steps));
   bool fell_short = false;
-  if (const Status written = r.suite.write({kReproductionFile, reproduction_json(r.head, r.steps), {}}, page);
-      !written) {
+  Status written = r.folder.write(kReproductionFile, reproduction_json(r.head, r.steps));
+  if (written) written = write_page(page, r.folder);
+  if (written) written = r.folder.complete();
+  if (!written) {
     fail(written.error(), kExitFellShort, &r.context.progress);
     fell_short = true;
   }

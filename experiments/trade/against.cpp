@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
-#include <nlohmann/json.hpp>
+#include <functional>
 #include <optional>
 
 #include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/study/study.h"
 #include "experiments/trade/dominance.h"
 #include "toolkit/core/files.h"
@@ -23,67 +24,59 @@ using metrics::ResultDocument;
 // What compare prints beside its table of six renderers, and where the report is, leaves so many of fifteen.
 constexpr std::size_t kMostLines = 2;
 
-/// A number of a result, its accessor, and its better direction.
+using MeasuredGet = std::function<std::optional<Measured>(const RendererResult&)>;
+
+/// A number of a result, its better direction, and its accessor.
 struct Looked {
   const char* key;
   bool is_time;
   bool more_is_better;
   double slack;
-  std::optional<Measured> (*of)(const RendererResult& result);
+  MeasuredGet of;
 };
 
-std::optional<Measured> measured(const std::optional<double>& value,
-                                 const std::optional<Interval>& interval) {
-  return value ? std::optional<Measured>(Measured{*value, interval}) : std::nullopt;
+template <class Part>
+MeasuredGet number_in(std::optional<Part> RendererResult::*part, std::optional<double> Part::*value,
+                      std::optional<Interval> Part::*interval) {
+  return [=](const RendererResult& r) -> std::optional<Measured> {
+    if (!(r.*part) || !(*(r.*part).*value)) return std::nullopt;
+    return Measured{*(*(r.*part).*value), *(r.*part).*interval};
+  };
 }
 
-std::optional<Measured> counted(const std::optional<metrics::Accuracy>& accuracy,
-                                std::uint64_t metrics::Accuracy::*count) {
-  return accuracy ? std::optional<Measured>(Measured{static_cast<double>((*accuracy).*count)}) : std::nullopt;
+MeasuredGet count_in(std::uint64_t metrics::Accuracy::*count) {
+  return [=](const RendererResult& r) -> std::optional<Measured> {
+    if (!r.accuracy) return std::nullopt;
+    return Measured{static_cast<double>((*r.accuracy).*count)};
+  };
+}
+
+std::optional<Measured> fresh_preparation(const RendererResult& r) {
+  if (!r.prepare || prepared_from_cache(r)) return std::nullopt;
+  return Measured{r.prepare->total_ms};
+}
+
+std::optional<Measured> memory_bytes(const RendererResult& r) {
+  if (!r.prepare) return std::nullopt;
+  return Measured{static_cast<double>(r.prepare->bytes)};
 }
 
 const std::vector<Looked>& looked_at() {
+  using R = RendererResult;
+  using F = trace::FrameStatistics;
+  using A = metrics::Accuracy;
   static const std::vector<Looked> kAll = {
-      {"frame_all.mean_us", true, false, 0.0,
-       [](const RendererResult& r) {
-         return r.frame_all ? measured(r.frame_all->mean_us, r.frame_all->mean_interval_us) : std::nullopt;
-       }},
-      {"frame_all.p999_us", true, false, 0.0,
-       [](const RendererResult& r) {
-         return r.frame_all ? measured(r.frame_all->p999_us, r.frame_all->p999_interval_us) : std::nullopt;
-       }},
-      {"frame.mean_us", true, false, 0.0,
-       [](const RendererResult& r) {
-         return r.frame ? measured(r.frame->mean_us, r.frame->mean_interval_us) : std::nullopt;
-       }},
-      {"prepare.total_ms", true, false, kOncePrepared,
-       [](const RendererResult& r) {
-         const bool fresh = r.prepare && !(r.prepare_clock && r.prepare_clock->from_cache);
-         return fresh ? std::optional<Measured>(Measured{r.prepare->total_ms}) : std::nullopt;
-       }},
-      {"memory.bytes", false, false, 0.0,
-       [](const RendererResult& r) {
-         return r.prepare ? std::optional<Measured>(Measured{static_cast<double>(r.prepare->bytes)})
-                          : std::nullopt;
-       }},
+      {"frame_all.mean_us", true, false, 0.0, number_in(&R::frame_all, &F::mean_us, &F::mean_interval_us)},
+      {"frame_all.p999_us", true, false, 0.0, number_in(&R::frame_all, &F::p999_us, &F::p999_interval_us)},
+      {"frame.mean_us", true, false, 0.0, number_in(&R::frame, &F::mean_us, &F::mean_interval_us)},
+      {"prepare.total_ms", true, false, kOncePrepared, fresh_preparation},
+      {"memory.bytes", false, false, 0.0, memory_bytes},
       {"accuracy.force_rms_percent", false, false, 0.0,
-       [](const RendererResult& r) {
-         return r.accuracy ? measured(r.accuracy->force_rms_percent, r.accuracy->force_rms_percent_interval)
-                           : std::nullopt;
-       }},
+       number_in(&R::accuracy, &A::force_rms_percent, &A::force_rms_percent_interval)},
       {"accuracy.indistinguishable_percent", false, true, 0.0,
-       [](const RendererResult& r) {
-         return r.accuracy
-                    ? measured(r.accuracy->indistinguishable_percent, r.accuracy->indistinguishable_interval)
-                    : std::nullopt;
-       }},
-      {"accuracy.missed_contact_frames", false, false, 0.0,
-       [](const RendererResult& r) {
-         return counted(r.accuracy, &metrics::Accuracy::missed_contact_frames);
-       }},
-      {"accuracy.false_contact_frames", false, false, 0.0,
-       [](const RendererResult& r) { return counted(r.accuracy, &metrics::Accuracy::false_contact_frames); }},
-  };
+       number_in(&R::accuracy, &A::indistinguishable_percent, &A::indistinguishable_interval)},
+      {"accuracy.missed_contact_frames", false, false, 0.0, count_in(&A::missed_contact_frames)},
+      {"accuracy.false_contact_frames", false, false, 0.0, count_in(&A::false_contact_frames)}};
   return kAll;
 }
 
@@ -218,18 +211,18 @@ std::string changes_text(const Changes& changes, std::size_t columns) {
 }
 
 std::string to_json(const Changes& changes, const ResultDocument& before, const ResultDocument& after) {
-  nlohmann::ordered_json json = {{"schema", kAgainstSchema},
-                                 {"before", {{"commit", before.commit}, {"started_utc", before.started_utc}}},
-                                 {"after", {{"commit", after.commit}, {"started_utc", after.started_utc}}},
-                                 {"changes", nlohmann::ordered_json::array()},
-                                 {"notes", changes.notes}};
+  DocumentJson json = {{"schema", kAgainstSchema},
+                       {"before", {{"commit", before.commit}, {"started_utc", before.started_utc}}},
+                       {"after", {{"commit", after.commit}, {"started_utc", after.started_utc}}},
+                       {"changes", DocumentJson::array()},
+                       {"notes", changes.notes}};
   for (const Change& c : changes.all)
     json["changes"].push_back({{"label", c.label},
                                {"number", c.number},
                                {"before", c.before},
                                {"after", c.after},
                                {"verdict", verdict_text(c.verdict)}});
-  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return document_text(json);
 }
 
 }  // namespace palpate::experiments

@@ -7,11 +7,14 @@
 
 #include <palpate/registry.h>
 #include <palpate/result.h>
-#include "experiments/driver/json_document.h"
+#include "experiments/driver/json_members.h"
 #include "experiments/report/fronts.h"
 #include "toolkit/core/files.h"
 
 namespace palpate::experiments {
+
+PALPATE_JSON_MEMBERS(SweepDocument, scene, path, truth, experiment, axes, full, warnings, notes, not_measured)
+
 namespace {
 
 constexpr std::size_t kMostShown = 24;  // lines of a terminal
@@ -137,19 +140,18 @@ Section section_of(const MachineRows& machine, std::size_t number, const OutputF
   const auto measured = static_cast<std::size_t>(
       std::count_if(machine.rows.begin(), machine.rows.end(), [](const Row* row) { return row->ok(); }));
   section.paragraphs.push_back(fmt::format("{} settings were measured.", format_count(measured)));
-  if (const Result<OutputFolder> figures = folder.inside("figures"))
-    section.opening += figure_html(draw(kinds_of(machine, fmt::format("kinds-{}", number)), *figures));
+  const Result<OutputFolder> figures = folder.inside("figures");
+  if (figures)
+    section.figures.push_back(draw(kinds_of(machine, fmt::format("kinds-{}", number)), *figures));
+  else
+    section.paragraphs.push_back(figures.error().message());
   for (const Cost cost : kCosts) {
     const std::vector<FrontPoint> points = points_of(machine, cost);
-    const std::string name = fmt::format("front-{}-{}", name_of(cost), number);
-    Figure figure{name, {}, {}, {}, true};
-    if (const Result<OutputFolder> figures = folder.inside("figures"))
-      figure =
-          draw(front_chart(name, fmt::format("Accuracy against {}", name_of(cost)), cost_label(cost), points),
-               *figures);
-    else
-      figure.caption = figures.error().message();
-    section.opening += figure_html(figure);
+    if (figures)
+      section.figures.push_back(
+          draw(front_chart(fmt::format("front-{}-{}", name_of(cost), number),
+                           fmt::format("Accuracy against {}", name_of(cost)), cost_label(cost), points),
+               *figures));
     section.tables.push_back(numbered_table(numbered(points), cost));
   }
   for (Table table : {dominated_table(machine), failed_table(machine)})
@@ -195,15 +197,8 @@ DocumentJson rows_json(const SweepDocument& document) {
 
 std::string to_json(const SweepDocument& document) {
   DocumentJson json = begin_json(kSweepSchema, document.head);
-  json["scene"] = document.scene;
-  json["path"] = document.path;
-  json["truth"] = document.truth;
-  json["experiment"] = document.experiment;
-  json["axes"] = document.axes;
-  json["full"] = document.full;
+  to_json(json, document);
   json["budget_s"] = document.budget_s > 0.0 ? DocumentJson(document.budget_s) : DocumentJson(nullptr);
-  json["warnings"] = document.warnings;
-  json["notes"] = document.notes;
   json["machines"] = DocumentJson::array();
   for (const MachineRows& m : by_machine(document, std::vector<Standing>(document.rows.size())))
     json["machines"].push_back({{"hash", m.machine.hash},
@@ -211,42 +206,26 @@ std::string to_json(const SweepDocument& document) {
                                 {"cpu", m.machine.cpu},
                                 {"cores", m.machine.cores}});
   json["rows"] = rows_json(document);
-  json["not_measured"] = document.not_measured;
   return document_text(json);
 }
 
 Result<SweepDocument> read_sweep(const std::string& folder) {
   const std::string file = (std::filesystem::path(folder) / kSweepFile).string();
   PALPATE_ASSIGN(const std::string text, read_file(file, kMostRowsBytes));
-  const nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+  nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
   const auto wrong = [&](const std::string& what) {
     return Error{what, "let `palpate compare sweep` write the folder again: it keeps what was measured",
                  file};
   };
   if (!json.is_object() || json.value("schema", nlohmann::json()) != kSweepSchema)
     return wrong(fmt::format("is no document of schema {}", kSweepSchema));
+  json.emplace("full", false);  // where an earlier version left it out
   SweepDocument document;
-  for (const auto& [key, value] : {std::pair{"scene", &document.scene},
-                                   {"path", &document.path},
-                                   {"truth", &document.truth},
-                                   {"experiment", &document.experiment},
-                                   {"version", &document.head.version},
-                                   {"commit", &document.head.commit},
-                                   {"build", &document.head.build}}) {
-    if (!json.contains(key) || !json[key].is_string()) return wrong(fmt::format("has no right '{}'", key));
-    *value = json[key].get<std::string>();
+  try {
+    json.get_to(document);
+  } catch (const nlohmann::json::exception& problem) {
+    return wrong(fmt::format("cannot be read: {}", problem.what()));
   }
-  for (const auto& [key, list] : {std::pair{"axes", &document.axes},
-                                  {"not_measured", &document.not_measured},
-                                  {"warnings", &document.warnings},
-                                  {"notes", &document.notes}}) {
-    if (!json.contains(key) || !json[key].is_array()) return wrong(fmt::format("has no right '{}'", key));
-    for (const nlohmann::json& one : json[key]) {
-      if (!one.is_string()) return wrong(fmt::format("has no right '{}'", key));
-      list->push_back(one.get<std::string>());
-    }
-  }
-  document.full = json.contains("full") && json["full"] == true;
   PALPATE_ASSIGN(document.rows, read_rows((std::filesystem::path(folder) / kRowsFile).string()));
   if (!document.rows.empty() && document.rows.front().experiment != document.experiment)
     return wrong(fmt::format("is of another scene, path or version than {} beside it", kRowsFile));

@@ -5,8 +5,10 @@
 
 #include <array>
 #include <concepts>
+#include <exception>
 #include <set>
 #include <span>
+#include <stdexcept>
 
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
@@ -21,6 +23,9 @@ constexpr const char* kRowSchema = "palpate-row/1";
 constexpr const char* kIntervalKey = "_interval";
 constexpr const char* kRowRemedy =
     "take the line out of the file, or the whole file away to measure everything again";
+
+/// Counts beyond it are not whole numbers in every reader of JSON.
+constexpr std::uint64_t kMostCount = std::uint64_t{1} << 53;
 
 using RowOptions = std::vector<std::pair<std::string, std::string>>;
 
@@ -61,6 +66,14 @@ void each_field(Fields& fields, RowOf& row) {
   fields("measured_utc", row.measured_utc);
 }
 
+template <class Fields, class MachineOf>
+void each_machine_field(Fields& fields, MachineOf& machine) {
+  fields("name", machine.name);
+  fields("cpu", machine.cpu);
+  fields("hash", machine.hash);
+  fields("cores", machine.cores);
+}
+
 struct RowWriter {
   DocumentJson json = DocumentJson::object();
 
@@ -82,106 +95,61 @@ struct RowWriter {
   }
 };
 
-/// Reads keys and remembers the first invalid one.
-class RowReader {
- public:
-  explicit RowReader(const nlohmann::json& json) : json_(json) {}
-  [[nodiscard]] const std::string& wrong() const { return wrong_; }
+/// Throws a std::exception at the first wrong value; `key` names it.
+struct RowReader {
+  const nlohmann::json& json;
+  std::string key{};
 
-  void operator()(const char* key, std::string& value) {
-    plain_value(key, value, &nlohmann::json::is_string);
-  }
-  void operator()(const char* key, bool& value) { plain_value(key, value, &nlohmann::json::is_boolean); }
-  void operator()(const char* key, double& value) { plain_value(key, value, &nlohmann::json::is_number); }
-  template <std::integral T>
-  void operator()(const char* key, T& value) {
-    const auto* at = find(key, &nlohmann::json::is_number_integer);
-    if (at == nullptr) return;
-    if (at->is_number_unsigned() && at->get<std::uint64_t>() <= std::uint64_t{1} << 53)
-      value = static_cast<T>(at->get<std::uint64_t>());
-    else
-      blame(key);
+  void require(const char* name, bool right) {
+    key = name;
+    if (!right) throw std::invalid_argument(name);
   }
   template <class T>
-  void operator()(const char* key, std::optional<T>& value) {
-    if (const auto at = json_.find(key); at != json_.end() && at->is_null()) return;
-    (*this)(key, value.emplace());
+  void operator()(const char* name, T& value) {
+    const nlohmann::json& at = json.at(key = name);
+    if constexpr (std::integral<T> && !std::same_as<T, bool>)
+      require(name, at.is_number_unsigned() && at.get<std::uint64_t>() <= kMostCount);
+    at.get_to(value);
   }
-  void operator()(const char* key, Measured& measured) {
-    (*this)(key, measured.value);
-    const auto ends = json_.find(std::string(key) + kIntervalKey);
-    if (ends == json_.end()) return;
-    if (!ends->is_array() || ends->size() != 2 || !(*ends)[0].is_number() || !(*ends)[1].is_number())
-      return blame(key);
-    measured.interval = Interval{(*ends)[0].get<double>(), (*ends)[1].get<double>()};
-    if (!(measured.interval->low <= measured.interval->high)) blame(key);
-  }
-  void operator()(const char* key, RowOptions& options) {
-    const nlohmann::json* all = find(key, &nlohmann::json::is_object);
-    if (all == nullptr) return;
-    for (const auto& [name, value] : all->items()) {
-      if (!value.is_string()) return blame(key);
-      options.emplace_back(name, value.get<std::string>());
-    }
-  }
-  void operator()(const char* key, std::vector<std::string>& list) {
-    const nlohmann::json* all = find(key, &nlohmann::json::is_array);
-    if (all == nullptr) return;
-    for (const nlohmann::json& one : *all) {
-      if (!one.is_string()) return blame(key);
-      list.push_back(one.get<std::string>());
-    }
-  }
-  void derived(const char* /*key*/, const Row& /*row*/) {}
-
-  const nlohmann::json* find(const char* key, bool (nlohmann::json::*is)() const noexcept) {
-    const auto at = json_.find(key);
-    if (at != json_.end() && ((*at).*is)()) return &*at;
-    blame(key);
-    return nullptr;
-  }
-  void blame(const char* key) {
-    if (wrong_.empty()) wrong_ = key;
-  }
-
- private:
   template <class T>
-  void plain_value(const char* key, T& value, bool (nlohmann::json::*is)() const noexcept) {
-    if (const auto* at = find(key, is)) value = at->get<T>();
+  void operator()(const char* name, std::optional<T>& value) {
+    if (!json.at(key = name).is_null()) (*this)(name, value.emplace());
   }
-  const nlohmann::json& json_;
-  std::string wrong_;
+  void operator()(const char* name, Measured& measured) {
+    (*this)(name, measured.value);
+    const auto ends = json.find(std::string(name) + kIntervalKey);
+    if (ends == json.end()) return;
+    measured.interval = Interval{ends->at(0).get<double>(), ends->at(1).get<double>()};
+    require(name, measured.interval->low <= measured.interval->high);
+  }
+  void operator()(const char* name, RowOptions& options) {
+    for (const auto& [option, value] : json.at(key = name).get_ref<const nlohmann::json::object_t&>())
+      options.emplace_back(option, value.get<std::string>());
+  }
+  void derived(const char* /*name*/, const Row& /*row*/) {}
 };
-
-void read_machine(RowReader& read, RowMachine& machine) {
-  const nlohmann::json* json = read.find("machine", &nlohmann::json::is_object);
-  if (json == nullptr) return;
-  RowReader inner(*json);
-  inner("name", machine.name);
-  inner("cpu", machine.cpu);
-  inner("hash", machine.hash);
-  inner("cores", machine.cores);
-  if (!inner.wrong().empty() || machine.hash.empty()) read.blame("machine");
-}
 
 Result<Row> row_of(const nlohmann::json& json) {
   Row row;
-  RowReader read(json);
-  std::string schema;
-  read("schema", schema);
-  if (schema != kRowSchema) read.blame("schema");
-  read("experiment", row.experiment);
-  read_machine(read, row.machine);
-  each_field(read, row);
-  if (row.setting.empty()) read.blame("setting");
-  if (row.experiment.empty()) read.blame("experiment");
-  if (row.status != "ok" && row.status != "failed" && row.status != "did-not-finish") read.blame("status");
-  if (row.rate_divisor < 1) read.blame("rate_divisor");
-  if (row.ok() && !(row.prepare_ms && row.frame_mean_us && row.frame_p999_us && row.load_percent &&
-                    row.bytes && row.error_p95_percent))
-    read.blame("status");
-  if (!read.wrong().empty())
-    return Error{fmt::format("this row has no right '{}'", read.wrong()), kRowRemedy};
+  RowReader read{json};
+  try {
+    std::string schema;
+    read("schema", schema);
+    read.require("schema", schema == kRowSchema);
+    read("experiment", row.experiment);
+    RowReader machine{json.at(read.key = "machine")};
+    each_machine_field(machine, row.machine);
+    read.require("machine", !row.machine.hash.empty());
+    each_field(read, row);
+    read.require("setting", !row.setting.empty());
+    read.require("experiment", !row.experiment.empty());
+    read.require("rate_divisor", row.rate_divisor >= 1);
+    const bool measured = row.prepare_ms && row.frame_mean_us && row.frame_p999_us && row.load_percent &&
+                          row.bytes && row.error_p95_percent;
+    read.require("status", row.ok() ? measured : row.status == "failed" || row.status == "did-not-finish");
+  } catch (const std::exception&) {
+    return Error{fmt::format("this row has no right '{}'", read.key), kRowRemedy};
+  }
   return row;
 }
 
@@ -214,13 +182,9 @@ std::string measured_text(const Row& row) {
 }
 
 std::string row_text(const Row& row) {
-  DocumentJson json = {{"schema", kRowSchema},
-                       {"experiment", row.experiment},
-                       {"machine",
-                        {{"name", row.machine.name},
-                         {"cpu", row.machine.cpu},
-                         {"hash", row.machine.hash},
-                         {"cores", row.machine.cores}}}};
+  RowWriter machine;
+  each_machine_field(machine, row.machine);
+  DocumentJson json = {{"schema", kRowSchema}, {"experiment", row.experiment}, {"machine", machine.json}};
   json.update(measured_json(row));
   return json.dump(-1, ' ', false, DocumentJson::error_handler_t::replace);
 }

@@ -223,6 +223,13 @@ TEST_F(HuntCommand, TheSameTrialsFindTheSameAndACaseReplaysAlone) {
     if (first.is_null()) first = found;
     EXPECT_EQ(found, first);
   }
+  // The page is drawn again from what is in the folder.
+  const std::string page = text_in("one/report.html");
+  EXPECT_THAT(page, HasSubstr("counted steps of one frame"));
+  expect_valid("page", text_in("one/page.json"));
+  std::filesystem::remove(in("one/report.html"));
+  succeeds("report @/one");
+  EXPECT_EQ(text_in("one/report.html"), page);
   const json& worst = first["renderers"][0]["worst"];
   ASSERT_FALSE(worst.empty());
   const std::string scene = in("one/" + worst[0]["case"].get<std::string>());

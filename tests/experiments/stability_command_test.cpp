@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include <limits>
+#include <map>
 
 #include "experiments/goals/goals.h"
 #include "experiments/goals/pinned_loop.h"
@@ -179,6 +180,18 @@ TEST_F(GoalsCommand, WritesAPageForEachGoal) {
     EXPECT_THAT(page, HasSubstr("<svg")) << goal["id"] << " has no plot";
   }
   EXPECT_EQ(document["goals"].size(), 7u);
+  // Every page is drawn again from the folder, its pictures by their scripts.
+  expect_valid("page", text_in("out/goals/page.json"));
+  std::map<std::string, std::string> pages;
+  for (const auto& entry : std::filesystem::directory_iterator(in("out/goals")))
+    if (entry.path().extension() == ".html") pages[entry.path().filename()] = file_text(entry.path());
+  EXPECT_EQ(pages.size(), 8u);
+  for (const auto& [name, page] : pages) std::filesystem::remove(in("out/goals/" + name));
+  std::filesystem::remove(in("out/goals/figures/goal-fidelity.svg"));
+  succeeds("report @/out/goals");
+  for (const auto& [name, page] : pages) EXPECT_TRUE(text_in("out/goals/" + name) == page) << name;
+  std::ofstream(in("out/goals/page.json")) << "{\"schema\": \"palpate-page/1\"}";
+  refuses("page.json", "report @/out/goals");
   // On points of even quality what is ours is no mesh, and the mesh is one.
   for (const auto& finding : document["goals"][1]["findings"])
     if (finding["about"] == "cloud, models that it does not feel as points") {
