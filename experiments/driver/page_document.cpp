@@ -49,10 +49,12 @@ void put_scripts(std::vector<Section>& sections) {
 }
 
 Status draw_scripts(std::vector<Section>& sections, const OutputFolder& folder) {
-  PALPATE_ASSIGN(const OutputFolder figures, folder.inside(kFigures));
   for (Section& section : sections)
-    for (Figure& figure : section.figures)
-      if (!figure.svg.empty()) figure = drawn_again(std::move(figure), figures);
+    for (Figure& figure : section.figures) {
+      if (figure.svg.empty()) continue;
+      PALPATE_ASSIGN(const OutputFolder figures, folder.inside(kFigures));
+      figure = drawn_again(std::move(figure), figures);
+    }
   return Done{};
 }
 

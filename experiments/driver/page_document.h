@@ -1,5 +1,5 @@
-// A page as a document: all that its HTML is drawn from, kept beside it in page.json. A drawn figure stands
-// in it as the script that draws it.
+// A page as a document: all that its HTML is drawn from, kept beside it in page.json. A drawn figure of a
+// section stands in it as the script that draws it.
 #pragma once
 
 #include <string>

@@ -51,7 +51,7 @@ inline constexpr std::size_t kMostFaults = 5;
 /// Command that replays a case.
 [[nodiscard]] std::string command_of(const OutputFolder& folder, const std::string& name);
 
-/// Writes all cases and the document that names them.
+/// Writes all cases. The text of the document that names them.
 [[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const std::vector<Quest>& quests,
                                               std::uint64_t seed);
 

@@ -120,7 +120,7 @@ void LiveStream::run() {
   }
 }
 
-/// Gives what has arrived by then.
+/// Gives what has arrived by then; in real time, by now.
 void LiveStream::pump(double until_s) {
   if (first_) base_s_ = tick_s_.load(std::memory_order_relaxed);
   while (!ending_.load(std::memory_order_acquire) && (has_next_ || read_next())) {

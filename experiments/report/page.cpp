@@ -12,14 +12,15 @@
 
 namespace palpate::experiments {
 
+namespace {
+
+/// A figure as it stands on a page: picture, title and caption.
 std::string figure_html(const Figure& figure) {
   return fmt::format("<figure{}><h3>{}</h3>{}<figcaption>{}</figcaption></figure>\n",
                      figure.wide ? " class=\"wide\"" : "", html_escaped(figure.title),
                      figure.svg.empty() ? "" : "<div class=\"picture\">" + figure.svg + "</div>",
                      html_escaped(figure.caption));
 }
-
-namespace {
 
 /// Terms and what is said of each.
 std::string terms(const std::vector<std::pair<std::string, std::string>>& items, const char* kind) {
@@ -288,7 +289,7 @@ p { margin:.5rem 0; max-width:48rem; overflow-wrap:anywhere; }
 .headline h2 { font-size:1.02rem; margin:1rem 0 .25rem; padding:0; border:0; }
 .known { border:1px solid var(--line); border-left:5px solid var(--bad); border-radius:6px; background:var(--card); padding:.4rem 1.2rem .7rem; margin:1.2rem 0; font-size:.95rem; }
 .known h2 { font-size:1.02rem; margin:.5rem 0 .25rem; padding:0; border:0; } .known ul { margin:.2rem 0; padding-left:1.1rem; } .known li { overflow-wrap:anywhere; } .known .warning strong { color:var(--bad); }
-.verdict { max-width:none; margin:.5rem 0; padding:.5rem .9rem; border-left:5px solid var(--bad); background:var(--card); } .verdict.reached { border-color:var(--best); } .verdict.reached strong { color:var(--best); } .verdict.part { border-color:#c77700; } .verdict.missed strong { color:var(--bad); } .verdict a { color:inherit; }
+.verdict { max-width:none; margin:.5rem 0; padding:.5rem .9rem; border-left:5px solid var(--bad); background:var(--card); } .verdict.reached { border-color:var(--best); } .verdict.reached strong { color:var(--best); } .verdict.part { border-color:#c77700; } .verdict.missed strong { color:var(--bad); }
 td a, th a { color:var(--accent); } nav { font-size:.95rem; margin:.8rem 0; } nav a { color:var(--accent); margin-right:1.1rem; display:inline-block; }
 .scroll { overflow-x:auto; margin:1.1rem 0 .3rem; border:1px solid var(--line); border-radius:6px; background:var(--card); }
 table { border-collapse:collapse; width:100%; font-size:.93rem; font-variant-numeric:tabular-nums; }

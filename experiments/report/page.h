@@ -66,8 +66,6 @@ void add_study(Page& page, const Study& study, const std::string& id, const std:
 /// report.html of one study and the page behind it, drawn from its folder and put into it.
 [[nodiscard]] Status draw_report(const OutputFolder& folder);
 
-/// A figure as it stands on a page: picture, title and caption.
-[[nodiscard]] std::string figure_html(const Figure& figure);
 /// The first page.
 [[nodiscard]] std::string to_html(const Page& page);
 /// The page of one section, where they are apart.

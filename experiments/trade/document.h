@@ -27,7 +27,7 @@ struct SweepDocument {
 };
 
 [[nodiscard]] std::string to_json(const SweepDocument& document);
-/// Reads a sweep's head; its rows are in rows.jsonl beside it. Errors name file and key.
+/// Reads a sweep's head; its rows are in rows.jsonl beside it. Errors name the file.
 [[nodiscard]] Result<SweepDocument> read_sweep(const std::string& folder);
 
 /// Tables of undominated rows, most accurate first, one per machine.

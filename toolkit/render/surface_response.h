@@ -184,7 +184,7 @@ struct FacetStiffness {
 }
 
 // Spreads jumps of the god object over several frames, so that a hand feels no step: corrections of the held
-// place, also those that release or catch the HIP, slips over edges, changes of the surface.
+// place, also those that release or catch the HIP, slips over edges, a coarser surface that takes over.
 
 /// Belongs to one contact. A pull that changes in a frame by a kFrames-th of itself and by kFaster times the
 /// HIP's motion jumps; one of a free HIP is zero. It then changes by at most that share and the HIP's motion

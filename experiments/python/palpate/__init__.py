@@ -118,7 +118,7 @@ def compare(renderers: Sequence[Union[str, Renderer, PythonRenderer, type]], pat
 
     renderers: names with options ("cloud:refine=1:label=bare"), prepared ones (prepared anew by their options),
     classes written in Python. path: a Path, an (n, 3) array in mm at `rate_hz`, a generator, or "": one that
-    suits the scene. scene: that of the path or of the first prepared renderer where none is given.
+    suits the scene. scene: that of the first prepared renderer or of the path where none is given.
     passes, budget_s: timed passes of each renderer, and seconds that they may take. executor: of
     concurrent.futures or Dask: each renderer is a job, whose times stand beside those of its neighbours. Processes
     take names and classes, and have to be spawned: a forked one has none of our threads.
@@ -128,8 +128,9 @@ def compare(renderers: Sequence[Union[str, Renderer, PythonRenderer, type]], pat
     if executor is None or not chosen:
         document, walked, traces = _palpate._compare(chosen, path, scene, reference, passes, budget_s, rate_hz, threads)
         return Comparison(json.loads(document), walked, traces)
-    if scene is None and isinstance(path, Path):
-        scene = path.scene
+    if scene is None:
+        scene = next((one.scene for one in chosen if isinstance(one, Renderer)),
+                     path.scene if isinstance(path, Path) else None)
     jobs = [executor.submit(compare, [one], path, scene=scene, reference=reference, passes=passes, budget_s=budget_s,
                                             rate_hz=rate_hz, threads=threads) for one in chosen]
     return joined([job.result() for job in jobs])
