@@ -202,6 +202,13 @@ class CorrectionRamp {
     active_ = false;
   }
   [[nodiscard]] bool active() const noexcept { return active_; }
+  /// The surface came or went: what that changes is no jump, and may lengthen the pull.
+  void surface_moved() noexcept {
+    if (active_)
+      grows_ = true;
+    else
+      last_h_ = Vec3::Constant(kNowhere);
+  }
   /// Changes `contact`'s pull at h, which `read()` fills when nothing but the ramp holds the HIP. False if
   /// nothing is felt. Call it in every frame.
   template <class Read>

@@ -104,6 +104,7 @@ class LocalDelaunayModel {
   template <class Change>
   void put_back(FrameCounters& /*counters*/, Change&& change) noexcept {
     change(OnMoved{&contact});
+    spread.end();
     points_moved();
     state.release();
   }
@@ -133,7 +134,7 @@ class LocalDelaunayModel {
                                   });
   }
   void points_moved() noexcept {
-    spread.end();  // a surface that comes pushes at once
+    spread.surface_moved();
     contact.points_moved(
         [this](std::uint32_t place) noexcept { return deformation.deformer()->standing(place); });
   }
