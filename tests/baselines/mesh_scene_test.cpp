@@ -61,6 +61,20 @@ TEST(MeshScene, TwoModelsHoldInTheirEdgeAndThreeInTheirCorner) {
   }
 }
 
+// Eleven blocks, their tops one above the other: the deepest eight answer, and the frame says so.
+TEST(MeshScene, OfMoreThanEightTouchedTheDeepestAnswer) {
+  render::SceneInput scene;
+  for (int i = 0; i < 11; ++i)
+    scene.models.push_back(box_at({10, 10, 10}, shifted({0.1 * i, 0.3, -10 + 0.05 * i})));
+  const Vec3 start{0.1, 0.3, 4}, hip{0.05, 0.3, -1};
+  Probe probe = test::prepare(scene, kPoint);
+  const render::Frame frame = probe.press(start, hip, 0.05);
+  ASSERT_TRUE(frame.contact);
+  expect_near(frame.force_n, Vec3(0, 0, kStiffness * 1.5), 1e-9);
+  EXPECT_EQ(frame.model, 10);
+  EXPECT_EQ(frame.status, render::FrameStatus::kBoundHit);
+}
+
 // Two blocks lean towards each other: the sum of their pushes is too much, jointly they hold the nearest
 // place outside of both.
 TEST(MeshScene, JointContactIsOutsideOfAllAndTheSumIsNot) {

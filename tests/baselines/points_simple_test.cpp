@@ -4,9 +4,7 @@
 #include "baselines/points/point_grid.h"
 #include "baselines/points/sphere_proxy.h"
 #include "baselines/points/vector_field.h"
-#include "baselines/reconstruct/method_functions.h"
 #include "tests/baselines/small_models.h"
-#include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::test {
 namespace {

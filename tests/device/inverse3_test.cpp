@@ -86,7 +86,6 @@ TEST(PackedForce, KeepsEveryForceToItsStepAndTheDirectionBeyond) {
 class PretendedTextLink final : public TextLink {
  public:
   Status open(TextPeer& to) override {
-    if (refuses) return Error{"no service", "start it"};
     peer = &to;
     return Done{};
   }
@@ -100,7 +99,6 @@ class PretendedTextLink final : public TextLink {
     std::string answer;
     while (peer->give(answer)) sent.push_back(answer);
   }
-  bool refuses = false;
   TextPeer* peer = nullptr;
   std::vector<std::string> sent;
 };
@@ -109,10 +107,7 @@ struct Inverse3Rig {
   Inverse3Rig() {
     Inverse3Options options;
     options.open_tries = 5;
-    options.wait = [this] {
-      if (says.empty()) return;
-      link->say(says);
-    };
+    options.wait = [this] { link->say(says); };
     options.http = [this](const HttpRequest& request) -> Result<HttpAnswer> {
       requests.push_back(request);
       if (http_fails) return Error{"refused"};

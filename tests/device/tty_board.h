@@ -25,11 +25,7 @@ class TtyBoard {
   /// Called in the board's thread with what has just come.
   using Answer = std::function<Bytes(std::span<const std::uint8_t>)>;
 
-  /// kLater: with start(), for a test that forks first. What another thread holds at a fork stays held in the
-  /// child for ever.
-  enum class Starts : std::uint8_t { kNow, kLater };
-
-  explicit TtyBoard(Answer answer = {}, Starts starts = Starts::kNow) : answer_(std::move(answer)) {
+  explicit TtyBoard(Answer answer = {}) : answer_(std::move(answer)) {
     master_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
     ::grantpt(master_);
     ::unlockpt(master_);
@@ -40,15 +36,12 @@ class TtyBoard {
     ::tcgetattr(held_, &line);
     ::cfmakeraw(&line);
     ::tcsetattr(held_, TCSANOW, &line);
-    if (starts == Starts::kNow) start();
+    thread_ = std::thread([this] { run(); });
   }
   TtyBoard(const TtyBoard&) = delete;
   TtyBoard& operator=(const TtyBoard&) = delete;
   ~TtyBoard() { unplug(); }
 
-  void start() {
-    thread_ = std::thread([this] { run(); });
-  }
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] Bytes received() const {
     const std::lock_guard lock(mutex_);

@@ -1,12 +1,8 @@
 // The serial link over a pseudo-terminal, and the hand-over of commands between threads.
 #include "device/links/tty_link.h"
 
-#include <signal.h>
-#include <sys/wait.h>
+#include <cstring>
 
-#include <set>
-
-#include <palpate/device/guard.h>
 #include "device/arms/arm_device.h"
 #include "device/haply/planar_device.h"
 #include "device/interface/driver_options.h"

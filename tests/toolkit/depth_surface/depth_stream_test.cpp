@@ -170,6 +170,15 @@ TEST(DepthStream, AMovingCameraSeesTheSameSurface) {
   }
 }
 
+TEST(DepthStream, ALensIsUndone) {
+  SimulatedCamera camera;
+  camera.camera.distortion = {-0.2, 0.05, 1e-3, -1e-3, 0.0};
+  // Seen through the lens: each pixel's ray is where the lens bends it from.
+  StreamRig rig(camera, [&](const Vec3& o, const Vec3& ray, double t) { return flat(o, ray, t); });
+  rig.prepare(kAbove);
+  EXPECT_NEAR(press(rig).force_n.z(), kPressedN, 1e-3) << "a plane across the axis has one depth everywhere";
+}
+
 TEST(DepthStream, RunsAreEqual) {
   SimulatedCamera camera;
   camera.make_noisy();

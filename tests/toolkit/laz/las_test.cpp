@@ -1,4 +1,4 @@
-// LAS and LAZ files made by the tests: what is decoded must be what was written, byte by byte, and what is
+// LAS files made by the tests, LAZ files from disk: what is decoded must be what was written, byte by byte, and what is
 // wrong must be refused with its place.
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The ground-truth renderer, against closed forms and against a fine march; no allocation in a frame.
+// The ground-truth renderer, against closed forms and against a fine march.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -7,7 +7,6 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <palpate/accuracy.h>
@@ -17,7 +16,6 @@
 #include <palpate/registry.h>
 #include <palpate/replay.h>
 #include "tests/stepped.h"
-#include "tests/toolkit/messages.h"
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/search/knn.h"

@@ -222,7 +222,7 @@ TEST(HeightFieldHoles, WhoFallsThroughIsWarned) {
   }
 }
 
-// Friction, deformation and texture on height fields: the shared stage, read from the posts.
+// Friction and texture on height fields: the shared stage, read from the posts.
 
 constexpr std::size_t kSide = 41;
 constexpr double kStiffness = 0.5;

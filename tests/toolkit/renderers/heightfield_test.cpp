@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <palpate/accuracy.h>
 #include <palpate/reference.h>

@@ -12,7 +12,6 @@
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/render/surface_response.h"
-#include "toolkit/spline_sdf/brick_grid.h"
 
 namespace palpate::render {
 namespace {

@@ -9,9 +9,7 @@
 #include <palpate/generate.h>
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/core/random.h"
-#include "toolkit/spline_sdf/fit_moments.h"
 #include "toolkit/spline_sdf/orient_patches.h"
-#include "toolkit/spline_sdf/point_interior.h"
 #include "toolkit/spline_sdf/point_noise.h"
 
 namespace palpate::render {
