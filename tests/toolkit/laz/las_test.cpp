@@ -1,5 +1,5 @@
-// LAS files made by the tests, LAZ files from disk: what is decoded must be what was written, byte by byte, and what is
-// wrong must be refused with its place.
+// LAS files made by the tests, LAZ files from disk: what is decoded must be what was written, byte by byte,
+// and what is wrong must be refused with its place.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
