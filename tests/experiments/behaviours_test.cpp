@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <stdexcept>
+#include <string_view>
 
 #include <palpate/accuracy.h>
 #include "experiments/behaviours/matrix.h"
@@ -13,6 +14,7 @@
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
+#include "toolkit/render/surface_response.h"
 
 namespace palpate::experiments {
 namespace {
@@ -69,7 +71,9 @@ TEST(Behaviours, TheLiteralFormIsWrongWhereTheCloudIsRight) {
   for (const auto& [id, least] : {std::pair{"hovering", 1000u}, std::pair{"narrow-groove", 100u},
                                   std::pair{"concave-wedge", 50u}, std::pair{"ridge", 10u}}) {
     EXPECT_GT(outcome(id, "cloud-literal").wrong, least) << id;
-    EXPECT_EQ(outcome(id, "cloud").wrong, 0u) << id;
+    // What jumps over the ridge's edge in each of five slides comes over frames.
+    const unsigned spread = std::string_view(id) == "ridge" ? 5u * render::CorrectionRamp::kFrames : 0u;
+    EXPECT_LE(outcome(id, "cloud").wrong, spread) << id;
   }
 }
 
