@@ -32,7 +32,7 @@ void add_record(LasFile& file, const std::string& user, std::uint16_t number,
 
 /// LAZ files of tests/corpus/io/laz hold kLazPoints scanned_points of seed 7 + format: "6.laz" in chunks of
 /// 500, "6_extra.laz" with three more bytes a point in chunks of their own lengths; "same_8.laz" one point
-/// over and over in a single chunk.
+/// over and over in a single chunk; "8_v4.laz" is "8_extra.laz" by version 4 of the layered items.
 inline constexpr std::size_t kLazPoints = 800, kLazChunk = 500, kLazExtraBytes = 3;
 [[nodiscard]] std::vector<std::byte> laz_bytes(const std::string& name);
 [[nodiscard]] std::vector<std::byte> laz_points(std::uint8_t format, std::size_t extra_bytes);
