@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <string_view>
 
 #include <palpate/progress.h>
 #include "tests/toolkit/laz/las_files.h"
