@@ -131,6 +131,11 @@ Result<prepared::PrepareCellsOptions> cells_options(const PrepareArguments& argu
 }
 
 Status check_large_output(const PrepareArguments& arguments, const char* ending) {
+  std::error_code none;
+  if (std::filesystem::equivalent(std::filesystem::absolute(arguments.out, none).parent_path(),
+                                  arguments.model, none))
+    return Error{"the output would lie among the tiles, and the next run would read it as one",
+                 "write it beside the folder", arguments.out};
   return check_output({arguments.out, {ending}, arguments.force || is_prepared(arguments.out)},
                       std::vector{arguments.model});
 }

@@ -359,6 +359,10 @@ TEST_F(Reading, APreparedFileIsFeltAndTakesTheScansPlace) {
   EXPECT_THAT(succeeds("prepare @/a.ply --unit cm --out @/a.palcells").out, HasSubstr("3 points in 1 cells"));
   EXPECT_THAT(succeeds("info @/a.palcells").out, HasSubstr("10 x 10 x 0 mm"));
   expect_valid("prepared", succeeds("prepare @/a.ply --unit cm --json --out @/a.palcells").out);
+  std::filesystem::create_directory(folder_ / "tiles");
+  write_text(folder_ / "tiles/a.ply", rows);
+  refuses("among the tiles", "prepare @/tiles --unit cm --out @/tiles/a.palcells");
+  succeeds("prepare @/tiles --unit cm --out @/b.palcells");
 }
 
 TEST_F(Reading, CornersFarFromTheOriginAreTold) {

@@ -275,7 +275,7 @@ Result<std::unique_ptr<PointStream>> open_point_stream(const std::string& path, 
   return stream;
 }
 
-Result<std::unique_ptr<PointStream>> open_folder_stream(const std::string& folder, int threads) {
+Result<std::vector<std::string>> files_of_folder(const std::string& folder) {
   std::error_code failed;
   std::vector<std::string> paths;
   for (const auto& entry : std::filesystem::directory_iterator(folder, failed))
@@ -284,6 +284,11 @@ Result<std::unique_ptr<PointStream>> open_folder_stream(const std::string& folde
     return Error{fmt::format("cannot list the folder: {}", failed.message()), "check the path", folder};
   if (paths.empty()) return Error{"the folder has no files", "give a folder of a scan's tiles", folder};
   std::sort(paths.begin(), paths.end());
+  return paths;
+}
+
+Result<std::unique_ptr<PointStream>> open_folder_stream(const std::string& folder, int threads) {
+  PALPATE_ASSIGN(const std::vector<std::string> paths, files_of_folder(folder));
   std::vector<std::unique_ptr<PointStream>> parts;
   StreamHeader header;
   for (const std::string& path : paths) {

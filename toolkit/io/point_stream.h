@@ -40,6 +40,8 @@ class PointStream {
 /// Opens a file by its content: LAS, LAZ, COPC, E57, PTX, PTS, binary PLY, binary PCD. Errors name the file
 /// and what to do. `threads` decode where the format allows it.
 [[nodiscard]] Result<std::unique_ptr<PointStream>> open_point_stream(const std::string& path, int threads);
+/// A folder's files, by name. Error: none, or not a folder that can be listed.
+[[nodiscard]] Result<std::vector<std::string>> files_of_folder(const std::string& folder);
 /// The same of a folder's files one after another, by name: the tiles of one scan. Files of other formats are
 /// an Error, and so is a unit that is not that of the first file.
 [[nodiscard]] Result<std::unique_ptr<PointStream>> open_folder_stream(const std::string& folder, int threads);

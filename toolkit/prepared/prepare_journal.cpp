@@ -2,11 +2,11 @@
 
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <filesystem>
 
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/hash.h"
+#include "toolkit/io/point_stream.h"
 
 namespace palpate::prepared {
 namespace {
@@ -94,16 +94,13 @@ JournalKey make_journal_key(const std::string& input_path, std::uint64_t choices
   Hash64 hash;
   hash.u64(kJournalVersion);
   hash.u64(choices);
+  std::vector<std::string> paths{input_path};
   std::error_code failed;
-  std::vector<std::string> paths;
   if (std::filesystem::is_directory(input_path, failed)) {
-    // Not the folder's own time, which an output in it changes.
-    for (const auto& entry : std::filesystem::directory_iterator(input_path, failed))
-      if (entry.is_regular_file(failed)) paths.push_back(entry.path().string());
-  } else {
-    paths.push_back(input_path);
+    Result<std::vector<std::string>> files = io::files_of_folder(input_path);
+    if (!files) return {hash.value(), true};
+    paths = *std::move(files);
   }
-  std::sort(paths.begin(), paths.end());
   constexpr std::uint64_t kMostBootBytes = 256;  // a name of 36 letters
   const Result<std::string> boot = read_file("/proc/sys/kernel/random/boot_id", kMostBootBytes);
   if (!boot) return {hash.value(), true};

@@ -189,7 +189,7 @@ struct FacetStiffness {
 /// Belongs to one contact. A pull that changes in a frame by a kFrames-th of itself and by kFaster times the
 /// HIP's motion jumps; one of a free HIP is zero. It then changes by at most that share and the HIP's motion
 /// a frame: of 1 mm at 0.5 N/mm by 0.025 N, a twentieth of a noticeable kick, and is there within a hand's
-/// reaction time. Beside a rounded edge of radius r a pull changes kFaster times as fast as a HIP r / 2 deep;
+/// reaction time. Beside a rounded edge of radius r a pull changes kFaster times as fast as a HIP 2/3 r deep;
 /// it jumps at r.
 class CorrectionRamp {
  public:
