@@ -347,7 +347,10 @@ Result<fs::path> fetch_scan(const Scan& scan, const FetchOptions& options, Progr
   }
   return Error{
       fmt::format("{} could not be fetched from any source:{}", scan.name, tried),
-      fmt::format("\n  check the network, or put the file at $PALPATE_DATA/{}", scan.sources.back().file)};
+      fmt::format(
+          "\n  check the network (behind a proxy: export http_proxy and https_proxy), or get the file in "
+          "another way: PALPATE_DATA=FOLDER finds it as FOLDER/{}",
+          scan.sources.back().file)};
 }
 
 std::uint64_t free_bytes(const fs::path& folder) {

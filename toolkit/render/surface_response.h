@@ -240,28 +240,25 @@ class CorrectionRamp {
         change.norm() > kFaster * motion.norm() && change.norm() * kFrames > std::max(wanted, last.norm());
     if (!active_ && !jumped) return;
     Vec3 moved = motion;
-    if (jumped) {
-      if (!active_) {
-        shown_ = last - motion;
-        length_ = shown_.norm();
-        rate_ = 0.0;
-        moved = Vec3::Zero();
-        grows_ = !was_held;
-        active_ = true;
-      }
-      rate_ = std::max(rate_, (grows_ ? wanted : length_) / kFrames);
+    if (jumped && !active_) {
+      shown_ = last - motion;
+      rate_ = 0.0;
+      moved = Vec3::Zero();
+      grows_ = !was_held;
+      active_ = true;
     }
+    const double length = shown_.norm();
+    if (jumped) rate_ = std::max(rate_, (grows_ ? wanted : length) / kFrames);
     // The ramp never moves the god object farther from the HIP, so it creates no energy, and a jumping HIP
     // drags no spring along. A farther target waits for the hand to go there. A HIP found behind a surface is
     // held with a growing pull.
-    const double before_now = std::min((shown_ - moved).norm(), std::max(length_, wanted));
+    const double before_now = std::min((shown_ - moved).norm(), std::max(length, wanted));
     const double most = grows_ ? std::max(before_now, wanted) : before_now;
     const Vec3 way = pull_ - shown_;
     const double left = way.norm(), step = rate_ + moved.norm();
     shown_ = left > step ? Vec3(shown_ + way * (step / left)) : pull_;
     const double size = shown_.norm();
     if (size > most) shown_ *= most / size;
-    length_ = shown_.norm();
     active_ = left > step || wanted > most;
   }
 
@@ -272,7 +269,6 @@ class CorrectionRamp {
   bool grows_ = false;                                            ///< the hold is growing
   Vec3 pull_ = Vec3::Zero(), last_h_ = Vec3::Constant(kNowhere);  ///< the contact's own, of the last frame
   Vec3 shown_ = Vec3::Zero();                                     ///< the last pull felt
-  double length_ = 0.0;                                           ///< its length
   double rate_ = 0.0;                                             ///< of the jump, mm a frame
 };
 

@@ -37,10 +37,6 @@ class DiscOccupancy {
     const int x = cell(a), y = cell(b);
     if (x >= 0 && x < cells_ && y >= 0 && y < cells_) filled_ |= bit(x, y);
   }
-  /// True if around() can hold anywhere: it needs cells on all sides.
-  [[nodiscard]] bool tells() const noexcept { return cells_ >= 3; }
-  /// The farthest place from the centre, along u and v, at which around() can hold: not in an outermost cell.
-  [[nodiscard]] double farthest() const noexcept { return 1.0 - 2.0 / cells_; }
   /// True if the cells around the place's own are occupied. A straight border that its cell crosses leaves
   /// one empty at any angle.
   [[nodiscard]] bool around(double a, double b) const noexcept {
