@@ -1,6 +1,7 @@
-// Where a reader's bytes come from: a file, memory, or a decompressor over another source. Readers see
-// nothing else, so that they work on compressed files and can be fuzzed from memory. BufferedInput gives them
-// lines of text and blocks of bytes from one stream.
+// Sources of bytes for readers: files, memory, gzip, xz.
+//
+// Readers see nothing else, so that they work on compressed files and can be fuzzed from memory.
+// BufferedInput gives them lines of text and blocks of bytes from one stream.
 #pragma once
 
 #include <cstddef>

@@ -1,21 +1,41 @@
-// The header of a LAS or LAZ file (ASPRS, "LAS Specification" 1.0 to 1.4 R15) with the records behind it that
-// matter for positions: how points are compressed, and the coordinate system. Places and counts are held
-// against the file's size; what is only wrong beside the points becomes a warning.
+// Reads the header of a LAS or LAZ file.
+//
+// ASPRS, "LAS Specification" 1.0 to 1.4 R15, with the records behind the header that matter for positions:
+// how points are compressed, and the coordinate system, whose unit stands in GeoTIFF keys (OGC 19-008) or
+// well-known text (OGC 01-009, 18-010). Offsets and counts are checked against the file's size; an error
+// beside the points becomes a warning.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <palpate/geometry.h>
+#include <palpate/read_model.h>
 #include <palpate/result.h>
 #include "toolkit/io/byte_source.h"
-#include "toolkit/io/las_unit.h"
 #include "toolkit/laz/compression.h"
 
 namespace palpate::io {
+
+struct LasUnit {
+  std::optional<Unit> unit;  ///< where the file names one that Palpate has
+  std::optional<Unit>
+      conventional_unit;  ///< otherwise metres, with a warning where that is not the true size
+  std::vector<std::string> warnings;
+};
+
+/// `keys`: the record "LASF_Projection" 34735, `text`: 2112, each empty where it is not there. Text is taken
+/// first where `prefers_text` (a bit of the header). Damaged records say nothing.
+[[nodiscard]] LasUnit unit_of_las(std::span<const std::byte> keys, std::string_view text, bool prefers_text);
+
+/// Metres of one unit of a projected or local system in well-known text, `vertical`: of its heights; nothing
+/// where the text does not say it.
+[[nodiscard]] std::optional<double> metres_of_text(std::string_view text, bool vertical);
 
 inline constexpr const char* kLasMagic = "LASF";
 

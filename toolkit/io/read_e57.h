@@ -16,8 +16,7 @@
 #include <palpate/vec.h>
 #include "toolkit/io/byte_source.h"
 #include "toolkit/io/decoding.h"
-#include "toolkit/io/e57_pages.h"
-#include "toolkit/io/e57_records.h"
+#include "toolkit/io/e57_binary.h"
 #include "toolkit/io/e57_scans.h"
 #include "toolkit/io/point_stream.h"
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "toolkit/core/bytes.h"
-#include "toolkit/io/e57_pages.h"
+#include "toolkit/io/e57_binary.h"
 
 namespace palpate::io {
 

@@ -10,7 +10,6 @@
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/files.h"
 #include "toolkit/io/las_header.h"
-#include "toolkit/io/las_points.h"
 #include "toolkit/io/read_las.h"
 
 namespace palpate::test {

@@ -13,7 +13,6 @@
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/bytes.h"
 #include "toolkit/io/las_header.h"
-#include "toolkit/io/las_points.h"
 #include "toolkit/io/read_las.h"
 
 namespace palpate::io {
