@@ -1,4 +1,4 @@
-#include "toolkit/plan/choose_renderer.h"
+#include "toolkit/plan/plan.h"
 
 #include <fmt/format.h>
 

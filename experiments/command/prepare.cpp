@@ -16,8 +16,8 @@
 #include "experiments/session/session.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/io/point_stream.h"
+#include "toolkit/prepared/prepare.h"
 #include "toolkit/prepared/prepare_journal.h"
-#include "toolkit/prepared/prepare_surface.h"
 #include "toolkit/render/prepare.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 

@@ -9,7 +9,7 @@
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/metrics/result_json.h"
-#include "toolkit/plan/choose_renderer.h"
+#include "toolkit/plan/plan.h"
 
 namespace palpate::experiments {
 namespace {

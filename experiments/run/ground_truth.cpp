@@ -9,7 +9,7 @@
 #include "baselines/reference/closest_mesh.h"
 #include "baselines/reference/mesh_reference.h"
 #include "toolkit/metrics/closest_point.h"
-#include "toolkit/plan/choose_renderer.h"
+#include "toolkit/plan/plan.h"
 
 namespace palpate::experiments {
 namespace {

@@ -10,7 +10,7 @@
 #include <palpate/motion.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "toolkit/metrics/stream_scores.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::experiments {
 

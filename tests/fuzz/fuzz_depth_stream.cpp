@@ -9,9 +9,8 @@
 #include <vector>
 
 #include "tests/fuzz/must.h"
+#include "toolkit/stream/camera_files.h"
 #include "toolkit/stream/depth_codec.h"
-#include "toolkit/stream/depth_png.h"
-#include "toolkit/stream/pose_files.h"
 
 namespace {
 

@@ -1,6 +1,8 @@
-// The generators' surfaces, each with a grid of points and patches for other samplings (random, scan lines,
-// and blue noise: random places with a least distance, over any density), and scanner defects: noise,
-// outliers, shuffled order. Internal to cloud.
+// Samples surfaces: generators' formulas, and meshes.
+//
+// Each generator's surface has a grid of points and patches for other samplings: random, scan lines, and blue
+// noise (random positions with a least distance, over any density). Defects of a scanner are noise, outliers
+// and a shuffled order. A sampled mesh stays the truth and shares no vertex with the points.
 #pragma once
 
 #include <array>
@@ -10,12 +12,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <palpate/analytic_surface.h>
 #include <palpate/cloud.h>
 #include <palpate/geometry.h>
 #include <palpate/options.h>
+#include <palpate/result.h>
 #include <palpate/vec.h>
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
@@ -207,5 +211,34 @@ template <class Table, class RandomOf>
   if (facing != nullptr) *facing = std::move(kept.facing());
   return std::move(kept.points());
 }
+
+struct MeshSampling {
+  std::string name;
+  std::string summary;
+  std::vector<OptionSpec> options;
+};
+
+/// random: uniform by area. blue: the same with a least distance of 0.7 spacings. scan: a simulated scanner's
+/// rays (scanner.h).
+[[nodiscard]] const std::vector<MeshSampling>& mesh_samplings();
+[[nodiscard]] const MeshSampling* find_mesh_sampling(std::string_view name);
+
+/// `given` completed by the sampling's defaults.
+[[nodiscard]] Result<Options> complete_sampling(const NamedOptions& given);
+
+struct MeshSamples {
+  Cloud cloud;                                          ///< without a raster
+  std::shared_ptr<const geometry::TriangleMesh> truth;  ///< the sampled mesh or its subdivision
+  std::string spec;                                     ///< the sampling with every option
+  double spacing_mm = 0.0;  ///< sqrt(area / points); for a scan the distance of rays
+  double edge_mm = 0.0;     ///< median edge of `truth`
+};
+
+/// Options of all: `points`, or `spacing` in median edges of the truth (default 1); `subdivide`: rounds of
+/// Loop subdivision first; `noise` in spacings (along the facet's normal, or a scan's ray); `seed`.
+/// Independent of the number of threads. Errors: a mesh without area, unknown names and options, too many
+/// points.
+[[nodiscard]] Result<MeshSamples> sample_mesh(std::shared_ptr<const geometry::TriangleMesh> mesh,
+                                              const NamedOptions& spec);
 
 }  // namespace palpate::cloud

@@ -18,7 +18,7 @@
 #include <palpate/read_model.h>
 #include <palpate/result.h>
 #include "toolkit/io/byte_source.h"
-#include "toolkit/laz/compression.h"
+#include "toolkit/laz/chunk_decoder.h"
 
 namespace palpate::io {
 

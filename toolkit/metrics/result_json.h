@@ -15,7 +15,7 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include "toolkit/metrics/machine_info.h"
-#include "toolkit/metrics/stream_scores.h"
+#include "toolkit/metrics/scores.h"
 
 namespace palpate::metrics {
 

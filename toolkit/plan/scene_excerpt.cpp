@@ -1,4 +1,4 @@
-#include "toolkit/plan/frame_cost.h"
+#include "toolkit/plan/plan.h"
 
 #include <algorithm>
 #include <limits>

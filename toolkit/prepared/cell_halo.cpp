@@ -6,7 +6,7 @@
 
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/prepared/cut_cells.h"
+#include "toolkit/prepared/cell_partition.h"
 
 namespace palpate::prepared {
 namespace {

@@ -13,8 +13,8 @@
 #include <palpate/result.h>
 #include "toolkit/io/point_stream.h"
 #include "toolkit/prepared/cell_lattice.h"
-#include "toolkit/prepared/count_tree.h"
-#include "toolkit/prepared/point_scratch.h"
+#include "toolkit/prepared/cell_partition.h"
+#include "toolkit/prepared/scratch_files.h"
 
 namespace palpate::prepared {
 

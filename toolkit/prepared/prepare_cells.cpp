@@ -1,4 +1,4 @@
-#include "toolkit/prepared/prepare_cells.h"
+#include "toolkit/prepared/prepare.h"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/prepared/cell_halo.h"
-#include "toolkit/prepared/cut_cells.h"
+#include "toolkit/prepared/cell_partition.h"
 #include "toolkit/prepared/point_passes.h"
 #include "toolkit/prepared/prepare_journal.h"
 

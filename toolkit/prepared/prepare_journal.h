@@ -8,8 +8,8 @@
 
 #include <palpate/result.h>
 #include "toolkit/prepared/cell_file.h"
-#include "toolkit/prepared/count_tree.h"
-#include "toolkit/prepared/point_scratch.h"
+#include "toolkit/prepared/cell_partition.h"
+#include "toolkit/prepared/scratch_files.h"
 
 namespace palpate::prepared {
 

@@ -1,4 +1,4 @@
-#include "toolkit/prepared/prepare_surface.h"
+#include "toolkit/prepared/prepare.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/prepared/chunk_scratch.h"
+#include "toolkit/prepared/scratch_files.h"
 #include "toolkit/spline_sdf/join_chunks.h"
 #include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/prepared_surface.h"

@@ -7,7 +7,7 @@
 #include <palpate/generate.h>
 #include <palpate/result.h>
 #include <palpate/scene.h>
-#include "toolkit/cloud/mesh_samples.h"
+#include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"

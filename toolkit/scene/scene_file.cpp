@@ -7,7 +7,7 @@
 
 #include <palpate/generate.h>
 #include <palpate/result.h>
-#include "toolkit/cloud/mesh_samples.h"
+#include "toolkit/cloud/sampling.h"
 #include "toolkit/control/control_stages.h"
 #include "toolkit/core/files.h"
 #include "toolkit/scene/model_keys.h"

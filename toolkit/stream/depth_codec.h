@@ -1,17 +1,41 @@
-// Depth images as bytes and back, without loss, for recordings. A float's bits grow with its value, so the
-// difference to the pixel on the left is small on a surface; its bytes are gathered by weight and packed.
+// Decodes depth images of PNG files and recordings, encodes the latter.
+//
+// A recording's images are coded without loss: a float's bits grow with its value, so the difference to the
+// pixel on the left is small on a surface; its bytes are gathered by weight and packed. PNG files have one
+// 16-bit grey channel. Hostile bytes are bounded before anything is allocated for them.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <palpate/depth_stream.h>
 #include <palpate/result.h>
 
 namespace palpate::stream {
+
+/// Longest side of an image: four times that of the largest depth cameras, and 128 MB as counts.
+inline constexpr std::uint32_t kMaxImageSide = 8192;
+
+/// Counts of a camera, row by row. Its vector keeps its memory from image to image.
+struct DepthImage {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  std::vector<std::uint16_t> counts;
+};
+
+/// Width and height that a file must have; 0: any up to kMaxImageSide.
+struct ImageSize {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+};
+
+/// Decodes a PNG file. Sizes are checked against `expected` and against what so many bytes can unpack to. An
+/// Error names no file.
+[[nodiscard]] Status read_depth_png(std::span<const std::byte> file, ImageSize expected, DepthImage& image);
 
 /// The camera of a stream, in front of its frames.
 inline constexpr std::size_t kCameraBytes = 4 + 2 * 4 + 12 * 8 + 4;

@@ -1,8 +1,18 @@
-// Opens what gives depth images, whatever it is: a folder of a recording, a camera, or a simulated one.
+// Opens sources of depth images: folders, cameras, simulated cameras.
 //
-//   room/            images with poses in the layout of TUM RGB-D, Open3D or tsdf-fusion, or organised PCD
+//   room/            images of a recording with poses, one file a frame, or organised PCD
 //   sim:wall         a stock scene under a simulated camera: sim:NAME[:option=value..]
 //   openni[:N]       the N-th camera of OpenNI2, through its plug-in
+//
+// Layouts of folders:
+//
+//   TUM RGB-D     depth.txt with times and files, groundtruth.txt; 5000 counts a metre
+//   tsdf-fusion   frame-NNNNNN.depth.png and .pose.txt; 1000 counts a metre
+//   Open3D        depth/*.png or *.png, trajectory.log; 1000 counts a metre
+//   PCD           organised *.pcd, in the order of their names; the camera follows from the points
+//
+// Intrinsics stand in camera-intrinsics.txt, camera_intrinsic.json, camera.json or intrinsic.json; without,
+// they are those of the first Kinect, scaled to the image. Without poses the camera stands still.
 #pragma once
 
 #include <memory>
@@ -25,5 +35,10 @@ struct DepthSourceOptions {
 /// @error names the source, and what would be understood.
 [[nodiscard]] Result<std::unique_ptr<DepthSource>> open_depth_source(const std::string& source,
                                                                      const DepthSourceOptions& options = {});
+
+/// Finds the layout, reads texts and the first image. Images without a pose where others have one are left
+/// out and counted in describe().
+[[nodiscard]] Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::string& folder,
+                                                                     const DepthSourceOptions& options);
 
 }  // namespace palpate::stream

@@ -8,7 +8,7 @@
 
 #include "tests/toolkit/cloud/posts.h"
 #include "tests/toolkit/messages.h"
-#include "toolkit/cloud/mesh_samples.h"
+#include "toolkit/cloud/sampling.h"
 #include "toolkit/cloud/scanner.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/parallel.h"

@@ -12,8 +12,7 @@
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/renderers/scenes.h"
-#include "toolkit/plan/choose_renderer.h"
-#include "toolkit/plan/frame_cost.h"
+#include "toolkit/plan/plan.h"
 #include "toolkit/render/prepare.h"
 
 namespace palpate::plan {

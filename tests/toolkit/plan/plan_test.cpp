@@ -15,7 +15,7 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/plan/choose_renderer.h"
+#include "toolkit/plan/plan.h"
 
 namespace palpate::plan {
 namespace {

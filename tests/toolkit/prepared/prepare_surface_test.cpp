@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "tests/toolkit/prepared/prepared_points.h"
-#include "toolkit/prepared/prepare_surface.h"
+#include "toolkit/prepared/prepare.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 
 namespace palpate::prepared::test {

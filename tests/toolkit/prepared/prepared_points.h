@@ -21,7 +21,7 @@
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
-#include "toolkit/prepared/prepare_cells.h"
+#include "toolkit/prepared/prepare.h"
 
 namespace palpate::prepared::test {
 

@@ -7,8 +7,8 @@
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/stream/stream_files.h"
 #include "toolkit/render/camera_lens.h"
+#include "toolkit/stream/camera_files.h"
 #include "toolkit/stream/depth_source.h"
-#include "toolkit/stream/pose_files.h"
 
 namespace palpate::stream {
 namespace {

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "toolkit/stream/depth_png.h"
+#include "toolkit/stream/depth_codec.h"
 
 namespace palpate::test {
 

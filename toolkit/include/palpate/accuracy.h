@@ -110,7 +110,7 @@ struct Accuracy {
   std::uint64_t longest_stick_frames = 0;   ///< longest run of consecutive false contact frames
 
   /// Artefacts that a hand feels as plainly wrong, over *all* frames, including those that depend on history
-  /// (contact_artefacts.cpp).
+  /// (metrics/scores.cpp).
   std::optional<std::uint64_t> caught, caught_frames;  ///< g stays far from g*
   std::optional<std::uint64_t> lost, lost_frames;      ///< true contact, nothing felt
   std::optional<std::uint64_t> kicks;                  ///< steps of force that the truth does not have

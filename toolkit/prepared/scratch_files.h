@@ -1,5 +1,8 @@
-// The scratch file of a preparation: all points, sixteen bytes each, first scattered to their regions, then
-// sorted chunk after chunk.
+// Scratch files of a preparation: packed points, and surface chunks.
+//
+// A PointScratch holds all points, sixteen bytes each, first scattered to their regions, then sorted chunk
+// after chunk. A ChunkScratch holds a surface that is made chunk by chunk; each chunk is a record with a
+// hash, so that the next run goes on after the last whole one.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +14,8 @@
 #include <palpate/result.h>
 #include "toolkit/core/files.h"
 #include "toolkit/prepared/cell_lattice.h"
-#include "toolkit/prepared/count_tree.h"
+#include "toolkit/prepared/cell_partition.h"
+#include "toolkit/spline_sdf/surface_chunk.h"
 
 namespace palpate::prepared {
 
@@ -81,6 +85,30 @@ class PointScratch {
   std::uint64_t most_chunk_points_;
   std::size_t buffer_points_ = 0;
   std::vector<Buffer> buffers_;
+};
+
+/// Movable, not thread-safe but for read_brick().
+class ChunkScratch {
+ public:
+  /// Keeps what a run with the same key has left, without bricks; else begins anew. `key`: a hash of all that
+  /// the chunks depend on. A second user is an Error.
+  [[nodiscard]] static Result<ChunkScratch> open(const std::string& path, std::uint64_t key);
+  /// Writes a chunk and forgets its bricks.
+  [[nodiscard]] Status add(render::SurfaceChunk chunk);
+  [[nodiscard]] const std::vector<render::SurfaceChunk>& chunks() const noexcept { return chunks_; }
+  [[nodiscard]] Status read_brick(std::size_t chunk, std::size_t brick, render::Brick& out) const;
+  void remove() const noexcept { file_.remove(); }
+
+ private:
+  explicit ChunkScratch(PartFile file) : file_(std::move(file)) {}
+  [[nodiscard]] Status begin_anew(std::uint64_t key);
+  /// False where what follows is no whole record.
+  [[nodiscard]] Result<bool> read_record(std::uint64_t file_size);
+
+  PartFile file_;
+  std::uint64_t end_ = 0;
+  std::vector<render::SurfaceChunk> chunks_;
+  std::vector<std::uint64_t> bricks_at_;  ///< by chunk: offset of its bricks
 };
 
 }  // namespace palpate::prepared

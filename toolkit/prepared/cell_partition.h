@@ -1,9 +1,14 @@
-// How many points lie where: a grid of up to 128 cubes per axis over the lattice, whose crowded cubes are
-// divided again by further passes over the points. It gives the nodes from which cells are cut, and the
-// regions of which each fits in memory.
+// Divides points into regions that fit in memory, and cells.
+//
+// A CountTree counts points in a grid of up to 128 cubes per axis over the lattice, whose crowded cubes are
+// divided again by further passes. Each region's points are sorted along the Morton curve and cut into cells:
+// the largest nodes of the binary tree with few enough points and a fine enough quantum. The tree is the
+// lattice's, so the cells do not depend on the chunks.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include <palpate/result.h>
@@ -84,5 +89,27 @@ class CountTree {
   std::vector<CountedNode> nodes_;
   std::vector<Region> regions_;
 };
+
+struct CutRules {
+  CellLattice lattice;
+  double quantum_mm = 0.0;  ///< at most
+  double halo_spacings = 0.0;
+};
+
+/// Bytes that sort_points() and the points need per point: the points, and two copies with their codes.
+inline constexpr std::size_t kSortBytesPerPoint =
+    sizeof(PackedPoint) + 2 * (sizeof(PackedPoint) + sizeof(std::uint64_t));
+
+/// Sorts by Morton key. O(n) unless most points share the upper half of their key. Parallel.
+void sort_points(std::vector<PackedPoint>& points, int threads);
+
+/// The least power of two, in cubes, in which a coordinate from `low` to `high` counts at most kMostSteps.
+[[nodiscard]] std::uint8_t quantum_shift(const LatticePoint& low, const LatticePoint& high) noexcept;
+
+/// Cuts sorted points at the nodes that hold them, in order, which together have as many points. Offsets,
+/// halos and quanta of the entries are not yet known. Parallel.
+[[nodiscard]] std::vector<CellEntry> cut_cells(std::span<const PackedPoint> sorted,
+                                               std::span<const CountedNode> nodes, const CutRules& rules,
+                                               int threads);
 
 }  // namespace palpate::prepared

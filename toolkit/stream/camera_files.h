@@ -1,7 +1,10 @@
-// Texts beside depth images: trajectories, poses and intrinsics, in the forms of TUM RGB-D, Open3D and
-// tsdf-fusion. Lengths in these files are metres; poses lead from the camera to the world.
+// Cameras from files: trajectories, intrinsics, organised PCD clouds.
+//
+// Texts have the forms of TUM RGB-D, Open3D and tsdf-fusion; their lengths are metres, and poses lead from
+// the camera to the world. An organised cloud's rows and columns imply a camera and depths.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -9,7 +12,9 @@
 
 #include <palpate/depth_stream.h>
 #include <palpate/geometry.h>
+#include <palpate/read_model.h>
 #include <palpate/result.h>
+#include <palpate/vec.h>
 
 namespace palpate::stream {
 
@@ -48,5 +53,23 @@ inline constexpr double kMaxPoseGapS = 0.1;
 /// Pose at a time between two of `poses`, which rise; nothing where the nearest ones leave too wide a gap.
 [[nodiscard]] std::optional<geometry::RigidTransform> pose_at(const std::vector<TimedPose>& poses,
                                                               double t_s);
+
+/// Points of one image in the camera's frame, row by row; not finite where nothing was seen.
+struct OrganisedPoints {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  std::vector<Vec3> points_mm;
+};
+
+/// Reads a PCD file by the reader of `readers`; null: an Error. The Error names the file.
+[[nodiscard]] Result<OrganisedPoints> read_organised_pcd(const std::string& file, const io::Readers* readers);
+
+/// Focal lengths and centre by least squares over x/z and y/z of all points. An Error where the points do not
+/// lie on the rays of one pinhole.
+[[nodiscard]] Result<DepthCamera> camera_of(const OrganisedPoints& points);
+
+/// Each point's z; an Error where the size is not the camera's.
+[[nodiscard]] Status depths_of(const OrganisedPoints& points, const DepthCamera& camera,
+                               std::vector<float>& depth_mm);
 
 }  // namespace palpate::stream
