@@ -5,7 +5,6 @@
 #include <cstdint>
 
 #include <palpate/device/device.h>
-#include <palpate/device/device_map.h>
 #include <palpate/device/servo.h>
 #include <palpate/geometry.h>
 #include <palpate/result.h>

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <palpate/device/device_map.h>
+#include <palpate/device/device.h>
 #include <palpate/device/servo.h>
 #include <palpate/renderer.h>
 #include "device/simulated/hand_script.h"

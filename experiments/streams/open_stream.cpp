@@ -14,7 +14,6 @@
 #include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_codec.h"
 #include "toolkit/stream/depth_source.h"
-#include "toolkit/stream/openni_source.h"
 #include "toolkit/stream/simulated_camera.h"
 
 namespace palpate::experiments {

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/streams/open_stream.h"
-#include "toolkit/stream/openni_source.h"
+#include "toolkit/stream/depth_source.h"
 
 namespace palpate::experiments {
 namespace {

@@ -15,7 +15,6 @@
 
 #include <palpate/clock.h>
 #include <palpate/device/device.h>
-#include <palpate/device/device_map.h>
 #include <palpate/progress.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include <palpate/cloud.h>
-#include <palpate/device/device_map.h>
+#include <palpate/device/device.h>
 #include "experiments/window/camera.h"
 #include "experiments/window/feed.h"
 #include "experiments/window/link.h"

@@ -92,7 +92,6 @@ const std::map<std::string, std::string> kPublic = {
     {"palpate/write_mesh.h", "toolkit/io"},
     {"palpate/device/contact_catch_up.h", "device/interface"},
     {"palpate/device/device.h", "device/interface"},
-    {"palpate/device/device_map.h", "device/servo"},
     {"palpate/device/drivers.h", "device/interface"},
     {"palpate/device/force_governor.h", "device/interface"},
     {"palpate/device/guard.h", "device/safety"},

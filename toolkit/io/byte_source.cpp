@@ -280,7 +280,7 @@ Error damaged(const char* format, const char* why) {
                fmt::format("fetch or compress the file again ('{} -t' checks it)", format)};
 }
 
-// What both decompressors share: the input chunk, the limits, the counts.
+// Base of both decompressors: the input chunk, the limits, the counts.
 class Decompressor : public ByteSource {
  public:
   Decompressor(std::unique_ptr<ByteSource> inner, DecompressionLimits limits)

@@ -12,7 +12,6 @@
 
 #include "toolkit/core/csv_dialect.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/io/scan_rows.h"
 
 namespace palpate::io {
 namespace {

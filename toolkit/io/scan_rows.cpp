@@ -1,4 +1,4 @@
-#include "toolkit/io/scan_rows.h"
+#include "toolkit/io/read_ptx.h"
 
 #include <fmt/format.h>
 

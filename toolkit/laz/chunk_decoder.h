@@ -42,7 +42,7 @@ struct Compression {
 [[nodiscard]] Result<Compression> read_compression(std::span<const std::byte> record, std::uint64_t at,
                                                    std::size_t point_bytes, bool with_layers);
 
-/// Of one chunk in the file.
+/// Extent of one chunk in the file.
 struct Chunk {
   std::uint64_t at = 0, bytes = 0;
   std::uint64_t points = 0;
@@ -52,11 +52,11 @@ struct Chunk {
 /// takes: two numbers of 32 bits, each behind a symbol of at most 15 bits.
 inline constexpr std::size_t kChunkTableStart = 8;
 inline constexpr std::size_t kMostTableBytesPerChunk = 2 * 6;
-/// What the coder writes behind the last number.
+/// Bytes that the coder writes behind the last number.
 inline constexpr std::size_t kChunkTableEnd = 8;
 
-/// How many chunks a table of `points` may have, between `first_chunk` and the table at `table_at`; from the
-/// table's first kChunkTableStart bytes.
+/// Number of chunks that a table of `points` may have, between `first_chunk` and the table at `table_at`;
+/// from the table's first kChunkTableStart bytes.
 [[nodiscard]] Result<std::uint32_t> read_chunk_count(std::span<const std::byte> start, const Compression& how,
                                                      std::uint64_t first_chunk, std::uint64_t table_at);
 

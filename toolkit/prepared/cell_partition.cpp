@@ -236,7 +236,7 @@ class Cutter {
     cell.halo_mm = rules_->halo_spacings * spacing_mm(cell, rules_->lattice);
     return cell;
   }
-  /// With the widest halo that it may get.
+  /// True if a cell is fine enough with the widest halo that it may get.
   [[nodiscard]] bool fine_enough(const CellEntry& cell) const noexcept {
     const auto grow =
         static_cast<std::uint64_t>(std::ceil(std::ldexp(cell.halo_mm, -rules_->lattice.unit_exponent)));

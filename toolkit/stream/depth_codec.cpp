@@ -29,7 +29,7 @@ constexpr int kMostKeptChunks = 16;
 constexpr const char* kPngRemedy =
     "depth images are PNG files of one 16-bit grey channel: check or fetch it again";
 
-/// What libpng's callbacks reach. Plain data: libpng leaves by longjmp, which runs no destructor.
+/// State that libpng's callbacks reach. Plain data: libpng leaves by longjmp, which runs no destructor.
 struct PngContext {
   const std::byte* at = nullptr;
   std::size_t left = 0;

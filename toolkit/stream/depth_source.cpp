@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <utility>
@@ -10,13 +11,13 @@
 
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/core/plugin_module.h"
 #include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/io/byte_source.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/stream/camera_files.h"
 #include "toolkit/stream/depth_codec.h"
-#include "toolkit/stream/openni_source.h"
 #include "toolkit/stream/simulated_camera.h"
 
 namespace palpate::stream {
@@ -52,7 +53,7 @@ struct FrameFile {
   std::string pose_file{};  ///< read with the frame; empty: `pose`
 };
 
-/// What the frames are and how they are read.
+/// The frames and how they are read.
 struct FolderLayout {
   std::string name;
   std::vector<FrameFile> frames;
@@ -70,7 +71,7 @@ Result<std::string> read_text(const fs::path& file, std::uint64_t most_bytes) {
   return read_file(file.string(), most_bytes);
 }
 
-/// What `parse` makes of a text file; its errors name the file.
+/// Result of `parse` on a text file; its errors name the file.
 template <class Parse>
 auto parsed(const fs::path& file, std::uint64_t most_bytes, const Parse& parse)
     -> decltype(parse(std::string_view())) {
@@ -321,8 +322,7 @@ void set_times(FolderLayout& layout, double rate_hz, DepthCamera& camera) {
     frame.captured_s = static_cast<double>(frame.number) * camera.period_s;
 }
 
-}  // namespace
-
+/// Finds the layout, reads texts and the first image.
 Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::string& folder,
                                                        const DepthSourceOptions& options) {
   PALPATE_ASSIGN(FolderLayout layout, find_layout(folder));
@@ -349,6 +349,51 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::string& folder
   PALPATE_TRY(source->fit_camera(sized, known));
   return std::unique_ptr<DepthSource>(std::move(source));
 }
+
+// ---- OpenNI2's cameras
+
+constexpr std::size_t kOpenNiErrorBytes = 512;
+constexpr const char* kGetPlugin =
+    "build Palpate where libopenni2-dev is installed, and keep palpate_openni.so in lib/palpate/plugins "
+    "beside the program's bin, or in a folder of PALPATE_PLUGINS";
+
+fs::path openni_file() {
+  std::error_code missing;
+  for (const fs::path& folder : plugin_folders())
+    if (fs::is_regular_file(folder / kOpenNiModule, missing)) return folder / kOpenNiModule;
+  return kOpenNiModule;  // the run path, LD_LIBRARY_PATH, the system's folders
+}
+
+using LoadedOpenNi = std::shared_ptr<const OpenNiPlugin>;
+
+/// Loads it once. It is never unloaded: its drivers' threads may outlast every camera.
+Result<LoadedOpenNi> load_openni() {
+  static LoadedOpenNi& kept = *new LoadedOpenNi();
+  if (kept == nullptr) {
+    PALPATE_ASSIGN(LoadedOpenNi loaded, load_plugin<OpenNiPlugin>(openni_file(), kOpenNiEntry, kOpenNiAbi));
+    if (loaded->open == nullptr) return not_of_this_version(openni_file());
+    kept = std::move(loaded);
+  }
+  return kept;
+}
+
+/// Opens a camera. The plug-in stays loaded until the program ends.
+Result<std::unique_ptr<DepthSource>> open_openni(const std::string& name) {
+  const Result<LoadedOpenNi> plugin = load_openni();
+  if (!plugin)
+    return Error{
+        "OpenNI's cameras need the plug-in " + std::string(kOpenNiModule) + ": " + plugin.error().what,
+        kGetPlugin};
+  std::array<char, kOpenNiErrorBytes> error{};
+  std::unique_ptr<DepthSource> source((*plugin)->open(name.c_str(), error.data(), error.size()));
+  if (source != nullptr) return source;
+  error.back() = '\0';
+  return Error{"the camera " + shown(name) + " cannot be opened: " +
+                   (error.front() != '\0' ? error.data() : "the plug-in does not say why"),
+               "connect the camera, and close other programs that use it"};
+}
+
+}  // namespace
 
 // ---- any source
 

@@ -15,9 +15,12 @@
 // they are those of the first Kinect, scaled to the image. Without poses the camera stands still.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include <palpate/depth_stream.h>
 #include <palpate/read_model.h>
@@ -32,13 +35,34 @@ struct DepthSourceOptions {
   const io::Readers* readers = nullptr;  ///< what reads PCD files, kept by the source; null: none are read
 };
 
-/// @error names the source, and what would be understood.
+/// Opens a source. Images of a folder without a pose where others have one are left out and counted in
+/// describe(). @error names the source, and what would be understood.
 [[nodiscard]] Result<std::unique_ptr<DepthSource>> open_depth_source(const std::string& source,
                                                                      const DepthSourceOptions& options = {});
 
-/// Finds the layout, reads texts and the first image. Images without a pose where others have one are left
-/// out and counted in describe().
-[[nodiscard]] Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::string& folder,
-                                                                     const DepthSourceOptions& options);
+// OpenNI2: the toolkit itself links no camera's library. The plug-in is C++ of the same build, for it hands
+// out a DepthSource. It is loaded from beside the program, from the library folder, or where the loader
+// looks.
+
+/// "openni" is the first camera, "openni:N" the one of this number.
+inline constexpr std::string_view kOpenNiName = "openni", kOpenNiPrefix = "openni:";
+[[nodiscard]] inline bool is_openni_name(std::string_view name) noexcept {
+  return name == kOpenNiName || name.starts_with(kOpenNiPrefix);
+}
+
+inline constexpr const char* kOpenNiModule = "palpate_openni.so";
+inline constexpr const char* kOpenNiEntry = "palpate_depth_plugin_entry";
+
+/// Returned by address by the plug-in's entry, which is extern "C": see load_plugin().
+struct OpenNiPlugin {
+  std::uint32_t abi = 0;   ///< kOpenNiAbi
+  std::uint32_t size = 0;  ///< of this struct
+  /// Opens the camera of "openni" or "openni:N". Null: the first `bytes` of `error` say why, ended by 0.
+  /// Whoever calls it owns the source.
+  DepthSource* (*open)(const char* name, char* error, std::size_t bytes) = nullptr;
+};
+/// A number that increases with DepthSource's functions, and the sizes of what crosses: a plug-in of another
+/// build is refused where it would be read wrongly.
+inline constexpr std::uint32_t kOpenNiAbi = (1U << 24) | (sizeof(DepthCamera) << 12) | sizeof(DepthFrame);
 
 }  // namespace palpate::stream

@@ -8,7 +8,7 @@
 #include <string>
 
 #include <palpate/depth_stream.h>
-#include "toolkit/stream/openni_source.h"
+#include "toolkit/stream/depth_source.h"
 
 namespace palpate::stream {
 namespace {

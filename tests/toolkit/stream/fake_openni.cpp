@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include <palpate/depth_stream.h>
-#include "toolkit/stream/openni_source.h"
+#include "toolkit/stream/depth_source.h"
 
 namespace {
 

@@ -4,7 +4,6 @@
 
 #include "tests/toolkit/messages.h"
 #include "toolkit/stream/depth_source.h"
-#include "toolkit/stream/openni_source.h"
 
 namespace palpate::stream {
 namespace {

@@ -18,7 +18,7 @@
 #include <palpate/clock.h>
 #include <palpate/depth_stream.h>
 #include <palpate/result.h>
-#include "toolkit/stream/openni_source.h"
+#include "toolkit/stream/depth_source.h"
 
 namespace palpate::stream {
 namespace {

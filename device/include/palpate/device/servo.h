@@ -16,7 +16,6 @@
 #include <palpate/clock.h>
 #include <palpate/device/contact_catch_up.h>
 #include <palpate/device/device.h>
-#include <palpate/device/device_map.h>
 #include <palpate/device/force_governor.h>
 #include <palpate/device/heartbeat.h>
 #include <palpate/progress.h>
