@@ -48,6 +48,13 @@ constexpr double kStoppedShare = 1e-9;
 // A shorter lag is invisible here and would only cost steps.
 constexpr double kMinLagS = 1e-6;
 
+/// Rounds each axis to whole steps; a step of 0 leaves it exact.
+Vec3 in_steps(Vec3 value, double step) noexcept {
+  if (step > 0.0)
+    for (int a = 0; a < 3; ++a) value[a] = step * std::round(value[a] / step);
+  return value;
+}
+
 /// Integral of v^2 over a step, by Simpson's rule on the cubic with these end values.
 double squared_speed_integral(const Motion& from, const Motion& to, double h_s) noexcept {
   const Vec3 middle = 1.5 / h_s * (to.x_mm - from.x_mm) - 0.25 * (from.v_mm_s + to.v_mm_s);
@@ -74,9 +81,32 @@ Motion moved(const Plant& plant, const Motion& motion, const Drive& drive, doubl
   return now;
 }
 
+void SimulatedPlant::start() noexcept {
+  open_ = true;
+  opened_s_ = clock_.now_s();
+  now_s_ = 0.0;
+  last_read_s_ = -1.0;
+  motion_ = {script_.at(0.0).position_mm, Vec3::Zero(), Vec3::Zero()};
+  ledger_ = {};
+}
+
+DeviceState SimulatedPlant::read() noexcept {
+  DeviceState state;
+  if (!open_) {
+    state.status = ReadStatus::kLost;
+    return state;
+  }
+  const double t_s = clock_.now_s() - opened_s_;
+  advance_to(t_s);
+  state.position_mm = measured_mm();
+  state.status = t_s == last_read_s_ ? ReadStatus::kNothingNew : ReadStatus::kFresh;
+  last_read_s_ = t_s;
+  return state;
+}
+
 SimulatedArm::SimulatedArm(const ArmOptions& options, const Hand& hand, const HandScript& script,
                            const Clock& clock)
-    : options_(options), hand_(hand), script_(script), clock_(clock), in_flight_(kMaxInFlight) {}
+    : SimulatedPlant(hand, script, clock), options_(options), in_flight_(kMaxInFlight) {}
 
 Status SimulatedArm::open() {
   const auto numbers =
@@ -99,15 +129,9 @@ Status SimulatedArm::open() {
   if (options_.delay_s > options_.period_s * static_cast<double>(kMaxInFlight - 1))
     return Error{"delay_s is more than " + std::to_string(kMaxInFlight - 1) + " periods",
                  "give a shorter delay", name()};
-  open_ = true;
-  opened_s_ = clock_.now_s();
-  now_s_ = 0.0;
-  last_read_s_ = -1.0;
-  const Goal goal = script_.at(0.0);
-  motion_ = {goal.position_mm, Vec3::Zero(), Vec3::Zero()};
+  start();
   command_n_.setZero();
   first_ = waiting_ = 0;
-  ledger_ = {};
   hold(true);
   return Done{};
 }
@@ -131,31 +155,15 @@ void SimulatedArm::hold(bool held) noexcept {
             hand.stiffness_n_per_mm, options_.lag_s};
 }
 
-DeviceState SimulatedArm::read() noexcept {
-  DeviceState state;
-  if (!open_) {
-    state.status = ReadStatus::kLost;
-    return state;
-  }
-  const double t_s = clock_.now_s() - opened_s_;
-  advance_to(t_s);
-  state.position_mm = motion_.x_mm;
-  if (options_.encoder_mm > 0.0)
-    for (int a = 0; a < 3; ++a)
-      state.position_mm[a] = options_.encoder_mm * std::round(motion_.x_mm[a] / options_.encoder_mm);
-  state.status = t_s == last_read_s_ ? ReadStatus::kNothingNew : ReadStatus::kFresh;
-  last_read_s_ = t_s;
-  return state;
+Vec3 SimulatedArm::measured_mm() const noexcept {
+  return in_steps(motion_.x_mm, options_.encoder_mm);
 }
 
 Vec3 SimulatedArm::as_motor(const Vec3& force_n) const noexcept {
   Vec3 motor = force_n;
   const double size = motor.norm();
   if (size > options_.force_max_n) motor *= options_.force_max_n / size;
-  if (options_.force_step_n > 0.0)
-    for (int a = 0; a < 3; ++a)
-      motor[a] = options_.force_step_n * std::round(motor[a] / options_.force_step_n);
-  return motor;
+  return in_steps(motor, options_.force_step_n);
 }
 
 void SimulatedArm::send(GovernedForce force) noexcept {
@@ -299,15 +307,11 @@ Status SimulatedAdmittance::open() {
                                     {"period_s", options_.period_s, false},
                                     {"workspace_mm", options_.workspace_mm, false}});
   PALPATE_TRY(check_numbers(numbers, name()));
-  open_ = true;
-  opened_s_ = clock_.now_s();
-  now_s_ = last_sent_s_ = 0.0;
-  last_read_s_ = -1.0;
-  goal_mm_ = script_.at(0.0).position_mm;
+  start();
+  last_sent_s_ = 0.0;
+  goal_mm_ = motion_.x_mm;
   goal_mm_s_.setZero();
-  motion_ = {goal_mm_, Vec3::Zero(), Vec3::Zero()};
   shown_n_.setZero();
-  ledger_ = {};
   return Done{};
 }
 
@@ -343,20 +347,6 @@ void SimulatedAdmittance::advance_to(double t_s) noexcept {
     ledger_.motors -= 0.5 * (before_n + hand_n(from_s + (i + 1.0) * h_s)).dot(motion_.x_mm - before_mm);
   }
   now_s_ = t_s;
-}
-
-DeviceState SimulatedAdmittance::read() noexcept {
-  DeviceState state;
-  if (!open_) {
-    state.status = ReadStatus::kLost;
-    return state;
-  }
-  const double t_s = clock_.now_s() - opened_s_;
-  advance_to(t_s);
-  state.position_mm = goal_mm_;
-  state.status = t_s == last_read_s_ ? ReadStatus::kNothingNew : ReadStatus::kFresh;
-  last_read_s_ = t_s;
-  return state;
 }
 
 void SimulatedAdmittance::send(GovernedForce force) noexcept {

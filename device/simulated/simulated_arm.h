@@ -76,16 +76,36 @@ struct EnergyLedger {
   [[nodiscard]] double hand() const noexcept { return kinetic + damping + friction - motors; }
 };
 
+/// A device held by a hand; moves when it is read. Keeps references to clock and script.
 class SimulatedPlant : public Device {
  public:
+  SimulatedPlant(const Hand& hand, const HandScript& script, const Clock& clock)
+      : hand_(hand), script_(script), clock_(clock) {}
+
+  /// Moves the device to the clock's time and measures.
+  [[nodiscard]] DeviceState read() noexcept final;
   /// True present position, device frame, without encoder.
-  [[nodiscard]] virtual const Vec3& hip_mm() const noexcept = 0;
+  [[nodiscard]] const Vec3& hip_mm() const noexcept { return motion_.x_mm; }
   /// Present motor force.
   [[nodiscard]] virtual const Vec3& motor_force_n() const noexcept = 0;
   [[nodiscard]] virtual EnergyLedger energy() const noexcept = 0;
   /// At rest under a constant goal: while what it shows and is sent stays bitwise the same, all else does
   /// too. False if unknown.
   [[nodiscard]] virtual bool at_rest() const noexcept { return false; }
+
+ protected:
+  /// Opens at the script's first goal, at rest.
+  void start() noexcept;
+  virtual void advance_to(double t_s) noexcept = 0;
+  [[nodiscard]] virtual Vec3 measured_mm() const noexcept = 0;
+
+  Hand hand_;
+  const HandScript& script_;
+  const Clock& clock_;
+  bool open_ = false;
+  double opened_s_ = 0.0, now_s_ = 0.0, last_read_s_ = -1.0;
+  Motion motion_;
+  EnergyLedger ledger_;
 };
 
 struct ArmOptions {
@@ -105,8 +125,7 @@ struct ArmOptions {
 /// Linear motion is exact between changes of the drive. Friction's direction and the goal's velocity are held
 /// over a sub-step, at most a 16th of the servo's period, in which a stop is located; at rest the mechanism
 /// stays while the net force is below friction. Commands arrive in order `delay_s` after sending, at most
-/// kMaxInFlight pending. The same on every machine: no sin, no cos, no clock but the given one. Keeps
-/// references to clock and script.
+/// kMaxInFlight pending. The same on every machine: no sin, no cos, no clock but the given one.
 class SimulatedArm final : public SimulatedPlant {
  public:
   SimulatedArm(const ArmOptions& options, const Hand& hand, const HandScript& script, const Clock& clock);
@@ -116,11 +135,8 @@ class SimulatedArm final : public SimulatedPlant {
   [[nodiscard]] Status open() override;
   void close() noexcept override;
   [[nodiscard]] DeviceLimits limits() const noexcept override;
-  /// Moves the arm to the clock's time and measures.
-  [[nodiscard]] DeviceState read() noexcept override;
   void send(GovernedForce force) noexcept override;
 
-  [[nodiscard]] const Vec3& hip_mm() const noexcept override { return motion_.x_mm; }
   [[nodiscard]] const Vec3& velocity_mm_s() const noexcept { return motion_.v_mm_s; }
   [[nodiscard]] const Vec3& motor_force_n() const noexcept override { return motion_.motor_n; }
   [[nodiscard]] EnergyLedger energy() const noexcept override;
@@ -133,7 +149,8 @@ class SimulatedArm final : public SimulatedPlant {
     double due_s = 0.0;
     Vec3 force_n = Vec3::Zero();
   };
-  void advance_to(double t_s) noexcept;
+  void advance_to(double t_s) noexcept override;
+  [[nodiscard]] Vec3 measured_mm() const noexcept override;
   void advance_by(double dt_s) noexcept;
   void sub_step(double h_s) noexcept;
   void guided_step(double h_s) noexcept;
@@ -143,17 +160,11 @@ class SimulatedArm final : public SimulatedPlant {
   void hold(bool held) noexcept;
 
   ArmOptions options_;
-  Hand hand_;
-  const HandScript& script_;
-  const Clock& clock_;
-  bool open_ = false, held_ = true;
-  double opened_s_ = 0.0, now_s_ = 0.0, last_read_s_ = -1.0;
+  bool held_ = true;
   Plant plant_;
-  Motion motion_;
   Vec3 command_n_ = Vec3::Zero();
   std::vector<Command> in_flight_;  // a ring
   std::size_t first_ = 0, waiting_ = 0;
-  EnergyLedger ledger_;
 };
 
 // A simulated admittance device: it measures the hand's force and moves like a virtual damped mass under that
@@ -181,34 +192,27 @@ class SimulatedAdmittance final : public SimulatedPlant {
  public:
   SimulatedAdmittance(const AdmittanceOptions& options, const Hand& hand, const HandScript& script,
                       const Clock& clock)
-      : options_(options), hand_(hand), script_(script), clock_(clock) {}
+      : SimulatedPlant(hand, script, clock), options_(options) {}
 
   [[nodiscard]] std::string name() const override { return "sim:" + options_.name; }
   [[nodiscard]] Status open() override;
   void close() noexcept override { open_ = false; }
   [[nodiscard]] DeviceLimits limits() const noexcept override;
-  [[nodiscard]] DeviceState read() noexcept override;
   void send(GovernedForce force) noexcept override;
 
-  [[nodiscard]] const Vec3& hip_mm() const noexcept override { return motion_.x_mm; }
   /// Force felt by the hand: the opposite of its own.
   [[nodiscard]] const Vec3& motor_force_n() const noexcept override { return shown_n_; }
   [[nodiscard]] EnergyLedger energy() const noexcept override { return ledger_; }
 
  private:
   [[nodiscard]] Vec3 hand_n(double t_s) const noexcept;
-  void advance_to(double t_s) noexcept;
+  void advance_to(double t_s) noexcept override;
+  [[nodiscard]] Vec3 measured_mm() const noexcept override { return goal_mm_; }
 
   AdmittanceOptions options_;
-  Hand hand_;
-  const HandScript& script_;
-  const Clock& clock_;
-  bool open_ = false;
-  double opened_s_ = 0.0, now_s_ = 0.0, last_read_s_ = -1.0, last_sent_s_ = 0.0;
-  Motion motion_;
+  double last_sent_s_ = 0.0;
   Vec3 goal_mm_ = Vec3::Zero(), goal_mm_s_ = Vec3::Zero();  // of the drives
   Vec3 shown_n_ = Vec3::Zero();
-  EnergyLedger ledger_;
 };
 
 // Published parameters of known devices and hands; none is measured here. Each states its source and
