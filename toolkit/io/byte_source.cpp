@@ -8,6 +8,7 @@
 #include <array>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include <palpate/result.h>
 #include "toolkit/core/csv_dialect.h"

@@ -6,6 +6,7 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <utility>
 
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/messages.h"

@@ -9,6 +9,7 @@
 #include <limits>
 #include <string_view>
 #include <tuple>
+#include <utility>
 
 #include "toolkit/core/bytes.h"
 #include "toolkit/io/decoding.h"

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstring>
+#include <utility>
 
 #include "toolkit/core/bytes.h"
 #include "toolkit/laz/arithmetic_decoder.h"

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <compare>
+#include <cstddef>
 #include <cstdint>
 
 #include <palpate/geometry.h>
