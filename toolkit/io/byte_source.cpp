@@ -115,6 +115,17 @@ Status MemoryAccess::read_at(std::uint64_t offset, std::span<std::byte> out) con
   return Done{};
 }
 
+Result<std::size_t> AccessSource::read(std::span<std::byte> out) {
+  const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(out.size(), file_.size() - at_));
+  PALPATE_TRY(file_.read_at(at_, out.first(n)));
+  at_ += n;
+  return n;
+}
+
+double AccessSource::fraction() const {
+  return file_.size() > 0 ? static_cast<double>(at_) / static_cast<double>(file_.size()) : 1.0;
+}
+
 Result<std::unique_ptr<RandomAccess>> open_random_access(const std::string& path) {
   PALPATE_ASSIGN(InputFile file, InputFile::open(path));
   return std::unique_ptr<RandomAccess>(std::make_unique<FileAccess>(std::move(file)));

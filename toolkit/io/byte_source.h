@@ -66,6 +66,19 @@ class MemoryAccess final : public RandomAccess {
   std::span<const std::byte> data_;
 };
 
+/// Bytes at any place, from front to back. `file` outlives this.
+class AccessSource final : public ByteSource {
+ public:
+  explicit AccessSource(const RandomAccess& file) : file_(file) {}
+  [[nodiscard]] Result<std::size_t> read(std::span<std::byte> out) override;
+  [[nodiscard]] std::optional<std::uint64_t> remaining() const override { return file_.size() - at_; }
+  [[nodiscard]] double fraction() const override;
+
+ private:
+  const RandomAccess& file_;
+  std::uint64_t at_ = 0;
+};
+
 /// A regular file, as InputFile opens it.
 [[nodiscard]] Result<std::unique_ptr<RandomAccess>> open_random_access(const std::string& path);
 
