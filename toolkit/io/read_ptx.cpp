@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -24,6 +25,9 @@ constexpr std::size_t kFullRow = kAxesOfRow + kScanValues.size();
 // Keeps a row's cost bounded; writers add normals at most.
 constexpr std::size_t kMaxScanColumns = 32;
 
+using MakeScanRows = std::function<std::unique_ptr<ScanRows>(ByteSource&)>;
+
+// Points in pieces; `make` is called again to rewind. Errors name the file.
 class ScanRowsStream final : public PointStream {
  public:
   ScanRowsStream(std::unique_ptr<RandomAccess> file, std::string name, MakeScanRows make)
@@ -113,6 +117,8 @@ void ScanRows::warn_of_columns(DecodedFile& decoded) const {
         unnamed_columns_));
 }
 
+namespace {
+
 Result<std::unique_ptr<PointStream>> stream_scan_rows(std::unique_ptr<RandomAccess> file,
                                                       const std::string& name, MakeScanRows make) {
   auto stream = std::make_unique<ScanRowsStream>(std::move(file), name, std::move(make));
@@ -120,6 +126,7 @@ Result<std::unique_ptr<PointStream>> stream_scan_rows(std::unique_ptr<RandomAcce
   return std::unique_ptr<PointStream>(std::move(stream));
 }
 
+// The rest of `rows`, which has begun.
 Result<DecodedFile> decode_scan_rows(const ReaderInput& input, ScanRows& rows) {
   DecodedFile decoded;
   decoded.format = rows.format();
@@ -150,12 +157,14 @@ Result<DecodedFile> decode_scan_rows(const ReaderInput& input, ScanRows& rows) {
   return decoded;
 }
 
+// A line with one whole number that is not negative.
 std::optional<std::uint64_t> lone_count(std::string_view line) {
   const std::optional<std::int64_t> value = parse_whole(next_token(line));
   if (!value || *value < 0 || !next_token(line).empty()) return std::nullopt;
   return static_cast<std::uint64_t>(*value);
 }
 
+// Cuts the next line that is not blank off a text's front; nothing where the front may end within it.
 std::optional<std::string_view> next_whole_line(std::string_view& front) {
   while (true) {
     const std::size_t end = front.find_first_of("\r\n");
@@ -167,8 +176,6 @@ std::optional<std::string_view> next_whole_line(std::string_view& front) {
 }
 
 // ---- PTX and PTS
-
-namespace {
 
 // Numbers of one line, exactly N.
 template <std::size_t N>

@@ -8,7 +8,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -70,19 +69,6 @@ class ScanRows {
   std::size_t unnamed_columns_ = 0;
   std::array<float, kScanValues.size()> values_{};
 };
-
-using MakeScanRows = std::function<std::unique_ptr<ScanRows>(ByteSource&)>;
-/// Points in pieces; `make` is called again to rewind. Errors name the file.
-[[nodiscard]] Result<std::unique_ptr<PointStream>> stream_scan_rows(std::unique_ptr<RandomAccess> file,
-                                                                    const std::string& name,
-                                                                    MakeScanRows make);
-/// The rest of `rows`, which has begun.
-[[nodiscard]] Result<DecodedFile> decode_scan_rows(const ReaderInput& input, ScanRows& rows);
-
-/// A line with one whole number that is not negative.
-[[nodiscard]] std::optional<std::uint64_t> lone_count(std::string_view line);
-/// Cuts the next line that is not blank off a text's front; nothing where the front may end within it.
-[[nodiscard]] std::optional<std::string_view> next_whole_line(std::string_view& front);
 
 /// Bytes from the front of a file that the two functions below need at most.
 inline constexpr std::size_t kScanTextFrontBytes = 4096;
