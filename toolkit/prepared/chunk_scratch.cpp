@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "toolkit/core/bytes.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/hash.h"
 
 namespace palpate::prepared {
@@ -151,7 +152,7 @@ Status ChunkScratch::add(SurfaceChunk chunk) {
   PALPATE_TRY(file_.write_at(end_ + kRecordEdgeBytes + bytes.size(), edge));
   end_ += 2 * kRecordEdgeBytes + bytes.size();
   bricks_at_.push_back(end_ - kRecordEdgeBytes - chunk.bricks.size() * render::kStoredBrickBytes);
-  chunk.bricks = {};
+  release_memory(chunk.bricks);
   // Kept to the end, by the million.
   chunk.own.shrink_to_fit();
   chunk.seam.shrink_to_fit();

@@ -1,4 +1,5 @@
 #include "toolkit/prepared/point_scratch.h"
+#include "toolkit/core/hardware.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>
@@ -108,7 +109,7 @@ Result<bool> PointScratch::end_scatter() {
     PALPATE_TRY(flush(buffer));
     full = full && buffer.left == 0;
   }
-  buffers_ = {};
+  release_memory(buffers_);
   return full;
 }
 

@@ -11,6 +11,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/render/prepare.h"
@@ -280,7 +281,7 @@ Status prepare_properties(const ModelInput& input, SplineSdfBody& body, const Pr
   const std::size_t softer =
       blend_stiffness(body.surface, surface::surface_points(*input.cloud), table.of, blend_mm);
   fill_corners(input, body, context);
-  body.surface.by_point = {};
+  release_memory(body.surface.by_point);
   phases.end();
   phases.note(fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
   report.bytes += body.corners.capacity() * sizeof(CornerProperties);
