@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::cloud {
@@ -267,7 +268,7 @@ HeightFieldSummary summarise_height_field(const Cloud& cloud, bool filled) {
     return facts;
   }
   facts.holes = find_holes(*field);
-  facts.holes.of_post = {};
+  release_memory(facts.holes.of_post);
   facts.words = describe(*field, facts.holes, filled);
   facts.columns = field->columns;
   facts.rows = field->rows;

@@ -102,4 +102,10 @@ using UninitializedVector = std::vector<T, UninitializedAllocator<T, std::alloca
 template <class T>
 using LargePageUninitializedVector = std::vector<T, UninitializedAllocator<T, LargePageAllocator<T>>>;
 
+/// Frees what a vector holds: `v = {}` would keep its memory.
+template <class Vector>
+void release_memory(Vector& v) noexcept {
+  Vector().swap(v);
+}
+
 }  // namespace palpate

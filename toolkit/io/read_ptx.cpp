@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "toolkit/core/csv_dialect.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::io {
@@ -246,7 +247,7 @@ class PtxRows final : public ScanRows {
     if (grid && holes_ > 0)
       decoded.position_columns = first_rows_;
     else
-      decoded.position_of = {};
+      release_memory(decoded.position_of);
   }
   std::string format() const override {
     return fmt::format("PTX, first scan {} x {}", first_columns_, first_rows_);

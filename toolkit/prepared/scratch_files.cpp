@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "toolkit/core/bytes.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/hash.h"
 
 namespace palpate::prepared {
@@ -117,7 +118,7 @@ Result<bool> PointScratch::end_scatter() {
     PALPATE_TRY(flush(buffer));
     full = full && buffer.left == 0;
   }
-  buffers_ = {};
+  release_memory(buffers_);
   return full;
 }
 
@@ -277,7 +278,7 @@ Status ChunkScratch::add(SurfaceChunk chunk) {
   PALPATE_TRY(file_.write_at(end_ + kRecordEdgeBytes + bytes.size(), edge));
   end_ += 2 * kRecordEdgeBytes + bytes.size();
   bricks_at_.push_back(end_ - kRecordEdgeBytes - chunk.bricks.size() * render::kStoredBrickBytes);
-  chunk.bricks = {};
+  release_memory(chunk.bricks);
   // Kept to the end, by the million.
   chunk.own.shrink_to_fit();
   chunk.seam.shrink_to_fit();

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/spline_sdf/brick_components.h"
 #include "toolkit/spline_sdf/patch_field.h"
@@ -115,7 +116,7 @@ class BrickBuilder {
         codes.push_back(morton_code_of({c[0] + k / 4, c[1] + k / 2 % 2, c[2] + k % 2}));
     }
     sort_unique(codes, threads_);
-    tiles_ = {};  // the last level's
+    release_memory(tiles_);  // the last level's
     near_ = {};
     tile_table_ = search::MortonCellTable();
     tile_table_.build(codes);
@@ -423,7 +424,7 @@ void SampledBricks::collect() {
                                      (one.smaller ? BrickGrid::kRefined : 0u));
       grid.bricks.push_back(one.brick);
     }
-    made[at] = {};
+    release_memory(made[at]);
   }
 }
 
@@ -439,9 +440,10 @@ SampledBricks sample_bricks(const MortonPoints& points, std::span<const QuadricP
 }
 
 BrickGrid build_bricks(const MortonPoints& points, std::span<const QuadricPatch> patches,
-                       std::span<const std::uint32_t> piece, std::span<const PointPatches> of_points,
+                       std::span<const std::uint32_t> piece, std::vector<PointPatches> of_points,
                        const BrickBuildOptions& build, int threads) {
   SampledBricks out = sample_bricks(points, patches, piece, of_points, build, nullptr, threads);
+  release_memory(of_points);
   const auto each_brick = [&](const auto& visit) {
     for (int l = 0; l < out.grid.levels; ++l) {
       const auto at = static_cast<std::size_t>(l);

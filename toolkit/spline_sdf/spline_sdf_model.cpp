@@ -11,6 +11,7 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/render/prepare.h"
@@ -170,9 +171,9 @@ Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud
   out->patches = cover.patches.size();
   phases.end();
   phases.begin("bricks");
-  const std::vector<PointPatches> of_points = assign_patches(points, cover.patches, context.threads);
-  out->grid =
-      build_bricks(points, cover.patches, piece, of_points, brick_options(measured, build), context.threads);
+  std::vector<PointPatches> of_points = assign_patches(points, cover.patches, context.threads);
+  out->grid = build_bricks(points, cover.patches, piece, std::move(of_points), brick_options(measured, build),
+                           context.threads);
   phases.end();
   out->isolated_points = cover.isolated_points;
   report.bytes += out->grid.bytes();
@@ -280,7 +281,7 @@ Status prepare_properties(const ModelInput& input, SplineSdfBody& body, const Pr
   const std::size_t softer =
       blend_stiffness(body.surface, surface::surface_points(*input.cloud), table.of, blend_mm);
   fill_corners(input, body, context);
-  body.surface.by_point = {};
+  release_memory(body.surface.by_point);
   phases.end();
   phases.note(fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
   report.bytes += body.corners.capacity() * sizeof(CornerProperties);
