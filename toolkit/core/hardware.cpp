@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include <palpate/page_faults.h>
+#include <palpate/clock.h>
 
 namespace palpate {
 

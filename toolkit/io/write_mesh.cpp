@@ -1,4 +1,4 @@
-#include <palpate/write_mesh.h>
+#include <palpate/read_model.h>
 
 #include <fmt/format.h>
 

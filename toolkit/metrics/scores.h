@@ -10,7 +10,6 @@
 #include <vector>
 
 #include <palpate/accuracy.h>
-#include <palpate/reference.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
 #include "toolkit/core/files.h"
