@@ -6,7 +6,7 @@
 #include <vector>
 
 #include <palpate/renderer.h>
-#include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 #include "toolkit/spline_sdf/spline.h"
 
 namespace palpate::render {
