@@ -143,6 +143,11 @@ void Rounds::note_times(Sitting& one, const char* contact_of) {
   one.times.clock_overhead_ns = trace::measure_clock_overhead_ns();
   trace::PassStatistics statistics = trace::pass_statistics(one.times, run.trace.frames);
   run.result.timing->contact_of = contact_of;
+  PageFaults faults;
+  for (const auto& pass : one.times.by_span)
+    for (const trace::FrameSpanTime& span : pass) faults += span.page_faults;
+  run.result.timing->minor_faults = faults.minor;
+  run.result.timing->major_faults = faults.major;
   run.result.frame = statistics.contact;
   run.result.frame_free = statistics.free;
   run.result.frame_all = statistics.all;

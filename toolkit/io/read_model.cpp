@@ -65,7 +65,7 @@ void choose_unit(const DecodedFile& decoded, const ReadOptions& options, ReadMod
     model.unit_guessed = true;
     model.warnings.push_back(
         fmt::format("The file does not say its unit; guessed {} because {}. Give it with --unit "
-                    "(m, cm, mm, um, in) if that is wrong.",
+                    "or unit= (m, cm, mm, um, in) if that is wrong.",
                     unit_name(guess.unit), guess.why));
   }
 }

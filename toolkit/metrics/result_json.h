@@ -79,6 +79,8 @@ struct TimingConditions {
   bool own_process = false;         ///< prepared and timed in its own process
   std::uint64_t in_turns_with = 0;  ///< renderers whose passes alternated with these
   std::optional<std::uint64_t> pinned_cpu;
+  /// Of pages, by frames of the passes that time stretches: met for the first time, and read from disk.
+  std::optional<std::uint64_t> minor_faults, major_faults;
 };
 
 /// The model a renderer was prepared for. Outside of RendererResult: clang 14 makes no optional of a nested

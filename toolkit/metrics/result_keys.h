@@ -163,6 +163,8 @@ void visit_timing(V&& v, S& s) {
   v("own_process", s.own_process);
   v("in_turns_with", s.in_turns_with);
   v("pinned_cpu", s.pinned_cpu);
+  v.later("minor_faults", s.minor_faults);
+  v.later("major_faults", s.major_faults);
 }
 
 /// Plus `libraries`.

@@ -56,8 +56,9 @@ class SurfacePreparation {
     for (std::size_t r = scratch.chunks().size(); r < regions_.size(); ++r) {
       if (progress_.cancelled()) return Error{"preparing was stopped", "run it again to go on"};
       progress_.report("making the surface", static_cast<double>(r) / static_cast<double>(regions_.size()));
-      PALPATE_ASSIGN(const cloud::Cloud points, points_in(region_mm(regions_[r]).grown(frame_.margin_mm())));
-      PALPATE_TRY(scratch.add(render::build_surface_chunk(points, regions_[r], frame_, options_.threads)));
+      PALPATE_ASSIGN(cloud::Cloud points, points_in(region_mm(regions_[r]).grown(frame_.margin_mm())));
+      PALPATE_TRY(
+          scratch.add(render::build_surface_chunk(std::move(points), regions_[r], frame_, options_.threads)));
     }
     if (std::all_of(scratch.chunks().begin(), scratch.chunks().end(),
                     [](const render::SurfaceChunk& chunk) { return chunk.own.empty(); })) {

@@ -380,9 +380,10 @@ void add_doubts(const cloud::Cloud& cloud, Provenance& provenance) {
   const double size = cloud.box_mm().extent_mm().maxCoeff();
   const bool file_in_mm = provenance.format != "generated" && provenance.unit == io::Unit::kMillimetre;
   if (file_in_mm && size > 0.0 && size < kTinyMm)
-    provenance.warnings.push_back(fmt::format(
-        "The model is {:.3g} mm across: is its file in metres (--unit m, or unit = \"m\" in the scene)?",
-        size));
+    provenance.warnings.push_back(
+        fmt::format("The model is {:.3g} mm across: is its file in metres (--unit m, or unit = \"m\" in "
+                    "scene or Python)?",
+                    size));
 }
 
 render::ScriptedMotion motion_of(const SceneModel& model) {

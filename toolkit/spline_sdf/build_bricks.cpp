@@ -439,9 +439,10 @@ SampledBricks sample_bricks(const MortonPoints& points, std::span<const QuadricP
 }
 
 BrickGrid build_bricks(const MortonPoints& points, std::span<const QuadricPatch> patches,
-                       std::span<const std::uint32_t> piece, std::span<const PointPatches> of_points,
+                       std::span<const std::uint32_t> piece, std::vector<PointPatches> of_points,
                        const BrickBuildOptions& build, int threads) {
   SampledBricks out = sample_bricks(points, patches, piece, of_points, build, nullptr, threads);
+  of_points = {};
   const auto each_brick = [&](const auto& visit) {
     for (int l = 0; l < out.grid.levels; ++l) {
       const auto at = static_cast<std::size_t>(l);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "toolkit/spline_sdf/brick_components.h"
 #include "toolkit/spline_sdf/brick_grid.h"
@@ -18,10 +19,11 @@ struct BrickBuildOptions {
   bool both_sides = false;    ///< pieces with holes are felt from both sides, even if they enclose a volume
 };
 
-/// `piece`: the connected piece of each patch. Independent of the number of threads. O(points).
+/// `piece`: the connected piece of each patch. `of_points` is let go of before the bricks are copied, when
+/// most memory is taken. Independent of the number of threads. O(points).
 [[nodiscard]] BrickGrid build_bricks(const MortonPoints& points, std::span<const QuadricPatch> patches,
                                      std::span<const std::uint32_t> piece,
-                                     std::span<const PointPatches> of_points, const BrickBuildOptions& build,
+                                     std::vector<PointPatches> of_points, const BrickBuildOptions& build,
                                      int threads);
 
 /// A part of a surface: what all decide, and which bricks are made.

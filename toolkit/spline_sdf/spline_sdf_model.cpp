@@ -170,9 +170,9 @@ Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud
   out->patches = cover.patches.size();
   phases.end();
   phases.begin("bricks");
-  const std::vector<PointPatches> of_points = assign_patches(points, cover.patches, context.threads);
-  out->grid =
-      build_bricks(points, cover.patches, piece, of_points, brick_options(measured, build), context.threads);
+  std::vector<PointPatches> of_points = assign_patches(points, cover.patches, context.threads);
+  out->grid = build_bricks(points, cover.patches, piece, std::move(of_points), brick_options(measured, build),
+                           context.threads);
   phases.end();
   out->isolated_points = cover.isolated_points;
   report.bytes += out->grid.bytes();

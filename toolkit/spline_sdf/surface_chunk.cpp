@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "toolkit/spline_sdf/orient_patches.h"
 
@@ -66,14 +67,15 @@ double SurfaceFrame::margin_mm() const noexcept {
          std::max(kPointTells * largest_spacing_mm(*this), kFarReach * far->spacing_mm());
 }
 
-SurfaceChunk build_surface_chunk(const cloud::Cloud& cloud, const BrickRegion& region,
-                                 const SurfaceFrame& frame, int threads) {
+SurfaceChunk build_surface_chunk(cloud::Cloud cloud, const BrickRegion& region, const SurfaceFrame& frame,
+                                 int threads) {
   SurfaceChunk out;
   out.first_code = morton_code_of(region.low);
   SampledBricks sampled;
   OrientedPieces pieces;
   {
     const MortonPoints points(cloud, &frame.points, threads);
+    cloud = {};
     const NoiseField noise(points, frame.measured.noise_mm, threads);
     const BrickGrid lattice = frame.lattice();
     const geometry::Aabb where = patches_of(region, lattice, largest_spacing_mm(frame));
@@ -90,9 +92,12 @@ SurfaceChunk build_surface_chunk(const cloud::Cloud& cloud, const BrickRegion& r
   }
   PieceNumbers numbers(pieces);
   const BrickRegion beside = region.grown(1);
+  std::vector<std::uint32_t> own;  // numbers of the grid's bricks, once they are collected
+  std::uint32_t number = 0;
   for (int l = 0; l < sampled.grid.levels; ++l) {
     const auto at = static_cast<std::size_t>(l);
     for (std::size_t i = 0; i < sampled.made[at].size(); ++i) {
+      const std::uint32_t brick = number++;
       const std::uint64_t code = sampled.codes[at][i];
       const BrickGrid::Coordinate cube = search::coordinate_of_code(code);
       if (!beside.contains(cube, l)) continue;
@@ -101,11 +106,13 @@ SurfaceChunk build_surface_chunk(const cloud::Cloud& cloud, const BrickRegion& r
       if (!is_own && (one.summary.smaller || one.summary.cells + one.summary.beyond == 0)) continue;
       one.summary.piece = numbers.number(one.summary.piece, out.groups);
       (is_own ? out.own : out.seam).push_back(one);
-      if (is_own) out.bricks.push_back(sampled.made[at][i].brick);
+      if (is_own) own.push_back(brick);
     }
   }
   sampled.collect();
   add_distances(sampled.grid, *frame.sample, &region, out.distances);
+  out.bricks.reserve(own.size());
+  for (const std::uint32_t brick : own) out.bricks.push_back(sampled.grid.bricks[brick]);
   return out;
 }
 

@@ -45,7 +45,7 @@ struct SurfaceChunk {
 };
 
 /// `points`: all within margin_mm() of the region. Independent of the number of threads. O(points).
-[[nodiscard]] SurfaceChunk build_surface_chunk(const cloud::Cloud& points, const BrickRegion& region,
+[[nodiscard]] SurfaceChunk build_surface_chunk(cloud::Cloud points, const BrickRegion& region,
                                                const SurfaceFrame& frame, int threads);
 
 }  // namespace palpate::render

@@ -44,11 +44,14 @@ FrameSpanTime time_stretch(PathRun& run, const FrameSpan& stretch, FrameDigest& 
   for (std::size_t next = stretch.begin; next < stretch.end;) {
     run.advance(next);
     const std::size_t end = std::min(stretch.end, run.static_until(next));
-    const std::int64_t cpu_ns = thread_cpu_ns();  // a system call, outside the other clock's interval
+    // System calls, outside the other clock's interval.
+    const PageFaults faults = thread_page_faults();
+    const std::int64_t cpu_ns = thread_cpu_ns();
     const std::int64_t start_ns = monotonic_ns();
     for (; next < end; ++next) digest.add(run.step(next));
     time.wall_ns += monotonic_ns() - start_ns;
     time.cpu_ns += thread_cpu_ns() - cpu_ns;
+    time.page_faults += thread_page_faults() - faults;
   }
   return time;
 }

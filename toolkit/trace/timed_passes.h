@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include <palpate/page_faults.h>
 #include <palpate/replay.h>
 #include <palpate/result.h>
 
@@ -25,6 +26,7 @@ struct FrameSpan {
 struct FrameSpanTime {
   std::int64_t wall_ns = 0;
   std::int64_t cpu_ns = 0;  ///< thread time: less than wall time if something else ran
+  PageFaults page_faults;   ///< 0 where all that a frame reads is in memory
 };
 
 /// Measurements of one renderer's passes.

@@ -72,7 +72,7 @@ ResultDocument full_document() {
   s.episodes = 50;
   r.frame = r.frame_free = r.frame_all = s;
   r.prepare_clock = PrepareTimes{12.5, 20.5, true};
-  r.timing = TimingConditions{"truth", true, 4, 1};
+  r.timing = TimingConditions{"truth", true, 4, 1, 12, 0};
   r.paced = trace::PacedStatistics{s, 1.0, 17, 0, 2};
   r.paced_evicted = trace::PacedStatistics{s, 1.0, 17, 64u << 20u, 900};
   Accuracy a;
