@@ -16,8 +16,8 @@
 #include <utility>
 
 #include <palpate/baselines.h>
-#include <palpate/cleaning.h>
 #include <palpate/result.h>
+#include <palpate/scene.h>
 #include "baselines/failure.h"
 #include "baselines/option_specs.h"
 #include "baselines/reconstruct/cgal_points.h"

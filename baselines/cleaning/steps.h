@@ -1,7 +1,7 @@
 // The cleaning steps, one function each. They may throw; register_cleaning() catches.
 #pragma once
 
-#include <palpate/cleaning.h>
+#include <palpate/scene.h>
 
 namespace palpate::baselines {
 

@@ -100,7 +100,6 @@ MeshReport report_on(const SurfaceMesh& mesh) {
   }
   report.vertices = held.n_vertices();
   report.faces = held.n_faces();
-  report.flat_faces = mesh.counts().flat_facets;
   for (std::uint32_t v = 0; v < mesh.vertices().size(); ++v) report.isolated_vertices += mesh.star(v).empty();
   count_components(mesh, report);
   count_boundary(held, report);

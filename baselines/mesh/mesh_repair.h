@@ -28,7 +28,6 @@ struct MeshReport {
   std::size_t boundary_loops = 0;
   std::size_t refused_faces =
       0;  ///< at complex edges or corners, which half-edges cannot represent; still rendered
-  std::size_t flat_faces = 0;         ///< zero area
   std::size_t isolated_vertices = 0;  ///< in no face
   bool closed = false;                ///< no boundary, no refused face
 };

@@ -9,12 +9,12 @@
 
 #include <palpate/result.h>
 #include "baselines/failure.h"
+#include "baselines/points/dynamic_grid.h"
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
 #include "baselines/renderers/depth_rebuild.h"
 #include "toolkit/render/prepare.h"
-#include "toolkit/search/dynamic_grid.h"
 
 namespace palpate::baselines {
 namespace {
@@ -42,7 +42,7 @@ bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
   return local;
 }
 
-class StreamProxy : public ShellRival<search::DynamicGrid> {
+class StreamProxy : public ShellRival<DynamicGrid> {
  public:
   static constexpr RivalText kText{
       "stream-proxy", "a proxy steered by the points within three shells around it, no preparation",
@@ -173,7 +173,7 @@ class StreamProxy : public ShellRival<search::DynamicGrid> {
         surface::OrientedPoint& point = points_.points[place_of_[i]];
         const Vec3f to(original_->x_mm[i], original_->y_mm[i], original_->z_mm[i]);
         const Vec3f from(point.x_mm, point.y_mm, point.z_mm);
-        if (points_.grid.move(place_of_[i], from, to) == search::MoveStatus::kFull)
+        if (points_.grid.move(place_of_[i], from, to) == MoveStatus::kFull)
           continue;  // cannot be: it was there before
         point = {to.x(), to.y(), to.z(), surface::kNoNormal};
       }
@@ -188,7 +188,7 @@ class StreamProxy : public ShellRival<search::DynamicGrid> {
   }
 
  private:
-  using Grid = search::DynamicGrid;
+  using Grid = DynamicGrid;
   struct ImagePoints {
     PointsIn<Grid> points;
     Vec3 camera_mm = Vec3::Zero();
@@ -245,7 +245,7 @@ class StreamProxy : public ShellRival<search::DynamicGrid> {
       surface::OrientedPoint& point = points_.points[place_of_[i]];
       const Vec3f to = batch->to_mm[k];
       const auto status = points_.grid.move(place_of_[i], Vec3f(point.x_mm, point.y_mm, point.z_mm), to);
-      if (status == search::MoveStatus::kFull || !to.allFinite()) continue;
+      if (status == MoveStatus::kFull || !to.allFinite()) continue;
       point = {to.x(), to.y(), to.z(), surface::kNoNormal};
       moved_ = true;
     }

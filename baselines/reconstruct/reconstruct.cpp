@@ -187,7 +187,7 @@ std::optional<std::string_view> checked_body(std::string_view bytes) {
   constexpr std::size_t kWord = sizeof(std::uint64_t);
   if (bytes.size() < 2 * kWord) return std::nullopt;
   const std::string_view before = bytes.substr(0, bytes.size() - kWord);
-  ByteReader ends(bytes.substr(bytes.size() - kWord)), starts(before);
+  InputArchive ends(bytes.substr(bytes.size() - kWord)), starts(before);
   if (ends.value<std::uint64_t>() != hash_of(before) || starts.value<std::uint64_t>() != kMagic)
     return std::nullopt;
   return before.substr(kWord);
@@ -196,7 +196,7 @@ std::optional<std::string_view> checked_body(std::string_view bytes) {
 }  // namespace
 
 std::string cache_key(const Method& method, const cloud::Cloud& cloud, const Options& options) {
-  ByteWriter bytes;
+  OutputArchive bytes;
   write(bytes, cloud);
   std::string key = fmt::format("{} {} ({}) points={} hash={:016x}", method.name, method.version,
                                 PALPATE_MESH_LIBRARIES, cloud.size(), hash_of(bytes.bytes()));
@@ -224,7 +224,7 @@ std::optional<CachedAnswer> MeshCache::find(const std::string& key, const Limits
   const Result<std::string> bytes = read_file(path.string(), kMemoryLimitBytes);
   if (!bytes) return std::nullopt;
   const std::optional<std::string_view> body = checked_body(*bytes);
-  ByteReader reader(body.value_or(std::string_view()));
+  InputArchive reader(body.value_or(std::string_view()));
   if (reader.value<std::string>() != key || !reader.good()) {
     fs::remove(path, code);
     return std::nullopt;
@@ -250,7 +250,7 @@ std::optional<CachedAnswer> MeshCache::find(const std::string& key, const Limits
 
 Status MeshCache::keep(const std::string& key, const Result<Reconstruction>& answer, const Limits& limits) {
   if (!answer && !answer.error().gave_up) return Done{};
-  ByteWriter body;
+  OutputArchive body;
   body(kMagic);
   body(key);
   if (answer) {

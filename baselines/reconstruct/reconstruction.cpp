@@ -55,11 +55,11 @@ void fields_of_error(Stream& stream, Failure& error) {
 
 }  // namespace
 
-void write(ByteWriter& to, const Reconstruction& from) {
+void write(OutputArchive& to, const Reconstruction& from) {
   fields_of_reconstruction(to, from);
 }
 
-Result<Reconstruction> read_reconstruction(ByteReader& from) {
+Result<Reconstruction> read_reconstruction(InputArchive& from) {
   Reconstruction r;
   fields_of_reconstruction(from, r);
   for (const render::PreparePhase& phase : r.made.phases) r.made.total_ms += phase.ms;
@@ -72,11 +72,11 @@ Result<Reconstruction> read_reconstruction(ByteReader& from) {
   return r;
 }
 
-void write(ByteWriter& to, const cloud::Cloud& from) {
+void write(OutputArchive& to, const cloud::Cloud& from) {
   fields_of_cloud(to, from);
 }
 
-Result<cloud::Cloud> read_cloud(ByteReader& from) {
+Result<cloud::Cloud> read_cloud(InputArchive& from) {
   cloud::Cloud cloud;
   fields_of_cloud(from, cloud);
   const bool whole =
@@ -86,11 +86,11 @@ Result<cloud::Cloud> read_cloud(ByteReader& from) {
   return cloud;
 }
 
-void write(ByteWriter& to, const Error& from) {
+void write(OutputArchive& to, const Error& from) {
   fields_of_error(to, from);
 }
 
-Error read_error(ByteReader& from) {
+Error read_error(InputArchive& from) {
   Error error;
   fields_of_error(from, error);
   if (!from.good()) error.what = "the reconstruction failed without saying why";

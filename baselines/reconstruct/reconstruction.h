@@ -23,7 +23,7 @@ namespace palpate::baselines {
 static_assert(std::endian::native == std::endian::little, "arrays are written as they stand in memory");
 
 /// Appends values: numbers and enums as they stand, texts and arrays after their length (8 bytes).
-class ByteWriter {
+class OutputArchive {
  public:
   static constexpr bool kReads = false;
   template <class T>
@@ -56,12 +56,12 @@ class ByteWriter {
   std::string bytes_;
 };
 
-/// Reads what a ByteWriter wrote, in the same order. Past the end, or at a length beyond it, values become
-/// zero or empty and good() stays false.
-class ByteReader {
+/// Reads what an OutputArchive wrote, in the same order. Past the end, or at a length beyond it, values
+/// become zero or empty and good() stays false.
+class InputArchive {
  public:
   static constexpr bool kReads = true;
-  explicit ByteReader(std::string_view bytes) : from_(std::as_bytes(std::span(bytes))) {}
+  explicit InputArchive(std::string_view bytes) : from_(std::as_bytes(std::span(bytes))) {}
   template <class T>
   void operator()(T& value) {
     static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
@@ -98,7 +98,7 @@ class ByteReader {
     const auto bytes = from_.raw(count * element);
     if (count > 0) std::memcpy(static_cast<void*>(values.data()), bytes.data(), bytes.size());
   }
-  palpate::ByteReader from_;
+  ByteReader from_;
 };
 
 struct Reconstruction {
@@ -110,16 +110,16 @@ struct Reconstruction {
   bool recorded = false;        ///< from the cache: times are those of `made_on`
 };
 
-void write(ByteWriter& to, const Reconstruction& from);
+void write(OutputArchive& to, const Reconstruction& from);
 /// An Error for malformed bytes or indices out of range.
-[[nodiscard]] Result<Reconstruction> read_reconstruction(ByteReader& from);
+[[nodiscard]] Result<Reconstruction> read_reconstruction(InputArchive& from);
 
 /// Positions and raster only: properties do not affect a mesh.
-void write(ByteWriter& to, const cloud::Cloud& from);
-[[nodiscard]] Result<cloud::Cloud> read_cloud(ByteReader& from);
+void write(OutputArchive& to, const cloud::Cloud& from);
+[[nodiscard]] Result<cloud::Cloud> read_cloud(InputArchive& from);
 
-void write(ByteWriter& to, const Error& from);
-[[nodiscard]] Error read_error(ByteReader& from);
+void write(OutputArchive& to, const Error& from);
+[[nodiscard]] Error read_error(InputArchive& from);
 
 /// As "2026-01-31 12:00 UTC".
 [[nodiscard]] std::string now_text();

@@ -93,7 +93,7 @@ class Talk {
 
  private:
   void take(WorkerMessage kind, std::string_view text) {
-    ByteReader body(text);
+    InputArchive body(text);
     switch (kind) {
       case WorkerMessage::kResult:
         answer_ = read_reconstruction(body);
@@ -141,7 +141,7 @@ Result<Reconstruction> run_limited(const Method& method, const cloud::Cloud& clo
   std::vector<std::string> arguments = {program, method.name, std::to_string(threads),
                                         std::to_string(memory_limit(limits)), std::to_string(::getpid())};
   for (const auto& [key, value] : options.all()) arguments.push_back(key + "=" + value);
-  ByteWriter body, message;
+  OutputArchive body, message;
   write(body, cloud);
   message(body.bytes());
   Talk talk(limits, method.name, progress);

@@ -72,7 +72,7 @@ Result<cloud::Cloud> receive_cloud() {
     bytes.resize(size);
     if (!read_all(bytes.data(), bytes.size())) bytes.clear();
   }
-  ByteReader reader(bytes);
+  InputArchive reader(bytes);
   return read_cloud(reader);
 }
 
@@ -125,7 +125,7 @@ int run(int argc, char** argv) {
   std::set_new_handler(out_of_memory);
   const Result<Reconstruction> made =
       work(argv[1], std::atoi(argv[2]), argc - 1 - kWorkerFixedArguments, argv + 1 + kWorkerFixedArguments);
-  ByteWriter writer;
+  OutputArchive writer;
   if (made)
     write(writer, *made);
   else

@@ -4,8 +4,8 @@
 
 #include <memory>
 
+#include <palpate/accuracy.h>
 #include <palpate/geometry.h>
-#include <palpate/reference.h>
 #include <palpate/result.h>
 
 namespace palpate::baselines {

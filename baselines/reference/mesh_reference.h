@@ -4,9 +4,9 @@
 
 #include <memory>
 
+#include <palpate/accuracy.h>
 #include <palpate/geometry.h>
 #include <palpate/progress.h>
-#include <palpate/reference.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
 #include "baselines/mesh/surface_mesh.h"

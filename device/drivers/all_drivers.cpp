@@ -37,13 +37,6 @@ std::vector<UsbId> all_usb_ids() {
   return all;
 }
 
-constexpr const char* kHead =
-    "# Haptic devices: who sits at the machine may open them (uaccess); nobody else but root and its group.\n"
-    "# Installed by Palpate as lib/udev/rules.d/70-palpate.rules. By hand: copy it to /etc/udev/rules.d, "
-    "then\n"
-    "#   sudo udevadm control --reload && sudo udevadm trigger\n"
-    "# and plug the device in again.\n";
-
 }  // namespace
 
 const std::vector<UsbId>& known_usb_ids() {
@@ -65,17 +58,6 @@ std::string udev_rule(UsbNode node, const std::string& vendor, const std::string
 
 std::string udev_rule(const UsbId& device) {
   return udev_rule(device.node, device.vendor, device.product);
-}
-
-std::string udev_rules_file() {
-  std::string text = kHead;
-  std::string group;
-  for (const UsbId& device : known_usb_ids()) {
-    if (group != device.name) text += "\n# " + device.name + "\n";
-    group = device.name;
-    text += udev_rule(device) + "\n";
-  }
-  return text;
 }
 
 void register_all_drivers(Drivers& drivers) {

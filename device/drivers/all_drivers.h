@@ -25,7 +25,5 @@ struct UsbId {
 [[nodiscard]] std::string udev_rule(const UsbId& device);
 /// The same for a found vendor and product, where the table has only the vendor.
 [[nodiscard]] std::string udev_rule(UsbNode node, const std::string& vendor, const std::string& product);
-/// The whole file 70-palpate.rules, equal to device/drivers/70-palpate.rules.
-[[nodiscard]] std::string udev_rules_file();
 
 }  // namespace palpate::device

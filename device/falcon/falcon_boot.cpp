@@ -4,12 +4,14 @@
 #include <array>
 #include <cstdlib>
 #include <optional>
+#include <span>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include <palpate/result.h>
 #include "device/falcon/falcon_packets.h"
+#include "toolkit/core/bytes.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 
@@ -20,7 +22,7 @@ constexpr std::size_t kKeyBytes = 2, kReservedBytes = 16, kWordBytes = 2, kAddre
 constexpr std::uint8_t kKeyFirst = 0xAA, kKeySecond = 0x08;
 // A C28x has 22 address lines.
 constexpr std::uint32_t kMaxAddress = 0x3FFFFF;
-constexpr unsigned kWordBits = 16, kByteBits = 8;
+constexpr unsigned kWordBits = 16;
 constexpr const char* kWhatIsAnImage =
     "give an image of the Falcon's firmware as its maker's driver holds it, unchanged";
 
@@ -42,48 +44,30 @@ std::size_t rank_of(const std::string& sha256) {
   return static_cast<std::size_t>(at - kKnown.begin());
 }
 
-class WordReader {
- public:
-  WordReader(std::span<const std::uint8_t> bytes, std::size_t at) : bytes_(bytes), at_(at) {}
-  [[nodiscard]] std::size_t at() const { return at_; }
-  [[nodiscard]] std::size_t left() const { return bytes_.size() - at_; }
-  void skip(std::size_t bytes) { at_ += bytes; }
-  [[nodiscard]] std::optional<std::uint32_t> word() {
-    if (left() < kWordBytes) return std::nullopt;
-    const std::uint32_t value = bytes_[at_] | (std::uint32_t{bytes_[at_ + 1]} << kByteBits);
-    at_ += kWordBytes;
-    return value;
-  }
-  [[nodiscard]] std::optional<std::uint32_t> address() {
-    if (left() < kAddressBytes) return std::nullopt;
-    const std::uint32_t upper = *word();
-    return (upper << kWordBits) | *word();
-  }
-
- private:
-  std::span<const std::uint8_t> bytes_;
-  std::size_t at_;
-};
+/// An address of the processor: the upper word comes first.
+std::uint32_t read_address(ByteReader& reader) {
+  const std::uint32_t upper = reader.u16();
+  return (upper << kWordBits) | reader.u16();
+}
 
 Error no_image(const std::string& what, std::size_t at) {
   return {"this is no firmware of a Falcon: " + what + " at byte " + std::to_string(at), kWhatIsAnImage, "",
           0};
 }
 
-Status walk_blocks(WordReader& reader, FalconFirmware& image) {
+Status walk_blocks(ByteReader& reader, FalconFirmware& image) {
   for (;;) {
     const std::size_t begins = reader.at();
-    const std::optional<std::uint32_t> count = reader.word();
-    if (!count) return no_image("the file ends where a block's length is due,", begins);
-    if (*count == 0) break;
-    const std::optional<std::uint32_t> address = reader.address();
-    if (!address) return no_image("the file ends within a block's head,", begins);
-    if (*address > kMaxAddress || *count - 1 > kMaxAddress - *address)
+    const std::uint32_t count = reader.u16();
+    if (!reader.good()) return no_image("the file ends where a block's length is due,", begins);
+    if (count == 0) break;
+    const std::uint32_t address = read_address(reader);
+    if (!reader.good()) return no_image("the file ends within a block's head,", begins);
+    if (address > kMaxAddress || count - 1 > kMaxAddress - address)
       return no_image("a block goes to addresses that the processor does not have,", begins);
-    if (reader.left() < kWordBytes * *count) return no_image("the file ends within a block", begins);
-    reader.skip(kWordBytes * *count);
+    if (reader.raw(kWordBytes * count).empty()) return no_image("the file ends within a block", begins);
     ++image.blocks;
-    image.words += *count;
+    image.words += count;
   }
   if (image.blocks == 0) return no_image("it holds no block; the list ends", reader.at());
   if (reader.left() > 0) return no_image("bytes after the end,", reader.at());
@@ -301,8 +285,9 @@ Result<FalconFirmware> check_falcon_firmware(std::vector<std::uint8_t> bytes) {
     return no_image("the key AA 08 is missing", 0);
   if (bytes.size() < kKeyBytes + kReservedBytes + kAddressBytes)
     return no_image("the file ends within its head,", bytes.size());
-  WordReader reader(bytes, kKeyBytes + kReservedBytes);
-  image.entry = reader.address().value_or(0);
+  ByteReader reader{std::span<const std::uint8_t>(bytes)};
+  (void)reader.raw(kKeyBytes + kReservedBytes);
+  image.entry = read_address(reader);
   if (image.entry > kMaxAddress)
     return no_image("its entry is an address that the processor does not have,", kKeyBytes + kReservedBytes);
   PALPATE_TRY(walk_blocks(reader, image));

@@ -53,7 +53,6 @@ inline constexpr int kFalconNewtonSteps = 24, kFalconHalvings = 12;
 
 /// Leg angles of encoder counts, possibly fractional. 35 degrees at 0.
 [[nodiscard]] Vec3 falcon_angles_of_counts(const Vec3& counts) noexcept;
-[[nodiscard]] Vec3 falcon_counts_of_angles(const Vec3& angles_rad) noexcept;
 
 /// Motor counts per torque from public code, unconfirmed by measurement: see docs/how-to/connect-a-device.md.
 inline constexpr double kFalconCountsPerNmm = 10.0;

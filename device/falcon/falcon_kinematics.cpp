@@ -136,8 +136,4 @@ Vec3 falcon_angles_of_counts(const Vec3& counts) noexcept {
   return Vec3::Constant(kAngleAtZero) + kRadPerCount * counts;
 }
 
-Vec3 falcon_counts_of_angles(const Vec3& angles_rad) noexcept {
-  return (angles_rad - Vec3::Constant(kAngleAtZero)) / kRadPerCount;
-}
-
 }  // namespace palpate::device

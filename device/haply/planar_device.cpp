@@ -25,14 +25,6 @@ namespace {
 // with perpendicular bars.
 constexpr double kMinSine = 0.05;
 
-/// Angle at the motor between the line to the place and the crank; nothing if out of reach.
-std::optional<double> crank_turn(const PantographGeometry& geometry, double distance_mm) noexcept {
-  const double l = geometry.crank_mm, bar = geometry.bar_mm;
-  const double cosine = (l * l + distance_mm * distance_mm - bar * bar) / (2.0 * l * distance_mm);
-  if (!(std::abs(cosine) <= 1.0)) return std::nullopt;
-  return std::acos(cosine);
-}
-
 constexpr std::uint8_t kSetUp = 1, kTorques = 2;
 constexpr std::uint8_t kAddress = PlanarFormat::kStart;
 constexpr std::uint8_t kBothPorts = 3;  // one bit each
@@ -76,16 +68,6 @@ std::optional<PantographPose> pantograph_pose(const PantographGeometry& geometry
   pose.mm_per_rad.col(0) = push_1 / across * Vector2d(along_2.y(), -along_2.x());
   pose.mm_per_rad.col(1) = push_2 / across * Vector2d(-along_1.y(), along_1.x());
   return pose;
-}
-
-std::optional<std::array<double, 2>> pantograph_angles(const PantographGeometry& geometry,
-                                                       const Eigen::Vector2d& place_mm) noexcept {
-  const Eigen::Vector2d from_second = place_mm - Eigen::Vector2d(geometry.between_mm, 0.0);
-  const std::optional<double> first = crank_turn(geometry, place_mm.norm());
-  const std::optional<double> second = crank_turn(geometry, from_second.norm());
-  if (!first || !second) return std::nullopt;
-  return std::array<double, 2>{std::atan2(place_mm.y(), place_mm.x()) + *first,
-                               std::atan2(from_second.y(), from_second.x()) - *second};
 }
 
 const PlanarModel* planar_model(int generation) noexcept {

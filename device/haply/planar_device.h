@@ -49,9 +49,6 @@ struct PantographPose {
 /// solution away from the motors.
 [[nodiscard]] std::optional<PantographPose> pantograph_pose(const PantographGeometry& geometry,
                                                             const std::array<double, 2>& angles) noexcept;
-/// Angles of a place; nothing if out of reach.
-[[nodiscard]] std::optional<std::array<double, 2>> pantograph_angles(
-    const PantographGeometry& geometry, const Eigen::Vector2d& place_mm) noexcept;
 
 /// One edition of the 2DIY. Motor and encoder 1 are on port 2, motor and encoder 2 on port 1.
 struct PlanarModel {

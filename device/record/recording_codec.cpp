@@ -34,10 +34,7 @@ class FieldWriter {
     room_for(sizeof(std::uint32_t)).u32(static_cast<std::uint32_t>(list.size()));
     for (const T& one : list) add(one);
   }
-  ByteWriter room_for(std::size_t size) {
-    bytes_.resize(bytes_.size() + size);
-    return ByteWriter(std::span(bytes_).last(size));
-  }
+  ByteWriter room_for(std::size_t size) { return append_to(bytes_, size); }
   std::vector<std::byte> bytes_;
 };
 

@@ -196,7 +196,6 @@ Swing swing_of(const trace::ProbePath& path, const Vec3& along, double quiet_mm)
   const Window last = window_of(path, along, end_s - kWindowS, end_s);
   const Window earlier = window_of(path, along, end_s - kApartS - kWindowS, end_s - kApartS);
   swing.amplitude_mm = last.amplitude_mm;
-  swing.earlier_mm = earlier.amplitude_mm;
   swing.frequency_hz = last.frequency_hz;
   swing.sustained = last.amplitude_mm > quiet_mm && last.amplitude_mm > kKept * earlier.amplitude_mm;
   return swing;

@@ -51,7 +51,6 @@ struct LoopRun {
 /// second that ended two seconds earlier.
 struct Swing {
   double amplitude_mm = 0.0;  ///< half peak-to-peak in the last window
-  double earlier_mm = 0.0;    ///< in the earlier window
   double frequency_hz = 0.0;  ///< in the last window; 0: no swing
   bool sustained = false;     ///< above `quiet_mm` and not dying away
 };

@@ -6,7 +6,6 @@
 
 #include <palpate/accuracy.h>
 #include <palpate/generate.h>
-#include <palpate/reference.h>
 #include <palpate/replay.h>
 #include "toolkit/core/tolerances.h"
 

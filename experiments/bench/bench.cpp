@@ -11,8 +11,8 @@
 #include <vector>
 
 #include <palpate/progress.h>
+#include <palpate/read_model.h>
 #include <palpate/trace.h>
-#include <palpate/write_mesh.h>
 #include "experiments/bench/cases.h"
 #include "experiments/bench/ranking.h"
 #include "experiments/driver/suite.h"

@@ -9,9 +9,9 @@
 #include <span>
 
 #include <palpate/accuracy.h>
+#include <palpate/read_model.h>
 #include <palpate/scene.h>
 #include <palpate/trace.h>
-#include <palpate/write_mesh.h>
 #include "experiments/session/session.h"
 #include "toolkit/core/hash.h"
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include <palpate/interval.h>
+#include <palpate/clock.h>
 #include <palpate/result.h>
 #include "experiments/bench/cases.h"
 #include "experiments/report/tables.h"

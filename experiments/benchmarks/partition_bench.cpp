@@ -12,16 +12,19 @@
 #include <vector>
 
 #include <palpate/generate.h>
+#include "baselines/points/dynamic_grid.h"
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/segment_box.h"
-#include "toolkit/search/dynamic_grid.h"
 #include "toolkit/search/orthtree.h"
+#include "toolkit/search/uniform_grid.h"
 
 namespace palpate::benchmarks {
 namespace {
 
 using namespace search;
+using baselines::DynamicGrid;
+using baselines::MoveStatus;
 
 struct Model {
   cloud::Cloud cloud;

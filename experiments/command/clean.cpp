@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include <palpate/progress.h>
-#include <palpate/write_mesh.h>
+#include <palpate/read_model.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/data/scans.h"

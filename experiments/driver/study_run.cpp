@@ -9,8 +9,8 @@
 #include <vector>
 
 #include <palpate/progress.h>
+#include <palpate/read_model.h>
 #include <palpate/result.h>
-#include <palpate/write_mesh.h>
 #include "experiments/data/scans.h"
 #include "experiments/driver/jobs.h"
 #include "experiments/report/findings.h"

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include <palpate/clock.h>
+#include <palpate/read_model.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include <palpate/write_mesh.h>
 #include "experiments/driver/suite.h"
 #include "experiments/hunt/input_json.h"
 #include "experiments/hunt/trial.h"

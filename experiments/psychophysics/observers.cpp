@@ -127,7 +127,6 @@ void take_simulated(const NamedOptions& given, const Options& options, ObserverS
   o.slope = options.number("slope");
   o.catch_dprime = options.number("catch_dprime");
   o.missed = options.number("missed");
-  spec.has_dprime = given.options.has("dprime");
   spec.has_jnd = given.options.has("jnd");
 }
 

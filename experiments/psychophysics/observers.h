@@ -56,7 +56,7 @@ struct ObserverSpec {
   std::string text;
   ObserverKind kind = ObserverKind::kSimulated;
   ObserverOptions options;
-  bool has_dprime = false, has_jnd = false;
+  bool has_jnd = false;
   // For a machine, and for a simulated hand watched by a person.
   Thresholds thresholds;
   std::string hand = "press";

@@ -9,10 +9,10 @@
 #include <utility>
 
 #include <palpate/options.h>
+#include <palpate/read_model.h>
 #include <palpate/result.h>
 #include <palpate/scene.h>
 #include <palpate/trace.h>
-#include <palpate/write_mesh.h>
 #include "device/record/recording.h"
 #include "experiments/run/stage.h"
 #include "toolkit/core/files.h"

@@ -3,7 +3,7 @@
 #include <memory>
 #include <utility>
 
-#include <palpate/reference.h>
+#include <palpate/accuracy.h>
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "baselines/reference/closest_mesh.h"

@@ -3,9 +3,9 @@
 
 #include <memory>
 
+#include <palpate/accuracy.h>
 #include <palpate/paths.h>
 #include <palpate/progress.h>
-#include <palpate/reference.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>

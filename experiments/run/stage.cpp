@@ -4,9 +4,9 @@
 
 #include <filesystem>
 
+#include <palpate/accuracy.h>
 #include <palpate/baselines.h>
 #include <palpate/paths.h>
-#include <palpate/reference.h>
 #include <palpate/result.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"

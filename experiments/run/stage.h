@@ -8,10 +8,9 @@
 #include <string>
 #include <vector>
 
-#include <palpate/cleaning.h>
+#include <palpate/accuracy.h>
 #include <palpate/progress.h>
 #include <palpate/read_model.h>
-#include <palpate/reference.h>
 #include <palpate/result.h>
 #include <palpate/scene.h>
 #include <palpate/trace.h>

@@ -15,8 +15,8 @@
 
 #include <palpate/clock.h>
 #include <palpate/control.h>
+#include <palpate/read_model.h>
 #include <palpate/result.h>
-#include <palpate/write_mesh.h>
 #include "baselines/renderers/mesh_source.h"
 #include "experiments/run/child.h"
 #include "experiments/run/result_warnings.h"

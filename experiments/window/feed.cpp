@@ -73,9 +73,6 @@ void WindowFeed::took(const device::Tick& tick) noexcept {
   sample.t_s = tick.t_s;
   sample.sent_n = static_cast<float>(tick.sent_n.norm());
   sample.step_us = static_cast<float>(static_cast<double>(tick.step_ns) * kUsPerNs);
-  if (tick.due_ns != 0)
-    sample.late_us = static_cast<float>(
-        static_cast<double>(std::max<std::int64_t>(0, tick.t_ns - tick.due_ns)) * kUsPerNs);
   sample.contact = tick.frame.contact;
   sample.fault = tick.fault != device::Fault::kNone;
   samples_.push(sample);

@@ -49,7 +49,6 @@ struct TickSample {
   double t_s = 0.0;
   float sent_n = 0.0f;   ///< magnitude
   float step_us = 0.0f;  ///< all renderers together
-  float late_us = 0.0f;  ///< from due time to start
   bool contact = false;
   bool fault = false;
 };

@@ -1,6 +1,6 @@
 // Every step of cleaning on surfaces known by formula.
 #include <palpate/baselines.h>
-#include <palpate/cleaning.h>
+#include <palpate/scene.h>
 
 #include <gtest/gtest.h>
 

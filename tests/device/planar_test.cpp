@@ -1,7 +1,11 @@
 // Haply's 2DIY: kinematics, bytes, and zero torque on every path, since its board holds the last one.
 #include "device/haply/planar_device.h"
 
+#include <array>
+#include <cmath>
+#include <cstring>
 #include <numbers>
+#include <optional>
 
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
@@ -25,6 +29,25 @@ TestBytes reply_of(float first, float second, std::uint8_t address = 5) {
   std::memcpy(bytes.data() + 1, &second, 4);
   std::memcpy(bytes.data() + 5, &first, 4);
   return bytes;
+}
+
+/// Angle at the motor between the line to the place and the crank; nothing if out of reach.
+std::optional<double> crank_turn(const PantographGeometry& geometry, double distance_mm) noexcept {
+  const double l = geometry.crank_mm, bar = geometry.bar_mm;
+  const double cosine = (l * l + distance_mm * distance_mm - bar * bar) / (2.0 * l * distance_mm);
+  if (!(std::abs(cosine) <= 1.0)) return std::nullopt;
+  return std::acos(cosine);
+}
+
+/// Angles of a place; nothing if out of reach.
+std::optional<std::array<double, 2>> pantograph_angles(const PantographGeometry& geometry,
+                                                       const Eigen::Vector2d& place_mm) noexcept {
+  const Eigen::Vector2d from_second = place_mm - Eigen::Vector2d(geometry.between_mm, 0.0);
+  const std::optional<double> first = crank_turn(geometry, place_mm.norm());
+  const std::optional<double> second = crank_turn(geometry, from_second.norm());
+  if (!first || !second) return std::nullopt;
+  return std::array<double, 2>{std::atan2(place_mm.y(), place_mm.x()) + *first,
+                               std::atan2(from_second.y(), from_second.x()) - *second};
 }
 
 TEST(Pantograph, ThereAndBackOverTheWorkspaceWithItsJacobian) {

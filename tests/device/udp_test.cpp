@@ -259,6 +259,25 @@ TEST(AllDrivers, NonsenseIsRefusedByEachWithAnError) {
   }
 }
 
+constexpr const char* kUdevRulesHead =
+    "# Haptic devices: who sits at the machine may open them (uaccess); nobody else but root and its group.\n"
+    "# Installed by Palpate as lib/udev/rules.d/70-palpate.rules. By hand: copy it to /etc/udev/rules.d, "
+    "then\n"
+    "#   sudo udevadm control --reload && sudo udevadm trigger\n"
+    "# and plug the device in again.\n";
+
+/// The whole file of rules, from the table.
+std::string udev_rules_file() {
+  std::string text = kUdevRulesHead;
+  std::string group;
+  for (const UsbId& device : known_usb_ids()) {
+    if (group != device.name) text += "\n# " + device.name + "\n";
+    group = device.name;
+    text += udev_rule(device) + "\n";
+  }
+  return text;
+}
+
 TEST(UdevRules, TheInstalledFileIsThatOfTheTable) {
   std::ifstream in(PALPATE_SOURCE_ROOT "/device/drivers/70-palpate.rules");
   const std::string text{std::istreambuf_iterator<char>(in), {}};

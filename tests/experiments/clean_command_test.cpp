@@ -8,7 +8,7 @@
 #include <limits>
 
 #include <palpate/generate.h>
-#include <palpate/write_mesh.h>
+#include <palpate/read_model.h>
 #include "experiments/run/stage.h"
 #include "tests/experiments/program.h"
 #include "toolkit/core/random.h"

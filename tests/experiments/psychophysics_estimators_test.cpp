@@ -438,7 +438,7 @@ TEST(ObserverSpecs, AreReadAndRefused) {
   const auto good = parse_observer("simulated:dprime=1.5:lapse=0.02");
   ASSERT_TRUE(good) << good.error().message();
   EXPECT_DOUBLE_EQ(good->options.dprime, 1.5);
-  EXPECT_TRUE(good->has_dprime);
+  EXPECT_FALSE(good->has_jnd);
   const auto machine = parse_observer("machine:hand=slide:stiffness=0.1");
   ASSERT_TRUE(machine) << machine.error().message();
   EXPECT_EQ(machine->kind, ObserverKind::kMachine);

@@ -107,10 +107,7 @@ Vec3 PassivityController::control(const Vec3& hip_mm, const Vec3& wanted_n, doub
   const bool free = wanted_n == Vec3::Zero();
   if (!free) {
     const Vec3 damping = damping_n(hip_mm, force_n, dt_s);
-    if (damping != Vec3::Zero()) {
-      ++damped_frames_;
-      force_n = render::limited(force_n + damping, limit_n);
-    }
+    if (damping != Vec3::Zero()) force_n = render::limited(force_n + damping, limit_n);
   }
   observer_.observe(hip_mm, force_n);
   if (free) observer_.forget_surplus();

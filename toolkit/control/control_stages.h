@@ -102,24 +102,19 @@ class PassivityController {
   explicit PassivityController(const PassivityOptions& options = {}) noexcept
       : options_(options), observer_(options.rule) {}
 
-  void reset() noexcept {
-    observer_.reset();
-    damped_frames_ = 0;
-  }
+  void reset() noexcept { observer_.reset(); }
   /// The force to output for `wanted_n` at `hip_mm`, `dt_s` after the last frame; at most `limit_n` (0 =
   /// none). Never NaN: non-finite input gives zero. Bounded work, no allocation.
   [[nodiscard]] Vec3 control(const Vec3& hip_mm, const Vec3& wanted_n, double dt_s,
                              double limit_n = 0.0) noexcept;
 
   [[nodiscard]] const PassivityObserver& observer() const noexcept { return observer_; }  ///< of the output
-  [[nodiscard]] std::uint64_t damped_frames() const noexcept { return damped_frames_; }
 
  private:
   [[nodiscard]] Vec3 damping_n(const Vec3& hip_mm, const Vec3& wanted_n, double dt_s) const noexcept;
 
   PassivityOptions options_;
   PassivityObserver observer_;
-  std::uint64_t damped_frames_ = 0;
 };
 
 // Force filtering (section 3.2.5): "restrictions on the current frame's force vector in relation to what the

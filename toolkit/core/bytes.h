@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
 #include <palpate/vec.h>
 
@@ -60,6 +61,12 @@ class ByteWriter {
   std::span<std::byte> into_;
   std::size_t at_ = 0;
 };
+
+/// The writer of `size` bytes that it appends; valid until `bytes` grows again. Allocates, so not for frames.
+[[nodiscard]] inline ByteWriter append_to(std::vector<std::byte>& bytes, std::size_t size) {
+  bytes.resize(bytes.size() + size);
+  return ByteWriter(std::span(bytes).last(size));
+}
 
 /// After the end everything reads as 0 and good() is false.
 class ByteReader {

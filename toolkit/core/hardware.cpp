@@ -5,10 +5,12 @@
 #include <sys/resource.h>
 #endif
 
+#include <cstdint>
 #include <cstdlib>
 #include <string_view>
 
-#include <palpate/page_faults.h>
+#include <palpate/clock.h>
+#include "toolkit/core/simd.h"
 
 namespace palpate {
 

@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include <palpate/interval.h>
+#include <palpate/clock.h>
 #include "toolkit/core/random.h"
 
 namespace palpate {

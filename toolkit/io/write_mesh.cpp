@@ -1,4 +1,4 @@
-#include <palpate/write_mesh.h>
+#include <palpate/read_model.h>
 
 #include <fmt/format.h>
 
@@ -35,10 +35,7 @@ class RowWriter {
   }
 
  private:
-  ByteWriter add(std::size_t bytes) {
-    buffer_.resize(buffer_.size() + bytes);
-    return ByteWriter(std::span(buffer_).last(bytes));
-  }
+  ByteWriter add(std::size_t bytes) { return append_to(buffer_, bytes); }
 
   static constexpr std::size_t kBlock = std::size_t{1} << 16;
   AtomicFile& file_;

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>

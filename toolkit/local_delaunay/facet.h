@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include <palpate/vec.h>
+#include "toolkit/core/simd.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 
 namespace palpate::local_delaunay {
@@ -153,7 +154,7 @@ class FacetFrame {
 
   [[nodiscard]] Weights at(const Vec3& h) const noexcept {
     const double x = h.x() - origin_.x(), y = h.y() - origin_.y(), z = h.z() - origin_.z();
-    const Two w = gradient_[0] * x + gradient_[1] * y + gradient_[2] * z;
+    const Double2 w = gradient_[0] * x + gradient_[1] * y + gradient_[2] * z;
     return {{square_ - w[0] - w[1], w[0], w[1]}, normal_.x() * x + normal_.y() * y + normal_.z() * z};
   }
   /// The height of h; only its sign is meaningful.
@@ -166,11 +167,10 @@ class FacetFrame {
   }
 
  private:
-  using Two = double __attribute__((vector_size(16)));
-  std::array<Two, 3> gradient_{};  ///< x, y and z of the weights of corners 1 and 2
-  Vec3 origin_ = Vec3::Zero();     ///< corner 0
-  Vec3 normal_ = Vec3::Zero();     ///< towards the touched side
-  double square_ = 0.0;            ///< squared length of normal_: the sum of all weights
+  std::array<Double2, 3> gradient_{};  ///< x, y and z of the weights of corners 1 and 2
+  Vec3 origin_ = Vec3::Zero();         ///< corner 0
+  Vec3 normal_ = Vec3::Zero();         ///< towards the touched side
+  double square_ = 0.0;                ///< squared length of normal_: the sum of all weights
   double per_square_ = 0.0;
 };
 
@@ -181,7 +181,7 @@ inline FacetFrame::FacetFrame(const Vec3& a, const Vec3& b, const Vec3& c, doubl
   const double square = n.squaredNorm();
   if (!(square > 0.0)) return;
   // Both sides that meet in corner 0, in lanes; n crosses each in the opposite direction.
-  const Two x = {ac.x(), -ab.x()}, y = {ac.y(), -ab.y()}, z = {ac.z(), -ab.z()};
+  const Double2 x = {ac.x(), -ab.x()}, y = {ac.y(), -ab.y()}, z = {ac.z(), -ab.z()};
   gradient_ = {y * n.z() - z * n.y(), z * n.x() - x * n.z(), x * n.y() - y * n.x()};
   normal_ = side * n;
   square_ = square;

@@ -1,6 +1,6 @@
 #include "toolkit/local_delaunay/neighbour_planes_avx2.h"
 
-#include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -11,18 +11,16 @@ namespace palpate::local_delaunay {
 #if defined(__x86_64__)
 namespace {
 
-using Four = double __attribute__((vector_size(32)));
-
 struct Four3 {
-  Four x, y, z;
+  Double4 x, y, z;
 };
 /// As surface::SymmetricMatrix3.
 struct FourSymmetric {
-  Four xx, xy, xz, yy, yz, zz;
+  Double4 xx, xy, xz, yy, yz, zz;
 };
 
-PALPATE_AVX2 inline Four all(double x) noexcept {
-  return Four{x, x, x, x};
+PALPATE_AVX2 inline Double4 all(double x) noexcept {
+  return Double4{x, x, x, x};
 }
 /// Omits the weight, which another thread may be writing.
 PALPATE_AVX2 inline __m128 coordinates(const SortedPoint& p) noexcept {
@@ -36,7 +34,7 @@ PALPATE_AVX2 inline void read(const SortedPoint* point, std::uint32_t a, std::ui
   _MM_TRANSPOSE4_PS(x, y, z, w);
   out = {_mm256_cvtps_pd(x), _mm256_cvtps_pd(y), _mm256_cvtps_pd(z)};
 }
-PALPATE_AVX2 inline void scale(FourSymmetric& c, Four s) noexcept {
+PALPATE_AVX2 inline void scale(FourSymmetric& c, Double4 s) noexcept {
   c = {c.xx * s, c.xy * s, c.xz * s, c.yy * s, c.yz * s, c.zz * s};
 }
 PALPATE_AVX2 inline void take_adjugate(FourSymmetric& c) noexcept {
@@ -51,7 +49,7 @@ PALPATE_AVX2 inline void square(FourSymmetric& c) noexcept {
 
 PALPATE_AVX2 unsigned between_wide(const SortedPoint* point, const std::uint32_t* near, const Vec3& p,
                                    double beyond_sq, double within_sq) noexcept {
-  const Four px = all(p.x()), py = all(p.y()), pz = all(p.z());
+  const Double4 px = all(p.x()), py = all(p.y()), pz = all(p.z());
   const __m256d beyond = all(beyond_sq), within = all(within_sq);
   unsigned mask = 0;
   for (unsigned k = 0; k < kNearAtOnce; k += 4) {
@@ -79,7 +77,7 @@ PALPATE_AVX2 void covariances(const SortedPoint* point, const std::array<std::ui
     second = {second.xx + d.x * d.x, second.xy + d.x * d.y, second.xz + d.x * d.z,
               second.yy + d.y * d.y, second.yz + d.y * d.z, second.zz + d.z * d.z};
   }
-  const Four share = all(1.0 / static_cast<double>(kPlaneNear + 1));
+  const Double4 share = all(1.0 / static_cast<double>(kPlaneNear + 1));
   out = {second.xx - share * first.x * first.x, second.xy - share * first.x * first.y,
          second.xz - share * first.x * first.z, second.yy - share * first.y * first.y,
          second.yz - share * first.y * first.z, second.zz - share * first.z * first.z};
@@ -94,10 +92,10 @@ PALPATE_AVX2 void planes(const SortedPoint* point, const std::array<std::uint32_
   FourSymmetric power;
   covariances(point, place, near, power);
   write(power, out.covariance);
-  const Four size = power.xx + power.yy + power.zz;
+  const Double4 size = power.xx + power.yy + power.zz;
   scale(power, all(1.0) / size);
   take_adjugate(power);
-  Four trace = power.xx + power.yy + power.zz;
+  Double4 trace = power.xx + power.yy + power.zz;
   for (std::size_t k = 0; k < 4; ++k)
     out.has_normal[k] = size[k] > 0.0 && trace[k] > surface::kCollinearRatio;
   for (int i = 0; i < surface::kSquarings; ++i) {

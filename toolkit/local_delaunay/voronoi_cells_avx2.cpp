@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>

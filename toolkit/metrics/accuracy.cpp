@@ -5,7 +5,6 @@
 #include <bit>
 #include <cmath>
 
-#include <palpate/reference.h>
 #include <palpate/result.h>
 #include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"

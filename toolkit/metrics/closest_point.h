@@ -8,8 +8,8 @@
 #include <span>
 #include <string>
 
+#include <palpate/accuracy.h>
 #include <palpate/progress.h>
-#include <palpate/reference.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <palpate/reference.h>
+#include <palpate/accuracy.h>
 #include <palpate/result.h>
 #include "toolkit/control/control_stages.h"
 #include "toolkit/core/statistics.h"

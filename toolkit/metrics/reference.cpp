@@ -1,4 +1,4 @@
-#include <palpate/reference.h>
+#include <palpate/accuracy.h>
 
 #include <fmt/format.h>
 

@@ -16,7 +16,6 @@
 
 #include <palpate/accuracy.h>
 #include <palpate/depth_stream.h>
-#include <palpate/reference.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
 #include "toolkit/core/files.h"

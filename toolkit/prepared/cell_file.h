@@ -76,7 +76,6 @@ struct CellPoints {
   std::size_t own = 0;
   double quantum_mm = 0.0;
 
-  [[nodiscard]] bool is_halo(std::size_t i) const noexcept { return i >= own; }
   [[nodiscard]] std::span<const Vec3> own_mm() const noexcept { return std::span(points_mm).first(own); }
 };
 

@@ -34,7 +34,6 @@ class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
                     : cells == "crossed" ? CellRule::kCrossed
                                          : CellRule::kAdjacent;
     literal.text_form = options_.text("exit_test") == "text";
-    literal.count_missed = options_.flag("count_missed");
     return literal;
   }
   [[nodiscard]] PointModelOptions point_options() const {
@@ -111,9 +110,6 @@ RendererInfo cloud_literal_info() {
       "exit_test", "figure",
       "what figure 42 tests on the way out: the sphere (figure) or the god object (text of 3.2.4)",
       {"figure", "text"}));
-  info.options.push_back(option::flag("count_missed", "false",
-                                      "count cells that the printed sampling skips (slower)",
-                                      {{"cells", {"sampled"}}, {"test", {"box"}}}));
   info.make = [](const Options& options) { return std::make_unique<CloudLiteral>(options); };
   return info;
 }

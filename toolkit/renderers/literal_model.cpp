@@ -117,7 +117,6 @@ bool LiteralModel::any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& cou
     reach += Vec3::Constant(model_.sphere_mm);  // a swept sphere crosses cells with its volume
     return !visit_cells(model_.grid, a, b, reach, [&](const Cell& cell) { return !in_cell(cell); });
   }
-  if (options_.count_missed) count_missed(a, b, counters);
   return any_sampled(a, b, in_cell);
 }
 
@@ -158,15 +157,6 @@ bool LiteralModel::clip(const Vec3& a, const Vec3& d, double& t0, double& t1) co
     t1 = std::min(t1, std::max(s, e));
   }
   return t0 <= t1;
-}
-
-/// Counts crossed cells with points that the printed sampling skips.
-void LiteralModel::count_missed(const Vec3& a, const Vec3& b, FrameCounters& counters) const noexcept {
-  visit_cells(model_.grid, a, b, Vec3::Zero(), [&](const Cell& cell) {
-    if (!model_.grid.find(cell).empty())
-      counters.missed_cells += !any_sampled(a, b, [&](const Cell& seen) { return same(seen, cell); });
-    return true;
-  });
 }
 
 bool LiteralModel::resting(const Vec3& a, const Vec3& b) const noexcept {

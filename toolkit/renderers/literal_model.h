@@ -20,8 +20,7 @@ enum class CellRule : std::uint8_t {
 
 struct LiteralOptions {
   CellRule cells = CellRule::kSampled;
-  bool text_form = false;     ///< uses the exit test of section 3.2.4's text, not the figure's
-  bool count_missed = false;  ///< counts cells that the printed sampling skips
+  bool text_form = false;  ///< uses the exit test of section 3.2.4's text, not the figure's
 };
 
 /// Belongs to one thread. Work per update as printed: cells crossed times points per cell, unbounded; walks
@@ -50,7 +49,6 @@ class LiteralModel {
   template <class Test>
   bool any_sampled(const Vec3& a, const Vec3& b, Test&& test) const noexcept;
   bool clip(const Vec3& a, const Vec3& d, double& t0, double& t1) const noexcept;
-  void count_missed(const Vec3& a, const Vec3& b, FrameCounters& counters) const noexcept;
   [[nodiscard]] bool resting(const Vec3& a, const Vec3& b) const noexcept;
   [[nodiscard]] bool touches(const geometry::SegmentProbe& probe, std::uint32_t place,
                              FrameCounters& counters) const noexcept;

@@ -1,4 +1,4 @@
-#include <palpate/cleaning.h>
+#include <palpate/scene.h>
 
 #include <fmt/format.h>
 
@@ -8,7 +8,6 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
-#include <palpate/scene.h>
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/search/knn.h"

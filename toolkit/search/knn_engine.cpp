@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/simd.h"
 #include "toolkit/search/morton_order.h"
 
 namespace palpate::search {
@@ -261,11 +262,11 @@ void copy_one(const Candidates& from, std::size_t place, Candidates& to, std::si
 /// Copies n places in whole steps; reads and writes up to a step more.
 void copy_steps(const Candidates& from, std::size_t begin, std::size_t n, Candidates& to,
                 std::size_t at) noexcept {
-  for (std::size_t k = 0; k < n; k += kSimdWidth) {
-    std::memcpy(to.x.data() + at + k, from.x.data() + begin + k, kSimdWidth * sizeof(float));
-    std::memcpy(to.y.data() + at + k, from.y.data() + begin + k, kSimdWidth * sizeof(float));
-    std::memcpy(to.z.data() + at + k, from.z.data() + begin + k, kSimdWidth * sizeof(float));
-    std::memcpy(to.index.data() + at + k, from.index.data() + begin + k, kSimdWidth * sizeof(std::uint32_t));
+  for (std::size_t k = 0; k < n; k += kLanes) {
+    std::memcpy(to.x.data() + at + k, from.x.data() + begin + k, kLanes * sizeof(float));
+    std::memcpy(to.y.data() + at + k, from.y.data() + begin + k, kLanes * sizeof(float));
+    std::memcpy(to.z.data() + at + k, from.z.data() + begin + k, kLanes * sizeof(float));
+    std::memcpy(to.index.data() + at + k, from.index.data() + begin + k, kLanes * sizeof(std::uint32_t));
   }
 }
 

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cmath>
 
-#include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 #include "toolkit/core/tolerances.h"
 
 #if defined(__x86_64__)
@@ -47,10 +47,10 @@ void sieve(const Candidates& c, const Vec3& p, float limit, KnnScratch& scratch,
   // The points' coordinates are floats.
   const auto px = static_cast<float>(p.x()), py = static_cast<float>(p.y()), pz = static_cast<float>(p.z());
   std::size_t count = 0;
-  float key[kSimdWidth];
-  for (std::size_t i = 0; i < n; i += kSimdWidth) {
-    for (std::size_t k = 0; k < kSimdWidth; ++k) key[k] = rough(x[i + k] - px, y[i + k] - py, z[i + k] - pz);
-    for (std::size_t k = 0; k < kSimdWidth; ++k) {
+  float key[kLanes];
+  for (std::size_t i = 0; i < n; i += kLanes) {
+    for (std::size_t k = 0; k < kLanes; ++k) key[k] = rough(x[i + k] - px, y[i + k] - py, z[i + k] - pz);
+    for (std::size_t k = 0; k < kLanes; ++k) {
       kept[count] = static_cast<std::uint32_t>(i + k);
       count += static_cast<std::size_t>(key[k] <= limit);
     }
@@ -105,8 +105,6 @@ constexpr Kernels kKernels = {keep_ball, keep_cube, count_in_cubes, exclude_cube
 #if defined(__x86_64__)
 namespace avx2 {
 
-static_assert(kSimdWidth == kLanes);
-
 /// Appends those positions i .. i + 7 whose bit is set.
 PALPATE_AVX2 inline std::size_t append(std::uint32_t* kept, std::size_t count, __m256 yes, __m256i base) {
   const auto mask = static_cast<unsigned>(_mm256_movemask_ps(yes));
@@ -138,7 +136,7 @@ PALPATE_AVX2 void keep(const Candidates& c, const Vec3& p, double limit, KnnScra
                pz = _mm256_set1_ps(static_cast<float>(p.z())), within = _mm256_set1_ps(rough_limit(limit));
   __m256i base = _mm256_setzero_si256();
   std::size_t count = 0;
-  for (std::size_t i = 0; i < n; i += kSimdWidth) {
+  for (std::size_t i = 0; i < n; i += kLanes) {
     const __m256 dx = _mm256_sub_ps(_mm256_loadu_ps(x + i), px);
     const __m256 dy = _mm256_sub_ps(_mm256_loadu_ps(y + i), py);
     const __m256 dz = _mm256_sub_ps(_mm256_loadu_ps(z + i), pz);
@@ -148,7 +146,7 @@ PALPATE_AVX2 void keep(const Candidates& c, const Vec3& p, double limit, KnnScra
     else
       key = _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(dx, dx), _mm256_mul_ps(dy, dy)), _mm256_mul_ps(dz, dz));
     count = append(kept, count, _mm256_cmp_ps(key, within, _CMP_LE_OQ), base);
-    base = _mm256_add_epi32(base, _mm256_set1_epi32(kSimdWidth));
+    base = _mm256_add_epi32(base, _mm256_set1_epi32(kLanes));
   }
   scratch.count = count;
   // The loop below reads whole groups of four, so unused ones need a valid position.

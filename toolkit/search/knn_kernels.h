@@ -10,16 +10,15 @@
 #include <vector>
 
 #include <palpate/vec.h>
+#include "toolkit/core/simd.h"
 #include "toolkit/search/neighbour_table.h"
 
 namespace palpate::search {
 
 inline constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
-/// Elements per loop step; arrays have room for one step past their size.
-inline constexpr std::size_t kSimdWidth = 8;
-
-/// An uninitialised array; growing loses its content.
+/// An uninitialised array; growing loses its content. Loops step by kLanes, so arrays have room for one step
+/// past their size.
 template <class T>
 class ScratchArray {
  public:
@@ -47,15 +46,15 @@ class Candidates {
 
   /// Room for n candidates and a step; loses the content when it grows.
   void make_room(std::size_t n) {
-    x.at_least(n + 2 * kSimdWidth);
-    y.at_least(n + 2 * kSimdWidth);
-    z.at_least(n + 2 * kSimdWidth);
-    index.at_least(n + 2 * kSimdWidth);
+    x.at_least(n + 2 * kLanes);
+    y.at_least(n + 2 * kLanes);
+    z.at_least(n + 2 * kLanes);
+    index.at_least(n + 2 * kLanes);
   }
   /// Ends the list at n with a step of coordinates beyond any limit.
   void close(std::size_t n) noexcept {
     size_ = n;
-    for (std::size_t i = n; i < n + kSimdWidth; ++i) {
+    for (std::size_t i = n; i < n + kLanes; ++i) {
       x[i] = y[i] = z[i] = std::numeric_limits<float>::quiet_NaN();
       index[i] = 0;
     }
@@ -80,10 +79,10 @@ struct KnnScratch {
   std::array<std::uint64_t, 3> sums{};
 
   void make_room(std::size_t candidates) {
-    index.at_least(candidates + 2 * kSimdWidth);
-    square.at_least(candidates + 2 * kSimdWidth);
-    along.at_least(candidates + 2 * kSimdWidth);
-    kept.at_least(candidates + 2 * kSimdWidth);
+    index.at_least(candidates + 2 * kLanes);
+    square.at_least(candidates + 2 * kLanes);
+    along.at_least(candidates + 2 * kLanes);
+    kept.at_least(candidates + 2 * kLanes);
   }
 };
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 
 namespace palpate::render {
 namespace {
@@ -22,6 +22,8 @@ constexpr double kBesideAim = 2.5;
 /// Least reduction by a bound, as a share of the last two's interval.
 constexpr double kMinPart = 0.1;
 
+static_assert(sizeof(Double4) == FitPoints::kSimdWidth * sizeof(double));
+
 #define PALPATE_SUMS narrow_sums
 #define PALPATE_TARGET
 #include "toolkit/spline_sdf/fit_moments.inl"
@@ -30,7 +32,7 @@ constexpr double kMinPart = 0.1;
 
 #if defined(__x86_64__)
 #define PALPATE_SUMS wide_sums
-#define PALPATE_TARGET __attribute__((target("avx2")))
+#define PALPATE_TARGET PALPATE_AVX2
 #include "toolkit/spline_sdf/fit_moments.inl"
 #undef PALPATE_SUMS
 #undef PALPATE_TARGET

@@ -3,9 +3,8 @@
 // nothing is passed by value.
 namespace PALPATE_SUMS {
 
-using V = double __attribute__((vector_size(FitPoints::kSimdWidth * sizeof(double))));
-
-using Counts = std::int64_t __attribute__((vector_size(FitPoints::kSimdWidth * sizeof(std::int64_t))));
+using V = Double4;
+using Counts = Int64x4;
 
 // Macros, because functions would pass vectors by value.
 #define PALPATE_LOAD(to, from) __builtin_memcpy(&(to), (from), sizeof(V))

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 
 namespace palpate::render {
 namespace {

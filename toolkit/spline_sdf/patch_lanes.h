@@ -3,15 +3,16 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 
+#include "toolkit/core/simd.h"
 #include "toolkit/spline_sdf/fit_patches.h"
 
 namespace palpate::render {
 
 inline constexpr std::size_t kNodesAtOnce = 8;
-using NodeLanes = float __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
-using NodeBits = std::int32_t __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
+using NodeLanes = Float8;
+using NodeBits = Int32x8;
+static_assert(sizeof(NodeLanes) == kNodesAtOnce * sizeof(float));
 
 /// Alignment of what holds lanes: without AVX a compiler aligns them to less than AVX code reads.
 inline constexpr std::size_t kLanesAlignment = sizeof(NodeLanes);
@@ -53,8 +54,7 @@ struct alignas(kLanesAlignment) QuadricFeet {
 
 /// True if any lane is set.
 [[gnu::always_inline]] inline bool any_lane(const NodeBits& lanes) noexcept {
-  using Words = std::int64_t __attribute__((vector_size(sizeof(NodeBits))));
-  const auto words = reinterpret_cast<Words>(lanes);
+  const auto words = reinterpret_cast<Int64x4>(lanes);
   return (words[0] | words[1] | words[2] | words[3]) != 0;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toolkit/core/simd.h"
 #include "toolkit/geometry/god_object_check.h"
 #include "toolkit/spline_sdf/spline.h"
 #include "toolkit/spline_sdf/spline_sdf_contact.inl"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include <palpate/renderer.h>
-#include "toolkit/core/hardware.h"
+#include "toolkit/core/simd.h"
 #include "toolkit/spline_sdf/spline.h"
 
 namespace palpate::render {
@@ -50,7 +50,6 @@ class SplineSdfContact {
   [[nodiscard]] const Vec3& normal() const noexcept { return normal_; }
   /// In contact: the normal on the HIP's side.
   [[nodiscard]] Vec3 outward() const noexcept { return normal_ * static_cast<double>(side_); }
-  [[nodiscard]] Vec3 god_object_voxels() const noexcept { return god_; }
   [[nodiscard]] const BrickGrid::BrickRef& brick_ref() const noexcept { return place_; }
   [[nodiscard]] std::uint32_t brick() const noexcept { return place_.brick; }
   [[nodiscard]] int level() const noexcept { return place_.level; }

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <utility>
 
-#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/simd.h"
 #include "toolkit/spline_sdf/brick_components.h"
 
 namespace palpate::render {

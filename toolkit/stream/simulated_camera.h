@@ -41,11 +41,6 @@ class SimulatedScene {
   /// its model's box does, seen from the origin. Concurrent rays are safe.
   [[nodiscard]] std::optional<SceneHit> first_hit(const Vec3& origin_mm,
                                                   const Vec3& direction) const noexcept;
-  /// Multiples of `direction` to there, 0 for nothing: a depth where its z in the camera's frame is 1.
-  [[nodiscard]] double depth_along(const Vec3& origin_mm, const Vec3& direction) const noexcept {
-    const std::optional<SceneHit> hit = first_hit(origin_mm, direction);
-    return hit ? hit->along : 0.0;
-  }
 
  private:
   struct Model {

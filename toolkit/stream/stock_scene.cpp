@@ -195,12 +195,6 @@ std::vector<std::string> stock_scene_names() {
   return names_of(stock_specs());
 }
 
-std::vector<OptionSpec> stock_scene_options(const std::string& name) {
-  const std::vector<StockSpec> specs = stock_specs();
-  const StockSpec* const spec = find_spec(specs, name);
-  return spec != nullptr ? options_of(*spec) : std::vector<OptionSpec>{};
-}
-
 Result<StockScene> stock_scene(const std::string& text) {
   const std::string_view prefix = kSimulatedPrefix;
   PALPATE_ASSIGN(

@@ -59,8 +59,6 @@ struct StockScene {
 inline constexpr const char* kSimulatedPrefix = "sim:";
 
 [[nodiscard]] std::vector<std::string> stock_scene_names();
-/// What may follow a scene's name.
-[[nodiscard]] std::vector<OptionSpec> stock_scene_options(const std::string& name);
 /// `spec` is "wall:noise_mm=1", with or without "sim:" before it.
 [[nodiscard]] Result<StockScene> stock_scene(const std::string& spec);
 /// The same camera before other models: from above at 45 degrees, as far away as the sphere around them fills

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include <palpate/page_faults.h>
+#include <palpate/clock.h>
 #include <palpate/replay.h>
 #include <palpate/result.h>
 

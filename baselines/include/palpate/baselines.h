@@ -14,7 +14,7 @@
 #include <palpate/registry.h>
 
 namespace palpate::scene {
-class Cleaning;  // cleaning.h
+class Cleaning;  // scene.h
 }
 
 namespace palpate::baselines {

@@ -10,10 +10,10 @@
 #include <filesystem>
 #include <numbers>
 
+#include <palpate/accuracy.h>
 #include <palpate/generate.h>
 #include <palpate/paths.h>
 #include <palpate/read_model.h>
-#include <palpate/reference.h>
 #include <palpate/result.h>
 #include "baselines/reference/mesh_reference.h"
 #include "toolkit/core/random.h"

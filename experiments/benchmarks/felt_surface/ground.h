@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include <palpate/accuracy.h>
 #include <palpate/progress.h>
-#include <palpate/reference.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>

@@ -166,6 +166,12 @@ std::optional<std::vector<std::uint8_t>> FalconBoard::in(std::int64_t now_ns) {
   return packet;
 }
 
+Vec3 falcon_counts_of_angles(const Vec3& angles_rad) {
+  const Vec3 at_zero = falcon_angles_of_counts(Vec3::Zero());
+  const double rad_per_count = 1e-3 * (falcon_angles_of_counts(Vec3::Constant(1e3)) - at_zero).x();
+  return (angles_rad - at_zero) / rad_per_count;
+}
+
 std::array<int, 3> falcon_counts_at(const Vec3& device_mm) {
   const Vec3 place = device_mm + Vec3{0.0, 0.0, kFalconCentreMm};
   const Vec3 counts = falcon_counts_of_angles(falcon_angles(place).value());

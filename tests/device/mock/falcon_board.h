@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <palpate/device/link.h>
+#include <palpate/vec.h>
 #include "device/falcon/falcon_packets.h"
 
 namespace palpate::device {
@@ -86,6 +87,8 @@ class FalconBoard {
   int resets_ = 0;
 };
 
+/// Encoder counts of leg angles, possibly fractional.
+[[nodiscard]] Vec3 falcon_counts_of_angles(const Vec3& angles_rad);
 /// Counts of the legs at a place of the device frame.
 [[nodiscard]] std::array<int, 3> falcon_counts_at(const Vec3& device_mm);
 

@@ -151,11 +151,11 @@ Outcome run(double out_stiffness, const PassivityOptions& options, EnergyRule ju
     const Vec3 wanted_n = wall.step(h, t_s += kPassivityDt).force_n;
     const Vec3 force_n = controller.control(h, wanted_n, kPassivityDt);
     observer.observe(h, force_n);
+    outcome.damped += force_n != wanted_n;
     outcome.most_change_n = std::max(outcome.most_change_n, (force_n - wanted_n).norm());
   }
   outcome.min_energy_mj = observer.min_energy_mj();
   outcome.last_mj = observer.energy_mj();
-  outcome.damped = controller.damped_frames();
   return outcome;
 }
 

@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/page_faults.h>
+#include <palpate/clock.h>
 #include <palpate/triple_buffer.h>
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"

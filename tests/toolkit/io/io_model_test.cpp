@@ -12,7 +12,6 @@
 #include <span>
 
 #include <palpate/read_model.h>
-#include <palpate/write_mesh.h>
 #include "compress.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/io/byte_source.h"

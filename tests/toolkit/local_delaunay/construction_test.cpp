@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "tests/toolkit/local_delaunay/clouds.h"
-#include "toolkit/core/hardware.h"
 #include "toolkit/core/random.h"
+#include "toolkit/core/simd.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 #include "toolkit/local_delaunay/neighbour_planes_avx2.h"
 #include "toolkit/local_delaunay/spatial_sort.h"

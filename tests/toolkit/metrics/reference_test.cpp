@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include <palpate/accuracy.h>
-#include <palpate/reference.h>
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/metrics/small_traces.h"
 #include "toolkit/geometry/analytic_shapes.h"

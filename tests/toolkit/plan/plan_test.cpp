@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include <palpate/reference.h>
+#include <palpate/accuracy.h>
 #include <palpate/registry.h>
 #include <palpate/replay.h>
 #include "tests/stepped.h"

@@ -12,7 +12,6 @@
 #include <palpate/accuracy.h>
 #include <palpate/generate.h>
 #include <palpate/paths.h>
-#include <palpate/reference.h>
 #include <palpate/registry.h>
 #include <palpate/replay.h>
 #include "tests/stepped.h"

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include <palpate/accuracy.h>
-#include <palpate/reference.h>
 #include <palpate/replay.h>
 #include "tests/toolkit/cloud/posts.h"
 #include "tests/toolkit/renderers/scenes.h"

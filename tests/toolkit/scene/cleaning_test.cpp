@@ -4,10 +4,9 @@
 #include <fstream>
 #include <numeric>
 
-#include <palpate/cleaning.h>
 #include <palpate/generate.h>
+#include <palpate/read_model.h>
 #include <palpate/scene.h>
-#include <palpate/write_mesh.h>
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 

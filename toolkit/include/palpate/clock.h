@@ -1,11 +1,17 @@
-// Clocks for measuring phases and frames and for driving control loops and the servo. All use whole
-// nanoseconds, so nothing drifts.
+// Clocks, page faults, and bounds of what is measured.
+// Clocks measure phases and frames and drive control loops and the servo, in whole nanoseconds, so nothing
+// drifts. Page faults show a frame that waits for the system's memory.
 //
 // First:
 //   palpate::MonotonicClock clock;  // VirtualClock in tests: it moves only when told to
 //   const palpate::Stopwatch watch;
 //   const render::Frame frame = renderer->step(hip_mm, clock.now_s());
 //   std::printf("%g ms, contact %d\n", watch.ms(), frame.contact);
+//
+// Page faults of a frame:
+//   const palpate::PageFaults before = palpate::thread_page_faults();
+//   const render::Frame frame = renderer->step(hip_mm, 0.0);
+//   const palpate::PageFaults faults = palpate::thread_page_faults() - before;  // 0 and 0
 #pragma once
 
 #include <chrono>
@@ -69,6 +75,27 @@ class VirtualClock final : public Clock {
 
  private:
   std::int64_t now_ns_ = 0;
+};
+
+/// Pages that a thread met for the first time (minor), or that were read from disk (major).
+struct PageFaults {
+  std::uint64_t minor = 0, major = 0;
+  PageFaults& operator+=(const PageFaults& more) noexcept {
+    minor += more.minor;
+    major += more.major;
+    return *this;
+  }
+  PageFaults operator-(const PageFaults& before) const noexcept {
+    return {minor - before.minor, major - before.major};
+  }
+};
+
+/// Page faults of the calling thread since it began; 0 where the system does not tell. One system call.
+[[nodiscard]] PageFaults thread_page_faults() noexcept;
+
+/// A confidence interval: holds 95 % of the resampled numbers.
+struct Interval {
+  double low = 0.0, high = 0.0;
 };
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// Reading scans and meshes: formats, units, points that are not finite, faces.
+// Files of scans and meshes: readers of every format, writers.
 //
 // First:
 //   palpate::io::Readers readers;
@@ -8,6 +8,9 @@
 //   auto model = readers.read("dragon_vrip.ply.gz", options);
 //   if (!model) return failed(model.error());
 //   scene.models[0].cloud = std::make_shared<const palpate::cloud::Cloud>(std::move(model->cloud));
+//
+// Writing:
+//   if (auto wrote = palpate::io::write_cloud("felt.ply", cloud); !wrote) return failed(wrote.error());
 #pragma once
 
 #include <array>
@@ -112,6 +115,28 @@ class Readers {
 /// Adds PLY, XYZ/CSV/TXT/ASC, OBJ, OFF, STL, PFM, LAS, LAZ, E57, PTX and PTS. PCD (toolkit/pcd) and GDAL's
 /// height grids (toolkit/dem) are separate targets.
 void add_standard_readers(Readers& readers);
+
+// Writers. Every file is complete or absent (AtomicFile).
+
+/// Writes binary little-endian PLY: double x y z in mm, faces of three int indices, and the comment "unit
+/// mm", which read_model takes as the unit.
+Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mesh);
+
+/// Writes binary little-endian PLY: double x y z in mm, a float per property, the comment "unit mm", and a
+/// raster whose rows run one way as obj_info num_cols and num_rows. read_model reads all of it.
+Status write_cloud_ply(const std::string& path, const cloud::Cloud& cloud);
+
+/// Writes text that read_model reads: a comment, the column names (x_mm, y_mm, z_mm, properties), and a row
+/// per point, separated by commas or blanks, with the fewest digits that read back to the same bits.
+Status write_cloud_text(const std::string& path, const cloud::Cloud& cloud, char separator);
+
+/// Extensions of write_cloud(), without the dot.
+[[nodiscard]] const std::vector<std::string>& cloud_extensions();
+/// Chooses PLY or text by the extension; the Error for others lists the extensions.
+Status write_cloud(const std::string& path, const cloud::Cloud& cloud);
+
+/// True if the first lines say that the functions above wrote the file.
+[[nodiscard]] bool is_written_by_palpate(const std::string& path);
 
 }  // namespace palpate::io
 

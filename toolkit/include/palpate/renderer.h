@@ -110,7 +110,6 @@ struct FrameCounters {
   std::uint64_t cells_visited = 0;
   std::uint64_t sphere_only = 0;     ///< boxes hit by the swept sphere and not by the segment
   std::uint64_t edges = 0;           ///< height fields: entries from below through a border or a hole
-  std::uint64_t missed_cells = 0;    ///< literal forms only: crossed cells that the printed sampling skips
   std::uint64_t late_frames = 0;     ///< prepared files: frames that looked for a tile that was not in memory
   std::uint64_t coarse_frames = 0;   ///< prepared files: frames that a coarser surface answered
   std::uint64_t damaged_tiles = 0;   ///< prepared files: damaged tiles that were met, felt as absent

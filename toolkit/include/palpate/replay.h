@@ -29,7 +29,7 @@
 #include <string>
 #include <vector>
 
-#include <palpate/interval.h>
+#include <palpate/clock.h>
 #include <palpate/motion.h>
 #include <palpate/progress.h>
 #include <palpate/renderer.h>

@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <vector>
 
-#include <palpate/page_faults.h>
+#include <palpate/clock.h>
 
 namespace palpate::device {
 

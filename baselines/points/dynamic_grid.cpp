@@ -1,4 +1,4 @@
-#include "toolkit/search/dynamic_grid.h"
+#include "baselines/points/dynamic_grid.h"
 
 #include <algorithm>
 #include <bit>
@@ -6,7 +6,7 @@
 
 #include "toolkit/core/hash.h"
 
-namespace palpate::search {
+namespace palpate::baselines {
 
 Vec3 widened(const Vec3f& stored) noexcept {
   return stored.cast<double>();
@@ -15,18 +15,19 @@ Vec3 widened(const Vec3f& stored) noexcept {
 namespace {
 
 /// Largest cell distance from the first box; coordinates are stored in 32 bits.
-constexpr std::int64_t kFarCell = (std::int64_t{1} << 31) - 1;
+constexpr std::int64_t kFarthestGridCell = (std::int64_t{1} << 31) - 1;
 
-bool is_near(const Cell& cell) noexcept {
-  const auto near = [](std::int64_t c) { return -kFarCell <= c && c <= kFarCell; };
+bool in_grid_reach(const search::Cell& cell) noexcept {
+  const auto near = [](std::int64_t c) { return -kFarthestGridCell <= c && c <= kFarthestGridCell; };
   return near(cell.x) && near(cell.y) && near(cell.z);
 }
 
 }  // namespace
 
-DynamicGrid DynamicGrid::build(const cloud::Cloud& cloud, const PartitionOptions& options, int threads) {
+DynamicGrid DynamicGrid::build(const cloud::Cloud& cloud, const search::PartitionOptions& options,
+                               int threads) {
   DynamicGrid grid;
-  grid.grid_ = UniformGrid::build(cloud, options.cell_mm, threads);
+  grid.grid_ = search::UniformGrid::build(cloud, options.cell_mm, threads);
   grid.moved_ = MovedPoints(cloud.size());
   grid.states_.resize(grid.grid_.slots());
   grid.most_ = std::max(
@@ -42,8 +43,8 @@ std::size_t DynamicGrid::bytes() const noexcept {
          spare_.capacity() * sizeof(SpareCell);
 }
 
-LeafStatistics DynamicGrid::statistics() const noexcept {
-  LeafStatistics found;
+search::LeafStatistics DynamicGrid::statistics() const noexcept {
+  search::LeafStatistics found;
   found.nodes = states_.size() + spare_.size();
   std::size_t points = 0;
   const auto count = [&](std::uint32_t here) {
@@ -52,7 +53,7 @@ LeafStatistics DynamicGrid::statistics() const noexcept {
     found.max_points = std::max(found.max_points, here);
   };
   for (std::size_t slot = 0; slot < states_.size(); ++slot) {
-    const IndexRange home = grid_.places_of(slot);
+    const search::IndexRange home = grid_.places_of(slot);
     count(home.end - home.begin - states_[slot].away + states_[slot].listed);
   }
   for (const SpareCell& cell : spare_) count(cell.state.listed);
@@ -66,7 +67,7 @@ std::size_t DynamicGrid::first_slot(std::int64_t x, std::int64_t y, std::int64_t
   return (key * kGolden64) >> shift_;
 }
 
-std::size_t DynamicGrid::find_spare(const Cell& cell) const noexcept {
+std::size_t DynamicGrid::find_spare(const search::Cell& cell) const noexcept {
   const std::size_t mask = spare_.size() - 1;
   std::size_t at = first_slot(cell.x, cell.y, cell.z);
   while (spare_[at].state.listed != 0 &&
@@ -89,14 +90,14 @@ void DynamicGrid::free_spare(std::size_t at) noexcept {
   --used_;
 }
 
-bool DynamicGrid::has_room(const Cell& cell) const noexcept {
-  if (grid_.slot_of(cell) != UniformGrid::kNoSlot) return true;
-  return is_near(cell) && (used_ < most_ || spare_[find_spare(cell)].state.listed != 0);
+bool DynamicGrid::has_room(const search::Cell& cell) const noexcept {
+  if (grid_.slot_of(cell) != search::UniformGrid::kNoSlot) return true;
+  return in_grid_reach(cell) && (used_ < most_ || spare_[find_spare(cell)].state.listed != 0);
 }
 
-void DynamicGrid::leave_cell(std::uint32_t place, const Cell& cell) noexcept {
+void DynamicGrid::leave_cell(std::uint32_t place, const search::Cell& cell) noexcept {
   const std::size_t slot = grid_.slot_of(cell);
-  if (slot != UniformGrid::kNoSlot) {
+  if (slot != search::UniformGrid::kNoSlot) {
     moved_.leave(states_[slot], place);
     return;
   }
@@ -105,9 +106,9 @@ void DynamicGrid::leave_cell(std::uint32_t place, const Cell& cell) noexcept {
   if (spare_[at].state.listed == 0) free_spare(at);
 }
 
-void DynamicGrid::enter_cell(std::uint32_t place, const Cell& cell) noexcept {
+void DynamicGrid::enter_cell(std::uint32_t place, const search::Cell& cell) noexcept {
   const std::size_t slot = grid_.slot_of(cell);
-  if (slot != UniformGrid::kNoSlot) {
+  if (slot != search::UniformGrid::kNoSlot) {
     moved_.enter(states_[slot], grid_.places_of(slot), place);
     return;
   }
@@ -125,11 +126,12 @@ void DynamicGrid::enter_cell(std::uint32_t place, const Cell& cell) noexcept {
   box_.last = box_.last.cwiseMax(where);
 }
 
-MoveStatus DynamicGrid::change_cell(std::uint32_t place, const Cell& from, const Cell& to) noexcept {
+MoveStatus DynamicGrid::change_cell(std::uint32_t place, const search::Cell& from,
+                                    const search::Cell& to) noexcept {
   if (!has_room(to)) return MoveStatus::kFull;
   leave_cell(place, from);
   enter_cell(place, to);
   return MoveStatus::kMoved;
 }
 
-}  // namespace palpate::search
+}  // namespace palpate::baselines

@@ -1,17 +1,21 @@
-// The uniform grid under deformation (section 3.1.2.3), including points that leave the first box.
+// A uniform grid of points that move.
+// Section 3.1.2.3, including points that leave the first box.
 #pragma once
 
+#include <algorithm>
 #include <bit>
+#include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <span>
 #include <vector>
 
+#include <palpate/cloud.h>
+#include <palpate/vec.h>
 #include "toolkit/core/hardware.h"
 #include "toolkit/search/partition.h"
 #include "toolkit/search/uniform_grid.h"
 
-namespace palpate::search {
+namespace palpate::baselines {
 
 /// A stored point in double, exactly. In a separate translation unit on purpose: if both conversions double
 /// -> float -> double are in one function, GCC 12 at -O2 vectorises them away (for three components), and a
@@ -44,7 +48,7 @@ class MovedPoints {
   }
 
   /// Adds a place to a cell with range `home`: back into the range, or to the list.
-  void enter(CellState& cell, IndexRange home, std::uint32_t place) noexcept {
+  void enter(CellState& cell, search::IndexRange home, std::uint32_t place) noexcept {
     if (home.begin <= place && place < home.end) {
       away_[place / 64] &= ~(std::uint64_t{1} << place % 64);
       --cell.away;
@@ -73,18 +77,18 @@ class MovedPoints {
 
   /// Calls visit(range) for all places of a cell: its remaining range in runs, then the list.
   template <class Visit>
-  bool visit(const CellState& cell, IndexRange home, Visit&& visit) const {
+  bool visit(const CellState& cell, search::IndexRange home, Visit&& visit) const {
     if (cell.away == 0) {
       if (!home.empty() && !visit(home)) return false;
     } else {
       for (std::uint32_t at = home.begin; at < home.end;) {
         const std::uint32_t run = run_end(at, home.end);
-        if (run > at && !visit(IndexRange{at, run})) return false;
+        if (run > at && !visit(search::IndexRange{at, run})) return false;
         at = run + 1;
       }
     }
     for (std::uint32_t place = cell.head; place != CellState::kNone; place = links_[place].after)
-      if (!visit(IndexRange{place, place + 1})) return false;
+      if (!visit(search::IndexRange{place, place + 1})) return false;
     return true;
   }
   [[nodiscard]] std::size_t bytes() const noexcept {
@@ -118,34 +122,35 @@ class DynamicGrid {
   /// Least number of spare cells, so that small clouds can move too.
   static constexpr std::size_t kMinSpare = 64;
 
-  [[nodiscard]] static DynamicGrid build(const cloud::Cloud& cloud, const PartitionOptions& options,
+  [[nodiscard]] static DynamicGrid build(const cloud::Cloud& cloud, const search::PartitionOptions& options,
                                          int threads);
 
   [[nodiscard]] std::span<const std::uint32_t> order() const noexcept { return grid_.order(); }
   void drop_order() noexcept { grid_.drop_order(); }
   [[nodiscard]] double cell_mm() const noexcept { return grid_.cell_mm(); }
   [[nodiscard]] std::size_t bytes() const noexcept;
-  [[nodiscard]] LeafStatistics statistics() const noexcept;
+  [[nodiscard]] search::LeafStatistics statistics() const noexcept;
   /// Number of unused spare cells.
   [[nodiscard]] std::size_t spare_left() const noexcept { return most_ - used_; }
 
   /// After any result but kFull the owner stores `to_mm`. kFull: no spare cells, or the point is too far away
   /// or not finite. Looks up at most two cells; allocates nothing.
   [[nodiscard]] MoveStatus move(std::uint32_t place, const Vec3f& from_mm, const Vec3f& to_mm) noexcept {
-    const Cell from = grid_.cell_of(widened(from_mm)), to = grid_.cell_of(widened(to_mm));
+    const search::Cell from = grid_.cell_of(widened(from_mm)), to = grid_.cell_of(widened(to_mm));
     if (from.x == to.x && from.y == to.y && from.z == to.z) return MoveStatus::kStays;
     return change_cell(place, from, to);
   }
 
   /// The box of all cells ever occupied.
-  [[nodiscard]] const CellRange& box() const noexcept { return box_; }
-  [[nodiscard]] const Lattice& lattice() const noexcept { return grid_.lattice(); }
-  [[nodiscard]] Cell cell_of(const Vec3& local_mm) const noexcept { return grid_.cell_of(local_mm); }
+  [[nodiscard]] const search::CellRange& box() const noexcept { return box_; }
+  [[nodiscard]] const search::Lattice& lattice() const noexcept { return grid_.lattice(); }
+  [[nodiscard]] search::Cell cell_of(const Vec3& local_mm) const noexcept { return grid_.cell_of(local_mm); }
 
   template <class Visit>
-  bool visit_cell(const Cell& cell, Visit&& visit) const {
+  bool visit_cell(const search::Cell& cell, Visit&& visit) const {
     const std::size_t slot = grid_.slot_of(cell);
-    if (slot != UniformGrid::kNoSlot) return moved_.visit(states_[slot], grid_.places_of(slot), visit);
+    if (slot != search::UniformGrid::kNoSlot)
+      return moved_.visit(states_[slot], grid_.places_of(slot), visit);
     if (used_ == 0) return true;
     const SpareCell& spare = spare_[find_spare(cell)];
     return spare.state.listed == 0 || moved_.visit(spare.state, {}, visit);
@@ -157,30 +162,31 @@ class DynamicGrid {
     CellState state;  ///< listed == 0: a free slot
   };
 
-  [[nodiscard]] MoveStatus change_cell(std::uint32_t place, const Cell& from, const Cell& to) noexcept;
-  [[nodiscard]] bool has_room(const Cell& cell) const noexcept;
-  void leave_cell(std::uint32_t place, const Cell& cell) noexcept;
-  void enter_cell(std::uint32_t place, const Cell& cell) noexcept;
+  [[nodiscard]] MoveStatus change_cell(std::uint32_t place, const search::Cell& from,
+                                       const search::Cell& to) noexcept;
+  [[nodiscard]] bool has_room(const search::Cell& cell) const noexcept;
+  void leave_cell(std::uint32_t place, const search::Cell& cell) noexcept;
+  void enter_cell(std::uint32_t place, const search::Cell& cell) noexcept;
   /// The slot of a used spare cell, or the free one where it would go.
-  [[nodiscard]] std::size_t find_spare(const Cell& cell) const noexcept;
+  [[nodiscard]] std::size_t find_spare(const search::Cell& cell) const noexcept;
   [[nodiscard]] std::size_t first_slot(std::int64_t x, std::int64_t y, std::int64_t z) const noexcept;
   void free_spare(std::size_t at) noexcept;
 
-  UniformGrid grid_;
+  search::UniformGrid grid_;
   MovedPoints moved_;
   LargePageVector<CellState> states_;  ///< by slot of the grid
   LargePageVector<SpareCell> spare_;   ///< open addressing, linear probing, at most half full
   std::size_t most_ = 0, used_ = 0;
   int shift_ = 0;
-  CellRange box_;
+  search::CellRange box_;
 };
 
 template <class Visit>
 bool visit_segment_ranges(const DynamicGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm,
                           Visit&& visit) {
   if (!is_finite(a_mm) || !is_finite(b_mm)) return true;
-  return visit_cells(grid.lattice(), grid.box(), a_mm, b_mm, reach_mm,
-                     [&](const Cell& cell) { return grid.visit_cell(cell, visit); });
+  return search::visit_cells(grid.lattice(), grid.box(), a_mm, b_mm, reach_mm,
+                             [&](const search::Cell& cell) { return grid.visit_cell(cell, visit); });
 }
 
 template <class Visit>
@@ -188,6 +194,6 @@ bool visit_point_range(const DynamicGrid& grid, const Vec3& point_mm, Visit&& vi
   return grid.visit_cell(grid.cell_of(point_mm), visit);
 }
 
-static_assert(Partition<DynamicGrid>);
+static_assert(search::Partition<DynamicGrid>);
 
-}  // namespace palpate::search
+}  // namespace palpate::baselines
