@@ -169,6 +169,7 @@ void declare_reproduce(const Declaration& declare, ReproduceArguments& a) {
   declare.flag("--quick", a.quick, "small models, short paths: tries the machinery, measures nothing");
   declare.excludes("--quick", "--full");
   declare.cases();
+  declare.verbose();
   declare_threads(declare, a.threads);
 }
 

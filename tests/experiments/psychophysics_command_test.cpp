@@ -49,8 +49,9 @@ class Blinded : public StudyFolder {
 };
 
 TEST_F(Blinded, AbxFindsItsObserver) {
-  EXPECT_THAT(succeeds(study("abx", "simulated:dprime=2.5", "out")).out, HasSubstr("69"))
+  EXPECT_THAT(succeeds("study abx --power").out, HasSubstr("69"))
       << "trials to find 65 % are said beforehand: ";
+  EXPECT_THAT(succeeds(study("abx", "simulated:dprime=2.5", "out", "--verbose")).out, HasSubstr("69"));
   expect_valid("observed", text_in("out/study.json"));
   const json found = document("out");
   EXPECT_EQ(found["trials"]["main"], 80);
