@@ -160,8 +160,8 @@ Table matrix_table(const BehaviourMatrix& matrix) {
   return table;
 }
 
-std::string matrix_json(const BehaviourMatrix& matrix) {
-  DocumentJson root = {{"schema", "palpate-behaviours-1"}};
+std::string matrix_json(const BehaviourMatrix& matrix, const metrics::DocumentHead& head) {
+  DocumentJson root = begin_json("palpate-behaviours-1", head);
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
     DocumentJson row = {{"label", matrix.renderers[r].label},
                         {"name", matrix.renderers[r].name},
@@ -179,7 +179,7 @@ std::string matrix_json(const BehaviourMatrix& matrix) {
     }
     root["renderers"].push_back(std::move(row));
   }
-  return root.dump(2) + "\n";
+  return document_text(root);
 }
 
 void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder) {
@@ -240,10 +240,11 @@ Result<int> watch_behaviours(const BehavioursArguments& arguments, Context& cont
                                 suite.progress(), &suite));
   if (suite.partial()) return suite.leave();
   suite.progress().report("drawing the report", -1.0);
-  Page page = begin_page("How haptic renderers behave", new_head(context.command_line));
+  const metrics::DocumentHead head = new_head(context.command_line);
+  Page page = begin_page("How haptic renderers behave", head);
   add_behaviours(page, matrix, suite.folder());
-  PALPATE_TRY(
-      suite.publish({"behaviours.json", matrix_json(matrix), {matrix_table(matrix)}}, page, arguments.json));
+  PALPATE_TRY(suite.publish({"behaviours.json", matrix_json(matrix, head), {matrix_table(matrix)}}, page,
+                            arguments.json));
   return kExitOk;
 }
 

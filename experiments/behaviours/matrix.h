@@ -32,7 +32,7 @@ struct BehaviourMatrix {
 
 /// A row per renderer with its role, a column per behaviour: "wrong of all".
 [[nodiscard]] Table matrix_table(const BehaviourMatrix& matrix);
-[[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix);
+[[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix, const metrics::DocumentHead& head);
 /// Adds a section with matrix and pictures, drawn into `folder`/figures.
 void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder);
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "experiments/driver/json_document.h"
+#include "experiments/driver/page_document.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/statistics.h"
@@ -299,6 +300,7 @@ Result<BenchDocument> read_bench(const std::string& file) {
     return not_ours(fmt::format("is not of version {} of the bench", kBenchVersion));
   BenchDocument document;
   try {
+    document.head = head_from(json);
     document.quick = json.at("quick").get<bool>();
     document.threads = json.at("threads").get<int>();
     document.seed = json.at("seed").at("name").get<std::string>();

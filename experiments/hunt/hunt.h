@@ -53,7 +53,7 @@ inline constexpr std::size_t kMostFaults = 5;
 
 /// Writes all cases. The text of the document that names them.
 [[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const std::vector<Quest>& quests,
-                                              std::uint64_t seed);
+                                              std::uint64_t seed, const metrics::DocumentHead& head);
 
 inline constexpr double kUsualHuntMinutes = 10.0;
 

@@ -87,11 +87,6 @@ Result<device::HandScript> exploring_task(const trace::ProbePath& path, const de
 
 }  // namespace
 
-const std::vector<std::string>& bench_hands() {
-  static const std::vector<std::string> kHands = {"press", "slide", "explore"};
-  return kHands;
-}
-
 Bench::Bench(const Plan& plan, const BenchOptions& options)
     : plan_(plan), options_(options), registry_(all_renderers()) {}
 

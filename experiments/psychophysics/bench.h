@@ -27,8 +27,6 @@ struct BenchOptions {
   double rate_hz = 1000.0;
   bool paced = false;  ///< a device's own time: frames must not wait
 };
-/// "press", "slide", "explore".
-[[nodiscard]] const std::vector<std::string>& bench_hands();
 
 /// Owns stages and model stores; one thread. Its functions do all slow work, so no frame has to.
 class Bench {

@@ -137,7 +137,7 @@ void reproduce_behaviours(const Manifest& manifest, Reproduction& r) {
   section.title = manifest.title;
   section.found = page.headlines.back().lines;
   r.part.sections = std::move(page.sections);
-  if (const Status written = r.folder.write("behaviours.json", matrix_json(*matrix)); !written)
+  if (const Status written = r.folder.write("behaviours.json", matrix_json(*matrix, r.head)); !written)
     give_up(r, "behaviours.json", written.error());
 }
 

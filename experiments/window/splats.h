@@ -51,8 +51,8 @@ class SplatDrawer {
   /// Turns shading by normals on or off; on at first.
   void light(bool on);
 
-  /// Continues the picture, or restarts it after a change of camera, size or model. Draws at most
-  /// points_a_frame() points.
+  /// Continues the picture, or restarts it after a change of camera, size or model. Draws no
+  /// more points than took() found time for.
   void draw(const Camera& camera, int width_px, int height_px);
   /// Copies the kept picture into the default framebuffer.
   void show() const;
@@ -61,7 +61,6 @@ class SplatDrawer {
 
   [[nodiscard]] std::size_t points() const noexcept { return points_; }
   [[nodiscard]] std::size_t drawn() const noexcept { return drawn_; }
-  [[nodiscard]] std::size_t points_a_frame() const noexcept { return budget_; }
   /// Pictures from the last restart until every point was drawn; 0: unfinished.
   [[nodiscard]] std::size_t whole_after() const noexcept { return whole_after_; }
   /// Number of restarts.

@@ -301,11 +301,6 @@ Status Window::screenshot(const std::string& path) {
   return write_png(picture(), path);
 }
 
-std::string Window::graphics() const {
-  const auto* words = reinterpret_cast<const char*>(glGetString(GL_RENDERER));  // NOLINT: OpenGL's bytes
-  return words != nullptr ? words : "unknown";
-}
-
 ColourImage read_window(int width_px, int height_px) {
   ColourImage image;
   if (width_px <= 0 || height_px <= 0) return image;

@@ -66,8 +66,6 @@ class Window {
   /// Size of the cloud's view, window units.
   [[nodiscard]] double view_width() const;
   [[nodiscard]] double view_height() const;
-  /// Name of the graphics renderer: "llvmpipe ..".
-  [[nodiscard]] std::string graphics() const;
 
  private:
   struct State;

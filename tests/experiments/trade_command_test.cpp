@@ -109,6 +109,12 @@ TEST_F(Trade, MergedPartsAreTheWhole) {
   succeeds("compare merge @/cloud @/cloud-smooth --out @/merged");
   EXPECT_EQ(exact("merged"), exact("whole"));
   expect_valid("sweep", text_in("merged/sweep.json"));
+  // A folder of a version that kept no page is drawn from its document.
+  for (const char* file : {"page.json", "report.html"})
+    std::filesystem::remove(in(std::string("merged/") + file));
+  succeeds("report @/merged");
+  EXPECT_THAT(text_in("merged/report.html"), HasSubstr("Most accurate"));
+  EXPECT_TRUE(exists("merged/page.json"));
   // One folder twice is one.
   succeeds("compare merge @/cloud @/cloud --out @/twice");
   EXPECT_EQ(exact("twice"), exact("cloud"));
