@@ -8,6 +8,9 @@
 #include "experiments/driver/json_document.h"
 
 namespace palpate::experiments {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BehaviourOutcome, failure, wrong, of, shown)
+
 namespace {
 
 /// Share of faults beyond which a renderer falls short; one push or crossing always exceeds it.
@@ -126,15 +129,6 @@ Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
     matrix.outcomes.push_back(std::move(row));
   }
   return matrix;
-}
-
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BehaviourOutcome, failure, wrong, of, shown)
-
-std::string to_text(const std::vector<BehaviourOutcome>& row) {
-  return to_line(row);
-}
-bool from_text(const std::string& text, std::vector<BehaviourOutcome>& row) {
-  return from_line(text, row);
 }
 
 Table matrix_table(const BehaviourMatrix& matrix) {

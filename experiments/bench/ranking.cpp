@@ -16,14 +16,6 @@
 
 namespace palpate::experiments {
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseInputs, name, shape, points, frames, points_hash, path_hash,
-                                   truth_hash)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchEntry, label, kind, request)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchRow, entry, name, shape, reason, trace_hash, caught, lost, kicks,
-                                   force_rms_percent, direction_mean_deg, force_peak_excess_percent,
-                                   frame_mean_us, frame_p999_us, prepare_ms, bytes_per_point)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseResult, inputs, rows)
-
 namespace {
 
 constexpr std::array kMeasures = {
@@ -315,13 +307,6 @@ Result<BenchDocument> read_bench(const std::string& file) {
   if (json.value("standings", nlohmann::json()) != nlohmann::json::parse(standings_json(document).dump()))
     return not_ours("has standings that do not follow from its rows");
   return document;
-}
-
-std::string to_text(const CaseResult& result) {
-  return to_line(result);
-}
-bool from_text(const std::string& text, CaseResult& result) {
-  return from_line(text, result);
 }
 
 }  // namespace palpate::experiments

@@ -10,6 +10,7 @@
 #include <palpate/interval.h>
 #include <palpate/result.h>
 #include "experiments/bench/cases.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/report/tables.h"
 #include "toolkit/metrics/result_json.h"
 
@@ -74,12 +75,18 @@ struct Standing {
 /// Errors: no JSON, another schema or version of the bench, a key that is missing; standings that its rows do
 /// not have.
 [[nodiscard]] Result<BenchDocument> read_bench(const std::string& file);
-/// Of one case, as one line and back.
+/// Of one case.
 struct CaseResult {
   CaseInputs inputs;
   std::vector<BenchRow> rows;
 };
-[[nodiscard]] std::string to_text(const CaseResult& result);
-[[nodiscard]] bool from_text(const std::string& text, CaseResult& result);
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseInputs, name, shape, points, frames, points_hash, path_hash,
+                                   truth_hash)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchEntry, label, kind, request)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchRow, entry, name, shape, reason, trace_hash, caught, lost, kicks,
+                                   force_rms_percent, direction_mean_deg, force_peak_excess_percent,
+                                   frame_mean_us, frame_p999_us, prepare_ms, bytes_per_point)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseResult, inputs, rows)
 
 }  // namespace palpate::experiments

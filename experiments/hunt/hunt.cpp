@@ -16,28 +16,6 @@
 
 namespace palpate::experiments {
 
-PALPATE_JSON_MEMBERS(Found, score, trial, frame, trial_input)
-PALPATE_JSON_MEMBERS(Fault, what, trial, trial_input)
-PALPATE_JSON_MEMBERS(Quest, worst, faults, trials, refused, bound_hits, faulty, spent_s)
-
-std::string to_text(const Quest& quest) {
-  return to_line(nlohmann::json::array({quest.renderer.label, quest}));
-}
-
-bool from_text(const std::string& text, Quest& quest) {
-  Quest read;
-  read.renderer = quest.renderer;
-  try {
-    const nlohmann::json json = nlohmann::json::parse(text);
-    if (json.at(0) != read.renderer.label) return false;
-    json.at(1).get_to(read);
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  }
-  quest = std::move(read);
-  return true;
-}
-
 NamedOptions renderer_of(const Quest& quest, const TrialInput& trial_input) {
   NamedOptions named{quest.renderer.name, quest.renderer.options};
   for (const auto& [key, value] : trial_input.options.all()) named.options.set(key, value);

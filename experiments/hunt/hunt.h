@@ -36,10 +36,6 @@ struct Quest {
 };
 inline constexpr std::size_t kMostFaults = 5;
 
-[[nodiscard]] std::string to_text(const Quest& quest);
-/// False for a text of another renderer's quest.
-[[nodiscard]] bool from_text(const std::string& text, Quest& quest);
-
 /// The renderer with the trial_input's options.
 [[nodiscard]] NamedOptions renderer_of(const Quest& quest, const TrialInput& trial_input);
 
