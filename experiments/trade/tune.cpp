@@ -183,13 +183,13 @@ Page tune_page(const Sweep& sweep, const TuneLimits& limits, const std::vector<T
     add("measured", tried.back().found);
     add("run again", tried.back().verified);
     table.notes = {fmt::format("Kept by {} of {} settings.", kept, sweep.document().rows.size())};
-    page.answers = {
+    page.answers.push_back(
         {"Take",
          fmt::format("{}: {} that keeps {}, when measured and when run again.", table.title,
-                     limits.error_percent ? "the cheapest" : "the most accurate", limits_text(limits))}};
+                     limits.error_percent ? "the cheapest" : "the most accurate", limits_text(limits))});
   } else {
     const Error none = nothing_keeps(sweep, limits, tried, nearest);
-    page.answers = {{"Nothing", fmt::format("{}; {}.", none.what, none.remedy)}};
+    page.answers.push_back({"Nothing", fmt::format("{}; {}.", none.what, none.remedy)});
     if (nearest) {
       table.title = nearest->setting;
       add("measured", *nearest);
