@@ -54,14 +54,14 @@ struct BenchMeasure {
 [[nodiscard]] std::span<const BenchMeasure> bench_measures();
 
 /// One entry by one measure; less is better in all.
-struct Standing {
+struct BenchStanding {
   std::optional<double> value;
   std::optional<Interval> interval;  ///< 95 %, bootstrap over shapes
   int rank = 0;  ///< 1 + entries that are surely better: whose interval ends before this one begins; 0: none
 };
 /// By entry and measure. Only entries that finished every case, with as many numbers as any other has, have
 /// ranks: nobody gains by failing a hard one, or by feeling nothing there.
-[[nodiscard]] std::vector<std::vector<Standing>> standings_of(const BenchDocument& document);
+[[nodiscard]] std::vector<std::vector<BenchStanding>> standings_of(const BenchDocument& document);
 /// Cases that the entry finished.
 [[nodiscard]] std::size_t finished_by(const BenchDocument& document, const std::string& entry);
 

@@ -49,7 +49,7 @@ TEST(BenchParts, NominalOnesAreAsThePageSays) {
 }
 
 TEST(BenchParts, DrawnOnesAreClosedToo) {
-  for (const Part& part : bench_parts()) {
+  for (const BenchPart& part : bench_parts()) {
     const geometry::TriangleMesh nominal = make_part(part, {});
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
       const geometry::TriangleMesh mesh = make_part(part, Dimensions(Random(seed)));
