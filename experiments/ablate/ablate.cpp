@@ -192,8 +192,13 @@ Status measure_variants(const Plan& plan, const render::Registry& registry, int 
 /// Command that runs this program on the same variants along the same path.
 std::vector<std::string> marked_command(const AblateArguments& a, const std::string& path) {
   std::error_code code;
-  std::vector<std::string> words = {
-      fs::read_symlink("/proc/self/exe", code).string(), "ablate", a.run.scene, "--marked", "--path", path};
+  std::vector<std::string> words = {fs::read_symlink("/proc/self/exe", code).string(),
+                                    "compare",
+                                    "ablate",
+                                    a.run.scene,
+                                    "--marked",
+                                    "--path",
+                                    path};
   const auto add = [&](const char* name, const std::string& value) {
     if (!value.empty()) words.insert(words.end(), {name, value});
   };

@@ -10,6 +10,7 @@
 #include <palpate/decision.h>
 #include <palpate/registry.h>
 #include <palpate/scene.h>
+#include "experiments/driver/json_members.h"
 #include "experiments/driver/study_run.h"
 #include "experiments/report/page.h"
 #include "experiments/run/arguments.h"
@@ -33,8 +34,8 @@ struct AblateRow {
   std::string trace_hash;
 };
 
-[[nodiscard]] std::string to_text(const AblateRow& row);
-[[nodiscard]] bool from_text(const std::string& text, AblateRow& row);
+PALPATE_JSON_MEMBERS(AblateRow, stage, instead, reason, instructions, frame_cpu_us, bytes, prepare_ms,
+                     error_percent, truth_percent, trace_hash)
 
 struct AblateDocument {
   metrics::DocumentHead head;

@@ -9,8 +9,6 @@
 
 namespace palpate::experiments {
 
-PALPATE_JSON_MEMBERS(AblateRow, stage, instead, reason, instructions, frame_cpu_us, bytes, prepare_ms,
-                     error_percent, truth_percent, trace_hash)
 PALPATE_JSON_MEMBERS(AblateDocument, scene, path, renderer, truth, counted, warnings, notes, rows)
 
 namespace {
@@ -73,13 +71,6 @@ Headline ablate_headline(const AblateRow& row, const AblateRow& whole) {
 }
 
 }  // namespace
-
-std::string to_text(const AblateRow& row) {
-  return to_line(row);
-}
-bool from_text(const std::string& text, AblateRow& row) {
-  return from_line(text, row);
-}
 
 std::string to_json(const AblateDocument& document) {
   DocumentJson json = begin_json(kAblateSchema, document.head);

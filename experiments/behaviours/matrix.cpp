@@ -8,6 +8,9 @@
 #include "experiments/driver/json_document.h"
 
 namespace palpate::experiments {
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BehaviourOutcome, failure, wrong, of, shown)
+
 namespace {
 
 /// Share of faults beyond which a renderer falls short; one push or crossing always exceeds it.
@@ -128,15 +131,6 @@ Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
   return matrix;
 }
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BehaviourOutcome, failure, wrong, of, shown)
-
-std::string to_text(const std::vector<BehaviourOutcome>& row) {
-  return to_line(row);
-}
-bool from_text(const std::string& text, std::vector<BehaviourOutcome>& row) {
-  return from_line(text, row);
-}
-
 Table matrix_table(const BehaviourMatrix& matrix) {
   Table table;
   table.title = "Behaviour: what goes wrong, counted";
@@ -160,8 +154,8 @@ Table matrix_table(const BehaviourMatrix& matrix) {
   return table;
 }
 
-std::string matrix_json(const BehaviourMatrix& matrix) {
-  DocumentJson root = {{"schema", "palpate-behaviours-1"}};
+std::string matrix_json(const BehaviourMatrix& matrix, const metrics::DocumentHead& head) {
+  DocumentJson root = begin_json("palpate-behaviours-1", head);
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
     DocumentJson row = {{"label", matrix.renderers[r].label},
                         {"name", matrix.renderers[r].name},
@@ -179,7 +173,7 @@ std::string matrix_json(const BehaviourMatrix& matrix) {
     }
     root["renderers"].push_back(std::move(row));
   }
-  return root.dump(2) + "\n";
+  return document_text(root);
 }
 
 void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder) {
@@ -240,10 +234,11 @@ Result<int> watch_behaviours(const BehavioursArguments& arguments, Context& cont
                                 suite.progress(), &suite));
   if (suite.partial()) return suite.leave();
   suite.progress().report("drawing the report", -1.0);
-  Page page = begin_page("How haptic renderers behave", new_head(context.command_line));
+  const metrics::DocumentHead head = new_head(context.command_line);
+  Page page = begin_page("How haptic renderers behave", head);
   add_behaviours(page, matrix, suite.folder());
-  PALPATE_TRY(
-      suite.publish({"behaviours.json", matrix_json(matrix), {matrix_table(matrix)}}, page, arguments.json));
+  PALPATE_TRY(suite.publish({"behaviours.json", matrix_json(matrix, head), {matrix_table(matrix)}}, page,
+                            arguments.json));
   return kExitOk;
 }
 

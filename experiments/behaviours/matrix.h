@@ -20,10 +20,6 @@ struct BehaviourMatrix {
 /// Every registered renderer except the truth and the tests' oracle.
 [[nodiscard]] std::vector<RendererRequest> methods_of(const render::Registry& registry);
 
-/// A renderer's outcomes as one line and back; false for an invalid line.
-[[nodiscard]] std::string to_text(const std::vector<BehaviourOutcome>& row);
-[[nodiscard]] bool from_text(const std::string& text, std::vector<BehaviourOutcome>& row);
-
 /// `suite`: keeps each renderer's row, and takes over those of an interrupted run. Error: storing failed.
 [[nodiscard]] Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
                                                      std::vector<RendererRequest> renderers,
@@ -32,7 +28,7 @@ struct BehaviourMatrix {
 
 /// A row per renderer with its role, a column per behaviour: "wrong of all".
 [[nodiscard]] Table matrix_table(const BehaviourMatrix& matrix);
-[[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix);
+[[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix, const metrics::DocumentHead& head);
 /// Adds a section with matrix and pictures, drawn into `folder`/figures.
 void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder);
 

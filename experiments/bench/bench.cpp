@@ -270,6 +270,8 @@ std::string shown_command(const BenchArguments& arguments, const BenchSeed& seed
   return command;
 }
 
+}  // namespace
+
 Page bench_page(const BenchDocument& document, const std::vector<Table>& tables) {
   Page page =
       begin_page(fmt::format("Palpate Bench {}: {} cases", kBenchVersion, document.seed), document.head);
@@ -296,8 +298,6 @@ Page bench_page(const BenchDocument& document, const std::vector<Table>& tables)
   page.sections.push_back(std::move(section));
   return page;
 }
-
-}  // namespace
 
 Result<int> run_bench(const BenchArguments& given, Context& context) {
   const render::Registry registry = all_renderers();

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <palpate/result.h>
+#include "experiments/bench/ranking.h"
+#include "experiments/report/page.h"
 #include "experiments/session/session.h"
 
 namespace palpate::experiments {
@@ -23,6 +26,9 @@ struct BenchArguments {
   int threads = 0;         ///< of preparation; 0: all
   bool json = false;
 };
+
+/// The page of a bench.json and of these tables.
+[[nodiscard]] Page bench_page(const BenchDocument& document, const std::vector<Table>& tables);
 
 /// Runs, writes bench.json and its page, prints the ranks. Exit status kExitFellShort: an entry did not
 /// finish a case, or what was checked differs.

@@ -118,8 +118,9 @@ std::vector<BenchCase> bench_cases(const BenchSeed& seed, bool quick) {
   const auto points = [&](double density) { return static_cast<int>(density * size.points); };
   std::vector<BenchCase> cases;
   for (const PartDesign& design : kPartDesigns) {
-    const auto part = std::find_if(bench_parts().begin(), bench_parts().end(),
-                                   [&](const Part& p) { return std::string_view(p.name) == design.part; });
+    const auto part = std::find_if(bench_parts().begin(), bench_parts().end(), [&](const BenchPart& p) {
+      return std::string_view(p.name) == design.part;
+    });
     for (const Scanner& scanner : {design.first, design.second}) {
       const std::string name = fmt::format("{}-{}", design.part, scanner.name);
       Random random = random_of(seed, name);

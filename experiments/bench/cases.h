@@ -28,12 +28,12 @@ struct BenchSeed {
 [[nodiscard]] Result<BenchSeed> read_seed(const std::string& text);
 
 struct BenchCase {
-  std::string name;    ///< SHAPE-SCANNER, a folder's name
-  std::string shape;   ///< cases of one shape are not independent
-  const Part* part;    ///< null: a shape with a formula
-  Dimensions drawn;    ///< of the part
-  std::string points;  ///< how a part is sampled, or the generator
-  std::string path;    ///< a generator's
+  std::string name;       ///< SHAPE-SCANNER, a folder's name
+  std::string shape;      ///< cases of one shape are not independent
+  const BenchPart* part;  ///< null: a shape with a formula
+  Dimensions drawn;       ///< of the part
+  std::string points;     ///< how a part is sampled, or the generator
+  std::string path;       ///< a generator's
 };
 /// All cases of this version, in order. `quick`: the same shapes with few points and frames.
 [[nodiscard]] std::vector<BenchCase> bench_cases(const BenchSeed& seed, bool quick);

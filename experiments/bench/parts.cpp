@@ -233,14 +233,15 @@ TriangleMesh leaning_fins(Dimensions& d) {
 }
 
 constexpr std::array kBenchParts = {
-    Part{"bent-comb", "a back of 60 x 5 x 8 with twelve teeth two thick and three apart, bent and waved",
-         bent_comb},
-    Part{"ribs-and-bracket", "an L of plates five thick, a hole in one, two ribs between them, all askew",
-         ribs_and_bracket},
-    Part{"vase", "a wall 2.4 thick and 100 high, turned, on a foot four thick", vase},
-    Part{"knotted-cable", "a trefoil of a cable of five twisted strands", knotted_cable},
-    Part{"cog", "a wheel of fourteen teeth with a blade on one, its faces curved as a saddle", cog},
-    Part{"leaning-fins", "seven fins one thick and seven apart on a plate, leaning and waved", leaning_fins}};
+    BenchPart{"bent-comb", "a back of 60 x 5 x 8 with twelve teeth two thick and three apart, bent and waved",
+              bent_comb},
+    BenchPart{"ribs-and-bracket",
+              "an L of plates five thick, a hole in one, two ribs between them, all askew", ribs_and_bracket},
+    BenchPart{"vase", "a wall 2.4 thick and 100 high, turned, on a foot four thick", vase},
+    BenchPart{"knotted-cable", "a trefoil of a cable of five twisted strands", knotted_cable},
+    BenchPart{"cog", "a wheel of fourteen teeth with a blade on one, its faces curved as a saddle", cog},
+    BenchPart{"leaning-fins", "seven fins one thick and seven apart on a plate, leaning and waved",
+              leaning_fins}};
 
 // ---- meshes as a whole
 
@@ -257,11 +258,11 @@ double nine_digits(double x) {
 
 }  // namespace
 
-std::span<const Part> bench_parts() {
+std::span<const BenchPart> bench_parts() {
   return kBenchParts;
 }
 
-TriangleMesh make_part(const Part& part, Dimensions dimensions) {
+TriangleMesh make_part(const BenchPart& part, Dimensions dimensions) {
   TriangleMesh mesh = part.shape(dimensions);
   Vec3 sum = Vec3::Zero();
   geometry::Aabb box;

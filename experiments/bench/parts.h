@@ -35,16 +35,16 @@ class Dimensions {
   std::optional<Random> random_;
 };
 
-struct Part {
+struct BenchPart {
   const char* name;
   const char* what;  ///< with its nominal dimensions
   geometry::TriangleMesh (*shape)(Dimensions& dimensions);
 };
-[[nodiscard]] std::span<const Part> bench_parts();
+[[nodiscard]] std::span<const BenchPart> bench_parts();
 
 /// The part, seen from outside, kPartExtentMm long. Coordinates are rounded to nine digits: below them the
 /// sines of two machines differ, and a hand's path with them.
-[[nodiscard]] geometry::TriangleMesh make_part(const Part& part, Dimensions dimensions);
+[[nodiscard]] geometry::TriangleMesh make_part(const BenchPart& part, Dimensions dimensions);
 
 /// What keeps triangles from being a closed surface seen from outside ("2 edges without a twin"); empty where
 /// every edge is passed once each way, every face has area and the volume is positive.

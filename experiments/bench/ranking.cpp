@@ -9,19 +9,12 @@
 #include <utility>
 
 #include "experiments/driver/json_document.h"
+#include "experiments/driver/page_document.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/statistics.h"
 
 namespace palpate::experiments {
-
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseInputs, name, shape, points, frames, points_hash, path_hash,
-                                   truth_hash)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchEntry, label, kind, request)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchRow, entry, name, shape, reason, trace_hash, caught, lost, kicks,
-                                   force_rms_percent, direction_mean_deg, force_peak_excess_percent,
-                                   frame_mean_us, frame_p999_us, prepare_ms, bytes_per_point)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseResult, inputs, rows)
 
 namespace {
 
@@ -82,7 +75,7 @@ std::optional<double> together(const std::vector<Sample>& samples, std::size_t s
   return together(samples, once, sum);
 }
 
-std::string value_text(const Standing& standing) {
+std::string value_text(const BenchStanding& standing) {
   if (!standing.value) return kMissingNumber;
   std::string text = format_number(*standing.value);
   if (standing.interval)
@@ -93,7 +86,7 @@ std::string value_text(const Standing& standing) {
 }
 
 Table group_table(const BenchDocument& document, std::string_view group,
-                  const std::vector<std::vector<Standing>>& standings) {
+                  const std::vector<std::vector<BenchStanding>>& standings) {
   Table table;
   table.title = std::string(group);
   table.title.front() = static_cast<char>(table.title.front() - 'a' + 'A');
@@ -109,7 +102,7 @@ Table group_table(const BenchDocument& document, std::string_view group,
   const std::size_t by =
       *std::find_if(columns.begin(), columns.end(), [](std::size_t m) { return !kMeasures[m].sum; });
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    const Standing &x = standings[a][by], &y = standings[b][by];
+    const BenchStanding &x = standings[a][by], &y = standings[b][by];
     if ((x.rank > 0) != (y.rank > 0)) return x.rank > 0;
     return x.value && (!y.value || *x.value < *y.value);
   });
@@ -176,7 +169,7 @@ DocumentJson standings_json(const BenchDocument& document) {
     DocumentJson& one = all[document.entries[e].label];
     one["finished"] = finished_by(document, document.entries[e].label);
     for (std::size_t m = 0; m < kMeasures.size(); ++m) {
-      const Standing& s = standings[e][m];
+      const BenchStanding& s = standings[e][m];
       DocumentJson interval = nullptr;
       if (s.interval) interval = {s.interval->low, s.interval->high};
       one[std::string(kMeasures[m].key)] = {{"value", s.value}, {"interval", interval}, {"rank", s.rank}};
@@ -197,15 +190,15 @@ std::size_t finished_by(const BenchDocument& document, const std::string& entry)
                     [&](const BenchRow& row) { return row.entry == entry && row.reason.empty(); }));
 }
 
-std::vector<std::vector<Standing>> standings_of(const BenchDocument& document) {
+std::vector<std::vector<BenchStanding>> standings_of(const BenchDocument& document) {
   const std::vector<std::string> shapes = shapes_of(document);
-  std::vector<std::vector<Standing>> standings;
+  std::vector<std::vector<BenchStanding>> standings;
   // Numbers by entry and measure, of entries that finished every case, and the most that one of them has. An
   // error of the direction is none where nothing was felt: who feels only the easy cases must not lead by it.
   std::vector<std::vector<std::size_t>> numbers;
   std::array<std::size_t, kMeasures.size()> most{};
   for (const BenchEntry& entry : document.entries) {
-    std::vector<Standing>& own = standings.emplace_back();
+    std::vector<BenchStanding>& own = standings.emplace_back();
     std::vector<std::size_t>& of = numbers.emplace_back(kMeasures.size(), 0);
     const bool finished = finished_by(document, entry.label) == document.cases.size();
     for (std::size_t m = 0; m < kMeasures.size(); ++m) {
@@ -262,10 +255,10 @@ Table tuning_table(const BenchDocument& document, const BenchDocument& other) {
         return a && b ? std::optional(*a - *b) : std::nullopt;
       };
       const std::vector<std::uint32_t> once(shapes.size(), 1);
-      const Standing difference{less(once),
-                                bootstrap(shapes.size(), [&](std::span<const std::uint32_t> counts,
-                                                             Random&) { return less(counts); }),
-                                0};
+      const BenchStanding difference{less(once),
+                                     bootstrap(shapes.size(), [&](std::span<const std::uint32_t> counts,
+                                                                  Random&) { return less(counts); }),
+                                     0};
       row.push_back({value_text(difference), false, difference.interval && difference.interval->low > 0.0});
     }
     table.rows.push_back(std::move(row));
@@ -299,6 +292,7 @@ Result<BenchDocument> read_bench(const std::string& file) {
     return not_ours(fmt::format("is not of version {} of the bench", kBenchVersion));
   BenchDocument document;
   try {
+    document.head = head_from(json);
     document.quick = json.at("quick").get<bool>();
     document.threads = json.at("threads").get<int>();
     document.seed = json.at("seed").at("name").get<std::string>();
@@ -313,13 +307,6 @@ Result<BenchDocument> read_bench(const std::string& file) {
   if (json.value("standings", nlohmann::json()) != nlohmann::json::parse(standings_json(document).dump()))
     return not_ours("has standings that do not follow from its rows");
   return document;
-}
-
-std::string to_text(const CaseResult& result) {
-  return to_line(result);
-}
-bool from_text(const std::string& text, CaseResult& result) {
-  return from_line(text, result);
 }
 
 }  // namespace palpate::experiments

@@ -10,6 +10,7 @@
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include "experiments/bench/cases.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/report/tables.h"
 #include "toolkit/metrics/result_json.h"
 
@@ -53,14 +54,14 @@ struct BenchMeasure {
 [[nodiscard]] std::span<const BenchMeasure> bench_measures();
 
 /// One entry by one measure; less is better in all.
-struct Standing {
+struct BenchStanding {
   std::optional<double> value;
   std::optional<Interval> interval;  ///< 95 %, bootstrap over shapes
   int rank = 0;  ///< 1 + entries that are surely better: whose interval ends before this one begins; 0: none
 };
 /// By entry and measure. Only entries that finished every case, with as many numbers as any other has, have
 /// ranks: nobody gains by failing a hard one, or by feeling nothing there.
-[[nodiscard]] std::vector<std::vector<Standing>> standings_of(const BenchDocument& document);
+[[nodiscard]] std::vector<std::vector<BenchStanding>> standings_of(const BenchDocument& document);
 /// Cases that the entry finished.
 [[nodiscard]] std::size_t finished_by(const BenchDocument& document, const std::string& entry);
 
@@ -74,12 +75,18 @@ struct Standing {
 /// Errors: no JSON, another schema or version of the bench, a key that is missing; standings that its rows do
 /// not have.
 [[nodiscard]] Result<BenchDocument> read_bench(const std::string& file);
-/// Of one case, as one line and back.
+/// Of one case.
 struct CaseResult {
   CaseInputs inputs;
   std::vector<BenchRow> rows;
 };
-[[nodiscard]] std::string to_text(const CaseResult& result);
-[[nodiscard]] bool from_text(const std::string& text, CaseResult& result);
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseInputs, name, shape, points, frames, points_hash, path_hash,
+                                   truth_hash)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchEntry, label, kind, request)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchRow, entry, name, shape, reason, trace_hash, caught, lost, kicks,
+                                   force_rms_percent, direction_mean_deg, force_peak_excess_percent,
+                                   frame_mean_us, frame_p999_us, prepare_ms, bytes_per_point)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseResult, inputs, rows)
 
 }  // namespace palpate::experiments

@@ -110,8 +110,8 @@ Subcommand clean_subcommand() {
 }
 
 Subcommand steps_subcommand() {
-  return subcommand("list steps", "steps of cleaning, with their options and sources", {"palpate list steps"},
-                    declare_steps, run_steps);
+  return subcommand("list steps", "steps of cleaning, with their options and sources",
+                    {"palpate list steps", "palpate list steps --json"}, declare_steps, run_steps);
 }
 
 }  // namespace palpate::experiments

@@ -107,6 +107,17 @@ std::string renew(Words& words) {
   return {};
 }
 
+/// Options that choose a kind: `info SCENE --plan` is `info plan SCENE`, and `compare SCENE --vary AXES` is
+/// `compare sweep SCENE --axes AXES`.
+void choose_kind(Words& words) {
+  if (words.front() == "info" && std::erase(words, "--plan") > 0) words.insert(words.begin() + 1, "plan");
+  if (words.front() != "compare") return;
+  const std::string axes = taken(words, "--vary");
+  if (axes.empty()) return;
+  if (words.size() == 1 || words[1] != "sweep") words.insert(words.begin() + 1, "sweep");
+  words.insert(words.end(), {"--axes", axes});
+}
+
 // ---- help, completion
 
 std::vector<Subcommand> kinds_of(const std::string& verb) {
@@ -264,6 +275,7 @@ Result<ReadLine> read_line(Words words) {
   const std::string option_note = renew_options(words);
   line.note = renew(words);
   line.note += (line.note.empty() || option_note.empty() ? "" : "; ") + option_note;
+  choose_kind(words);
   PALPATE_ASSIGN(const Subcommand named, take_subcommand(words));
   line.name = named.name;
   bool all = false;

@@ -156,8 +156,8 @@ Subcommand fetch_subcommand() {
 }
 
 Subcommand scans_subcommand() {
-  return subcommand("list scans", "scans known by name: size, licence, where each is", {"palpate list scans"},
-                    declare_scans, run_scans);
+  return subcommand("list scans", "scans known by name: size, licence, where each is",
+                    {"palpate list scans", "palpate list scans --json"}, declare_scans, run_scans);
 }
 
 }  // namespace palpate::experiments

@@ -137,6 +137,7 @@ void declare_study(const Declaration& declare, psychophysics::BlindedArguments& 
   declare.text("--save-plan", a.save_plan, "write the plan to this new file, to be changed, and stop");
   declare.text("--out", a.out, "folder for the results (default: out/study-NAME)");
   declare_json(declare, a.json);
+  declare.verbose();
 }
 
 }  // namespace

@@ -3,19 +3,30 @@
 
 #include <algorithm>
 #include <array>
+#include <nlohmann/json.hpp>
+#include <utility>
 
 #include <palpate/result.h>
+#include "experiments/ablate/ablate.h"
+#include "experiments/bench/bench.h"
+#include "experiments/bench/ranking.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/driver/page_document.h"
+#include "experiments/goals/goals.h"
+#include "experiments/live/live.h"
 #include "experiments/live/recording_export.h"
+#include "experiments/psychophysics/blinded.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/page.h"
 #include "experiments/report/page_figures.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
+#include "experiments/stability/stability.h"
+#include "experiments/stress/stress.h"
 #include "experiments/study/scoring.h"
 #include "experiments/tables/reproduction.h"
+#include "experiments/trade/document.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
@@ -66,23 +77,80 @@ Result<int> write_docs(const ReportArguments& arguments) {
   return kExitOk;
 }
 
+// Folders of versions that kept no page.json.
+
+/// Documents that hold all that their pages show.
+constexpr std::array<const char*, 3> kDrawnAgain = {kSweepFile, kStressFile, kBenchFile};
+/// The others, and what writes them.
+constexpr std::array<std::pair<const char*, const char*>, 7> kMadeAgain = {
+    {{kAblateFile, "compare ablate"},
+     {"behaviours.json", "test behaviours"},
+     {kGoalsFile, "test goals"},
+     {"hunt.json", "test hunt"},
+     {kLiveFile, "live"},
+     {kStabilityFile, "test stability"},
+     {psychophysics::kObservedFile, "study"}}};
+
+/// Why such a document is not drawn again: which command of which version wrote it, and what draws it.
+Error no_kept_page(const std::string& file, const char* kind) {
+  std::string version = "an earlier version", command = fmt::format("palpate {}", kind);
+  const Result<std::string> text = read_file(file, kMemoryLimitBytes);
+  const nlohmann::json document = nlohmann::json::parse(text ? *text : "", nullptr, false);
+  const auto take = [&](const char* key, const char* lead, std::string& value) {
+    if (!document.is_object() || !document.contains(key) || !document[key].is_string()) return;
+    value = lead + document[key].get<std::string>();
+  };
+  take("version", "palpate ", version);
+  take("command", "", command);
+  return {fmt::format("was written by `{}` of {}, which kept no page", command, version),
+          "run that command again: this version keeps one", file};
+}
+
+/// The page of a document that holds all of it.
+Result<Page> page_of_document(const std::string& document, const OutputFolder& folder) {
+  const std::string file = folder.file(document).string();
+  if (document == kSweepFile) {
+    PALPATE_ASSIGN(const SweepDocument sweep, read_sweep(folder.path().string()));
+    return sweep_page(sweep, folder);
+  }
+  if (document == kStressFile) {
+    PALPATE_ASSIGN(const StressMatrix matrix, read_stress(file));
+    return stress_page(matrix);
+  }
+  PALPATE_ASSIGN(const BenchDocument bench, read_bench(file));
+  return bench_page(bench, bench_tables(bench));
+}
+
+Status draw_document(const std::string& document, const OutputFolder& folder) {
+  PALPATE_ASSIGN(const Page page, page_of_document(document, folder));
+  return keep_page(page, folder);
+}
+
 Result<int> run_report(const ReportArguments& arguments, Context& context) {
   if (!arguments.docs.empty()) return write_docs(arguments);
   if (arguments.folder.empty())
     return Error{"DIR is required", "name the folder of a study, or a checkout with --docs"};
-  const auto holds = [&](const char* file) {
-    return std::filesystem::exists(std::filesystem::path(arguments.folder) / file);
-  };
+  const auto file = [&](const char* name) { return std::filesystem::path(arguments.folder) / name; };
+  const auto holds = [&](const char* name) { return std::filesystem::exists(file(name)); };
   const bool whole = holds(kReproductionFile), kept = !whole && holds(kPageFile);
+  const char* document = nullptr;
+  if (!whole && !kept && !holds(kResultFile)) {
+    for (const char* one : kDrawnAgain)
+      if (document == nullptr && holds(one)) document = one;
+    for (const auto& [name, kind] : kMadeAgain)
+      if (document == nullptr && holds(name)) return no_kept_page(file(name).string(), kind);
+  }
+  const bool study = !whole && !kept && document == nullptr;
   // What is wrong with the folder as a study is said before what is wrong with it as a place to write.
-  if (!whole && !kept) PALPATE_TRY(read_study(arguments.folder));
+  if (study) PALPATE_TRY(read_study(arguments.folder));
   PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::reopen(arguments.folder));
   context.progress.report("drawing the report", -1.0);
-  const Status drawn = whole  ? draw_reproduction(folder)
-                       : kept ? draw_kept_page(folder)
-                              : draw_report(folder);
+  const Status drawn = whole   ? draw_reproduction(folder)
+                       : kept  ? draw_kept_page(folder)
+                       : study ? draw_report(folder)
+                               : draw_document(document, folder);
   context.progress.clear();
-  context.working = drawn.ok() || !(whole || kept) || drawn.error().file.empty();
+  context.working = drawn.ok() || study || drawn.error().file.empty();
   PALPATE_TRY(drawn);
   fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   return kExitOk;
@@ -169,6 +237,7 @@ void declare_reproduce(const Declaration& declare, ReproduceArguments& a) {
   declare.flag("--quick", a.quick, "small models, short paths: tries the machinery, measures nothing");
   declare.excludes("--quick", "--full");
   declare.cases();
+  declare.verbose();
   declare_threads(declare, a.threads);
 }
 

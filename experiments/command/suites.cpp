@@ -162,8 +162,7 @@ Subcommand stability_subcommand() {
       "renderers in a loop with a simulated hand and device: the stiffness that stays stable",
       {"palpate test stability sinusoid:points=10201 --out out/stability",
        "palpate test stability sinusoid:points=10201 --renderers cloud,cloud-smooth --device falcon --grip "
-       "finger "
-       "--rates 1000,4000 --delays 0,2 --dampings 0,0.001 --out out/falcon",
+       "finger --rates 1000,4000 --delays 0,2 --dampings 0,0.001 --out out/falcon",
        "palpate test stability sinusoid:points=10201 --renderers cloud --cross --dampings 0 --out out/cross"},
       declare_stability, run_stability);
 }

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "toolkit/metrics/result_json.h"
 
@@ -34,7 +35,8 @@ using DocumentJson = nlohmann::ordered_json;
 /// Lines with an indent of one and a last line's end. Bytes that are no UTF-8 are replaced.
 [[nodiscard]] std::string document_text(const DocumentJson& json);
 
-/// A value as one line and back; false for a line of something else.
+/// A value as one line and back. False, and the value as it was, for a line of something else; members that
+/// its description leaves out stay.
 template <class T>
 [[nodiscard]] std::string to_line(const T& value) {
   return nlohmann::json(value).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
@@ -42,7 +44,9 @@ template <class T>
 template <class T>
 [[nodiscard]] bool from_line(const std::string& line, T& value) {
   try {
-    value = nlohmann::json::parse(line).get<T>();
+    T read = value;
+    nlohmann::json::parse(line).get_to(read);
+    value = std::move(read);
     return true;
   } catch (const nlohmann::json::exception&) {
     return false;

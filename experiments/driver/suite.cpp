@@ -15,14 +15,6 @@ namespace palpate::experiments {
 
 namespace fs = std::filesystem;
 
-namespace {
-
-// Of warnings and faults: with the table's kBriefLines, the line on what it leaves out and the report's they
-// are fifteen at most.
-constexpr std::size_t kToldLines = 3;
-
-}  // namespace
-
 DocumentJson begin_json(const char* schema, const metrics::DocumentHead& head) {
   DocumentJson json = {{"schema", schema}};
   json.update(DocumentJson::parse(metrics::head_json(head)));
@@ -107,10 +99,7 @@ Status Suite::publish(const SuiteResults& results, const Page& page, bool json) 
   std::vector<std::string> told;
   for (const std::string& fault : results.faults) told.push_back("fault: " + fault);
   for (const std::string& warning : results.warnings) told.push_back("warning: " + warning);
-  const std::size_t all = told.size();
-  if (all > kToldLines && !json && !context_.verbose) told.resize(kToldLines - 1);
-  for (const std::string& line : told) tell("palpate: {}\n", line);
-  if (told.size() < all) tell("palpate: {} more: --verbose, or the report\n", all - told.size());
+  tell_lines(told, json || context_.verbose);
   if (!json) fmt::print("report: {}\n", std::filesystem::absolute(folder_->file(kReportFile)).string());
   return Done{};
 }

@@ -43,16 +43,16 @@ class Suite {
   [[nodiscard]] ProgressBar& progress() const { return context_.progress; }
   [[nodiscard]] const OutputFolder& folder() const { return *folder_; }
 
-  /// The value that an interrupted run has kept of a case; false: there is none. A T has to_text(value) and
-  /// from_text(text, value).
+  /// The value that an interrupted run has kept of a case; false: there is none. A T is described
+  /// for JSON where this is called (json_members.h).
   template <class T>
   [[nodiscard]] bool take(const std::string& name, const std::string& key, T& value) const {
-    return folder_->take_over(name, key, [&](const std::string& text) { return from_text(text, value); });
+    return folder_->take_over(name, key, [&](const std::string& text) { return from_line(text, value); });
   }
   /// Keeps a case, with the files claimed since the last one.
   template <class T>
   [[nodiscard]] Status keep(const std::string& name, const std::string& key, const T& value) const {
-    PALPATE_TRY(folder_->keep(name, key, to_text(value)));
+    PALPATE_TRY(folder_->keep(name, key, to_line(value)));
     folder_->start_part();
     return Done{};
   }

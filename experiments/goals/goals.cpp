@@ -126,13 +126,6 @@ std::string text_of(const Finding& finding) {
   return text + ")";
 }
 
-std::string to_text(const Goal& goal) {
-  return to_line(goal);
-}
-bool from_text(const std::string& text, Goal& goal) {
-  return from_line(text, goal);
-}
-
 std::string to_json(const GoalsDocument& document) {
   DocumentJson json = begin_json(kGoalsSchema, document.head);
   json.update({{"quick", document.quick}, {"warnings", document.warnings}, {"notes", document.notes}});

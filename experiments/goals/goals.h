@@ -49,9 +49,6 @@ struct Goal {
 [[nodiscard]] Verdict verdict_of(const Goal& goal);
 [[nodiscard]] std::string text_of(const Finding& finding);
 
-[[nodiscard]] std::string to_text(const Goal& goal);
-[[nodiscard]] bool from_text(const std::string& text, Goal& goal);
-
 struct GoalsDocument {
   metrics::DocumentHead head;
   bool quick = false;

@@ -27,9 +27,6 @@ struct GoalRuns {
   std::vector<metrics::RendererResult> results;
   std::vector<trace::ForceTrace> traces{};  ///< per result; empty if failed
 };
-/// A run without its traces, as one line and back.
-[[nodiscard]] std::string to_text(const GoalRuns& runs);
-[[nodiscard]] bool from_text(const std::string& text, GoalRuns& runs);
 
 /// Our judged renderers, and the mesh for comparison.
 inline constexpr const char* kJudged[] = {"cloud", "cloud-smooth"};

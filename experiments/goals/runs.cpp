@@ -9,6 +9,21 @@
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
+
+/// A run without its traces.
+static void to_json(nlohmann::json& json, const GoalRuns& runs) {
+  metrics::ResultDocument document;
+  document.renderers = runs.results;
+  json = {{"name", runs.name}, {"points", runs.points}, {"results", metrics::to_json(document)}};
+}
+static void from_json(const nlohmann::json& json, GoalRuns& runs) {
+  Result<metrics::ResultDocument> document =
+      metrics::parse_result(json.at("results").get<std::string>(), "a kept run");
+  if (!document) throw nlohmann::json::other_error::create(0, document.error().what, nullptr);
+  runs = {json.at("name").get<std::string>(), json.at("points").get<std::uint64_t>(),
+          std::move(document->renderers)};
+}
+
 namespace {
 
 /// Timed passes with quick and of a measurement.
@@ -17,22 +32,6 @@ constexpr double kQuickBudgetS = 0.5, kGoalBudgetS = 3.0;
 constexpr double kGoalPrepareLimitS = 300.0;
 
 }  // namespace
-
-std::string to_text(const GoalRuns& runs) {
-  metrics::ResultDocument document;
-  document.renderers = runs.results;
-  return to_line(
-      nlohmann::json{{"name", runs.name}, {"points", runs.points}, {"results", metrics::to_json(document)}});
-}
-
-bool from_text(const std::string& text, GoalRuns& runs) {
-  nlohmann::json kept;
-  if (!from_line(text, kept) || !kept.is_object()) return false;
-  Result<metrics::ResultDocument> document = metrics::parse_result(kept.value("results", ""), "a kept run");
-  if (!document) return false;
-  runs = {kept.value("name", ""), kept.value("points", std::uint64_t{0}), std::move(document->renderers)};
-  return true;
-}
 
 Result<Stage> goal_stage(const GoalBench& bench, const std::string& scene, const std::string& path,
                          ReferenceChoice reference) {

@@ -16,28 +16,6 @@
 
 namespace palpate::experiments {
 
-PALPATE_JSON_MEMBERS(Found, score, trial, frame, trial_input)
-PALPATE_JSON_MEMBERS(Fault, what, trial, trial_input)
-PALPATE_JSON_MEMBERS(Quest, worst, faults, trials, refused, bound_hits, faulty, spent_s)
-
-std::string to_text(const Quest& quest) {
-  return to_line(nlohmann::json::array({quest.renderer.label, quest}));
-}
-
-bool from_text(const std::string& text, Quest& quest) {
-  Quest read;
-  read.renderer = quest.renderer;
-  try {
-    const nlohmann::json json = nlohmann::json::parse(text);
-    if (json.at(0) != read.renderer.label) return false;
-    json.at(1).get_to(read);
-  } catch (const nlohmann::json::exception&) {
-    return false;
-  }
-  quest = std::move(read);
-  return true;
-}
-
 NamedOptions renderer_of(const Quest& quest, const TrialInput& trial_input) {
   NamedOptions named{quest.renderer.name, quest.renderer.options};
   for (const auto& [key, value] : trial_input.options.all()) named.options.set(key, value);
@@ -67,7 +45,7 @@ std::string command_of(const OutputFolder& folder, const std::string& name) {
 }
 
 Result<std::string> write_found(const OutputFolder& folder, const std::vector<Quest>& quests,
-                                std::uint64_t seed) {
+                                std::uint64_t seed, const metrics::DocumentHead& head) {
   DocumentJson renderers = DocumentJson::array();
   std::uint64_t trials = 0;
   double spent_s = 0.0;
@@ -106,11 +84,9 @@ Result<std::string> write_found(const OutputFolder& folder, const std::vector<Qu
                          {"worst", worst},
                          {"faults", faults}});
   }
-  return document_text({{"schema", "palpate-hunt-1"},
-                        {"seed", seed},
-                        {"trials", trials},
-                        {"spent_s", spent_s},
-                        {"renderers", renderers}});
+  DocumentJson document = begin_json("palpate-hunt-1", head);
+  document.update({{"seed", seed}, {"trials", trials}, {"spent_s", spent_s}, {"renderers", renderers}});
+  return document_text(document);
 }
 
 namespace {
@@ -301,9 +277,10 @@ Result<int> hunt(const HuntArguments& arguments, Context& context) {
   PALPATE_TRY(hunt.run());
   if (suite.partial()) return suite.leave();
   const std::vector<Quest>& quests = hunt.quests();
+  const metrics::DocumentHead head = new_head(context.command_line);
   SuiteResults results{"hunt.json", {}, {quests_table(quests), worst_table(quests)}, {}, faults_of(quests)};
-  PALPATE_ASSIGN(results.json, write_found(suite.folder(), quests, arguments.seed));
-  Page page = begin_page("The worst that a random search found", new_head(context.command_line));
+  PALPATE_ASSIGN(results.json, write_found(suite.folder(), quests, arguments.seed, head));
+  Page page = begin_page("The worst that a random search found", head);
   add_known(page, {{}, results.faults, {}});
   page.sections.push_back({"hunt", "What was found", {}, {}, results.tables, {}, {}});
   PALPATE_TRY(suite.publish(results, page, arguments.json));

@@ -36,10 +36,6 @@ struct Quest {
 };
 inline constexpr std::size_t kMostFaults = 5;
 
-[[nodiscard]] std::string to_text(const Quest& quest);
-/// False for a text of another renderer's quest.
-[[nodiscard]] bool from_text(const std::string& text, Quest& quest);
-
 /// The renderer with the trial_input's options.
 [[nodiscard]] NamedOptions renderer_of(const Quest& quest, const TrialInput& trial_input);
 
@@ -53,7 +49,7 @@ inline constexpr std::size_t kMostFaults = 5;
 
 /// Writes all cases. The text of the document that names them.
 [[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const std::vector<Quest>& quests,
-                                              std::uint64_t seed);
+                                              std::uint64_t seed, const metrics::DocumentHead& head);
 
 inline constexpr double kUsualHuntMinutes = 10.0;
 

@@ -1,7 +1,8 @@
-// A trial's input as JSON, for what is kept of a hunt.
+// What is kept of a hunt, as JSON.
 #pragma once
 
 #include "experiments/driver/json_members.h"
+#include "experiments/hunt/hunt.h"
 #include "experiments/hunt/trial_input.h"
 
 template <>
@@ -37,5 +38,8 @@ PALPATE_JSON_MEMBERS(Waypoint, kind, at, which, other, frames)
 PALPATE_JSON_MEMBERS(HandWay, force_n, fastest_mm_s, spacing_mm, seed)
 PALPATE_JSON_MEMBERS(TrialInput, shape, form, points, sampling, noise, outliers, model_seed, scale, offset,
                      friction, edits, way, hand, options)
+PALPATE_JSON_MEMBERS(Found, score, trial, frame, trial_input)
+PALPATE_JSON_MEMBERS(Fault, what, trial, trial_input)
+PALPATE_JSON_MEMBERS(Quest, worst, faults, trials, refused, bound_hits, faulty, spent_s)
 
 }  // namespace palpate::experiments

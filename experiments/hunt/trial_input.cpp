@@ -10,7 +10,6 @@
 
 #include <palpate/accuracy.h>
 #include <palpate/generate.h>
-#include "experiments/hunt/input_json.h"
 
 namespace palpate::experiments {
 namespace {
@@ -350,13 +349,6 @@ TrialInput mutated(const TrialInput& trial_input, Random& random, const Ground& 
   if (ground.heights) flatten(next);
   if (next.hand) suit_hand(next);
   return next;
-}
-
-std::string to_text(const TrialInput& trial_input) {
-  return to_line(trial_input);
-}
-bool from_text(const std::string& text, TrialInput& trial_input) {
-  return from_line(text, trial_input);
 }
 
 }  // namespace palpate::experiments

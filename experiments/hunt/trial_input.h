@@ -89,8 +89,4 @@ struct Ground {
 /// Makes one to three changes.
 [[nodiscard]] TrialInput mutated(const TrialInput& trial_input, Random& random, const Ground& ground);
 
-[[nodiscard]] std::string to_text(const TrialInput& trial_input);
-/// False for a text not from to_text().
-[[nodiscard]] bool from_text(const std::string& text, TrialInput& trial_input);
-
 }  // namespace palpate::experiments

@@ -1,10 +1,10 @@
 #include "experiments/psychophysics/blinded.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <optional>
 
@@ -218,11 +218,6 @@ Result<bool> ask(Asking& asking) {
   return ask_at_device(asking, ledger);
 }
 
-void print_table(const Table& table) {
-  fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
-  std::fflush(stdout);
-}
-
 Status save_plan(const PlanText& plan, const std::string& file) {
   std::error_code code;
   if (fs::exists(file, code))
@@ -238,16 +233,10 @@ Status finish(const BlindedArguments& arguments, ObservedDocument& document, con
   suite.progress().report("drawing the report", -1.0);
   PALPATE_TRY(folder.write("read.R", r_snippet(document.plan)));
   PALPATE_TRY(folder.write("read.py", python_snippet(document.plan)));
-  PALPATE_TRY(suite.write({kObservedFile, to_json(document), {}}, observed_page(document, folder)));
-  suite.progress().clear();
-  if (arguments.json) {
-    fmt::print("{}", to_json(document));
-    return Done{};
-  }
-  for (const Table& table : observed_tables(document)) print_table(table);
-  for (const std::string& warning : document.analysis.warnings) tell("palpate: warning: {}\n", warning);
-  fmt::print("trials: {}\nreport: {}\n", fs::absolute(folder.file(kTrialsFile)).string(),
-             fs::absolute(folder.file(kReportFile)).string());
+  PALPATE_TRY(
+      suite.publish({kObservedFile, to_json(document), observed_tables(document), document.analysis.warnings},
+                    observed_page(document, folder), arguments.json));
+  if (!arguments.json) fmt::print("trials: {}\n", fs::absolute(folder.file(kTrialsFile)).string());
   return Done{};
 }
 
@@ -318,7 +307,8 @@ Result<int> run_blinded(const BlindedArguments& arguments, Context& context) {
   PALPATE_TRY(check_observer(plan, observer));
   PALPATE_ASSIGN(const DeviceChoice device, choose_device(arguments.device, session_drivers()));
   PALPATE_TRY(check_use(arguments, observer, device));
-  if (!arguments.json) print_table(power_table(plan));
+  if (!arguments.json && (arguments.power || context.verbose)) print_tables({power_table(plan)}, true);
+  std::fflush(stdout);
   if (!arguments.power) PALPATE_TRY(run_checked(arguments, std::move(plan), observer, device, context));
   return kExitOk;
 }

@@ -29,7 +29,7 @@ struct BlindedArguments {
   bool accelerated = false;  ///< runs a person's session on a simulated device in virtual time
   bool lsl = false;          ///< sends markers of a person's session to Lab Streaming Layer
   std::string lsl_library;   ///< empty: kLslLibrary
-  bool power = false;        ///< prints the power table and stops
+  bool power = false;        ///< prints the power table and stops; with Context::verbose it is only printed
   bool json = false;
 };
 
@@ -45,7 +45,7 @@ struct ObservedDocument {
 };
 
 [[nodiscard]] std::string to_json(const ObservedDocument& document);
-/// Trials for the wanted power and the equivalence bound, printed before the first trial.
+/// Trials for the wanted power and the equivalence bound.
 [[nodiscard]] Table power_table(const Plan& plan);
 /// Results for terminal and page.
 [[nodiscard]] std::vector<Table> observed_tables(const ObservedDocument& document);

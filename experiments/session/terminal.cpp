@@ -11,7 +11,6 @@
 #include <string_view>
 
 #include <palpate/clock.h>
-#include "experiments/report/findings.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
@@ -43,6 +42,20 @@ void print_tables(const std::vector<Table>& tables, bool whole) {
   if (kept < lines) fmt::print("{} lines more: --verbose, or the report\n", lines - kept);
 }
 
+void tell_lines(const std::vector<std::string>& lines, bool all) {
+  // With a table's kBriefLines, the line on what it leaves out and the report's they are fifteen at most.
+  constexpr std::size_t kToldLines = 3;
+  const std::size_t told = all || lines.size() <= kToldLines ? lines.size() : kToldLines - 1;
+  for (std::size_t i = 0; i < told; ++i) tell("palpate: {}\n", lines[i]);
+  if (told < lines.size()) tell("palpate: {} more: --verbose, or the report\n", lines.size() - told);
+}
+
+void print_answer(const Headline& answer) {
+  for (const std::string& line : wrapped(answer.lead + (answer.lead == "Take" ? " " : ": ") + answer.text,
+                                         terminal_columns(STDOUT_FILENO)))
+    fmt::print("{}\n", line);
+}
+
 void print_scores(const metrics::ResultDocument& document, bool whole) {
   if (whole) print_tables({comparison_table(document)}, true);
   Table table = summary_table(document, SummaryFor::kTerminal);
@@ -51,10 +64,7 @@ void print_scores(const metrics::ResultDocument& document, bool whole) {
   if (!whole) table.rows.resize(shown);
   fmt::print("{}{}\n", to_text(table, terminal_columns(STDOUT_FILENO)),
              shown < rows && !whole ? fmt::format("{} more: --verbose, or the report", rows - shown) : "");
-  const Headline answer = answer_of(document);
-  for (const std::string& line : wrapped(answer.lead + (answer.lead == "Take" ? " " : ": ") + answer.text,
-                                         terminal_columns(STDOUT_FILENO)))
-    fmt::print("{}\n", line);
+  print_answer(answer_of(document));
 }
 
 namespace {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <palpate/progress.h>
+#include "experiments/report/findings.h"
 #include "experiments/report/tables.h"
 
 namespace palpate::experiments {
@@ -19,6 +20,11 @@ namespace palpate::experiments {
 /// Prints all tables, or of the first one what fits `kBriefLines` and how many lines more there are.
 inline constexpr std::size_t kBriefLines = 10;
 void print_tables(const std::vector<Table>& tables, bool whole);
+/// Tells each line on standard error: all, or three lines at most, of which the last says how many there are
+/// more.
+void tell_lines(const std::vector<std::string>& lines, bool all);
+/// Prints what a page answers first, wrapped.
+void print_answer(const Headline& answer);
 /// Prints the scores of a study: all, or a line a renderer and the finding that the report begins with.
 void print_scores(const metrics::ResultDocument& document, bool whole);
 

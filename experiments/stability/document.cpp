@@ -10,15 +10,6 @@
 
 namespace palpate::experiments {
 
-PALPATE_JSON_MEMBERS(StabilityPoint, renderer, hand, varied, control, rate_hz, delay_ms, damping_n_s_per_mm,
-                     largest_stable_n_per_mm, unlimited, theory_n_per_mm, passive_n_per_mm, lost,
-                     limit_cycle_mm, limit_cycle_hz, generated_mj)
-PALPATE_JSON_MEMBERS(TaskResult, renderer, task, stable, contour_rms_mm, contour_max_mm, generated_mj,
-                     largest_step_n, largest_excess_n, truth_largest_excess_n)
-PALPATE_JSON_MEMBERS(LoopScores::Side, frames, contact_frames, force_rms_percent, direction_p99_deg,
-                     indistinguishable_percent, ripple_ratio, ripple_shown_ratio)
-PALPATE_JSON_MEMBERS(LoopScores, renderer, open, closed)
-PALPATE_JSON_MEMBERS(MeasuredLoop, points, tasks, scores)
 PALPATE_JSON_MEMBERS(StabilityDocument, scene, path, truth, device, hand, stiffness_n_per_mm, truth_stable,
                      warnings, notes, points, tasks, scores)
 
@@ -175,13 +166,6 @@ Chart limit_chart(const StabilityDocument& document, const std::string& varied, 
 }
 
 }  // namespace
-
-std::string to_text(const MeasuredLoop& loop) {
-  return to_line(loop);
-}
-bool from_text(const std::string& text, MeasuredLoop& loop) {
-  return from_line(text, loop);
-}
 
 std::string to_json(const StabilityDocument& document) {
   DocumentJson json = begin_json(kStabilitySchema, document.head);

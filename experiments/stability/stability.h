@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "device/simulated/closed_loop.h"
+#include "experiments/driver/json_members.h"
 #include "experiments/driver/study_run.h"
 #include "experiments/report/figures.h"
 #include "experiments/report/page.h"
@@ -76,8 +77,15 @@ struct MeasuredLoop {
   std::vector<TaskResult> tasks;
   std::vector<LoopScores> scores;
 };
-[[nodiscard]] std::string to_text(const MeasuredLoop& loop);
-[[nodiscard]] bool from_text(const std::string& text, MeasuredLoop& loop);
+PALPATE_JSON_MEMBERS(StabilityPoint, renderer, hand, varied, control, rate_hz, delay_ms, damping_n_s_per_mm,
+                     largest_stable_n_per_mm, unlimited, theory_n_per_mm, passive_n_per_mm, lost,
+                     limit_cycle_mm, limit_cycle_hz, generated_mj)
+PALPATE_JSON_MEMBERS(TaskResult, renderer, task, stable, contour_rms_mm, contour_max_mm, generated_mj,
+                     largest_step_n, largest_excess_n, truth_largest_excess_n)
+PALPATE_JSON_MEMBERS(LoopScores::Side, frames, contact_frames, force_rms_percent, direction_p99_deg,
+                     indistinguishable_percent, ripple_ratio, ripple_shown_ratio)
+PALPATE_JSON_MEMBERS(LoopScores, renderer, open, closed)
+PALPATE_JSON_MEMBERS(MeasuredLoop, points, tasks, scores)
 
 struct StabilityDocument {
   metrics::DocumentHead head;

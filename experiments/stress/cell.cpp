@@ -16,14 +16,6 @@
 
 namespace palpate::experiments {
 
-NLOHMANN_JSON_SERIALIZE_ENUM(CellStatus, {{CellStatus::kSkipped, "skipped"},
-                                          {CellStatus::kOk, "ok"},
-                                          {CellStatus::kLimit, "limit"},
-                                          {CellStatus::kFailed, "failed"}})
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StressCell, renderer, name, status, check, cause, warnings, trace_hash,
-                                   frames, contact_frames, bound_hits, largest_force_n, twin_difference_n,
-                                   twin_bound_n)
-
 namespace {
 
 using render::Frame;
@@ -242,13 +234,6 @@ void fill_cell(const StressCase& one, const RendererRequest& request, const rend
 const char* name_of(CellStatus status) noexcept {
   constexpr const char* kNames[] = {"ok", "limit", "failed", "skipped"};
   return kNames[static_cast<std::size_t>(status)];
-}
-
-std::string to_text(const std::vector<StressCell>& cells) {
-  return to_line(cells);
-}
-bool from_text(const std::string& text, std::vector<StressCell>& cells) {
-  return from_line(text, cells);
 }
 
 StressCell run_cell(const StressCase& one, const RendererRequest& request, const render::Registry& registry) {

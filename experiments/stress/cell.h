@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <palpate/registry.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/run/arguments.h"
 #include "experiments/stress/stress_case.h"
 
@@ -37,9 +38,13 @@ struct StressCell {
          twin_bound_n = 0.0;  ///< largest over the frames; both 0 without a twin
 };
 
-/// Cells as one line and back; false for an invalid line.
-[[nodiscard]] std::string to_text(const std::vector<StressCell>& cells);
-[[nodiscard]] bool from_text(const std::string& text, std::vector<StressCell>& cells);
+NLOHMANN_JSON_SERIALIZE_ENUM(CellStatus, {{CellStatus::kSkipped, "skipped"},
+                                          {CellStatus::kOk, "ok"},
+                                          {CellStatus::kLimit, "limit"},
+                                          {CellStatus::kFailed, "failed"}})
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StressCell, renderer, name, status, check, cause, warnings, trace_hash,
+                                   frames, contact_frames, bound_hits, largest_force_n, twin_difference_n,
+                                   twin_bound_n)
 
 /// Runs a cell in this process. Never throws.
 [[nodiscard]] StressCell run_cell(const StressCase& one, const RendererRequest& request,

@@ -3,11 +3,14 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <map>
 #include <string_view>
+#include <utility>
 
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
+#include "experiments/driver/page_document.h"
 #include "experiments/stress/stress.h"
 #include "toolkit/core/files.h"
 
@@ -249,7 +252,75 @@ Error no_matrix(const std::string& file, const std::string& why) {
           0};
 }
 
+/// The renderer that a cell's command_of() names, with its options.
+std::string renderer_in(const std::string& command) {
+  constexpr std::string_view kLead = "--renderers ";
+  const std::size_t at = command.find(kLead);
+  if (at == std::string::npos) return {};
+  const std::size_t begin = at + kLead.size();
+  return command.substr(begin, command.find(' ', begin) - begin);
+}
+
+/// Undoes cause_of().
+void take_reason_out(const std::string& reason, std::string& cause) {
+  if (reason.empty() || !cause.ends_with(reason)) return;
+  cause.resize(cause.size() - reason.size());
+  if (cause.ends_with(". ")) cause.resize(cause.size() - 2);
+}
+
 }  // namespace
+
+Result<StressMatrix> read_stress(const std::string& file) {
+  using render::Role;
+  constexpr Role kRoles[] = {Role::kOurs, Role::kLiteral, Role::kRival, Role::kReference, Role::kOracle};
+  PALPATE_ASSIGN(const std::string text, read_file(file, kMostAgainstBytes));
+  StressMatrix matrix;
+  try {
+    const nlohmann::json json = nlohmann::json::parse(text);
+    if (json.at("schema") != kStressSchema)
+      return no_matrix(file, fmt::format("its schema is not {}", kStressSchema));
+    matrix.head = head_from(json);
+    for (const nlohmann::json& one : json.at("cases")) {
+      StressCase& read = matrix.cases.emplace_back();
+      one.at("name").get_to(read.name);
+      one.at("group").get_to(read.group);
+      one.at("text").get_to(read.text);
+    }
+    for (const nlohmann::json& row : json.at("renderers")) {
+      row.at("label").get_to(matrix.renderers.emplace_back().label);
+      matrix.roles.push_back(*std::find_if(std::begin(kRoles), std::end(kRoles) - 1, [&](Role role) {
+        return row.at("role") == std::string(name_of(role));
+      }));
+    }
+    matrix.cells.resize(matrix.renderers.size());
+    for (const nlohmann::json& one : json.at("cells")) {
+      StressCell cell;
+      one.at("renderer").get_to(cell.renderer);
+      one.at("case").get_to(cell.name);
+      cell.status = *std::find_if(std::begin(kStatuses), std::end(kStatuses) - 1,
+                                  [&](CellStatus status) { return one.at("status") == name_of(status); });
+      for (const auto& [key, value] : {std::pair{"check", &cell.check}, std::pair{"cause", &cell.cause}})
+        if (one.at(key).is_string()) one.at(key).get_to(*value);
+      one.at("warnings").get_to(cell.warnings);
+      const std::string command = one.at("command").get<std::string>();
+      for (std::size_t r = 0; r < matrix.renderers.size(); ++r) {
+        if (matrix.renderers[r].label != cell.renderer) continue;
+        matrix.renderers[r].name = renderer_in(command);
+        matrix.cells[r].push_back(cell);
+      }
+    }
+  } catch (const nlohmann::json::exception& error) {
+    return no_matrix(file, error.what());
+  }
+  for (std::size_t r = 0; r < matrix.cells.size(); ++r) {
+    if (matrix.cells[r].size() != matrix.cases.size())
+      return no_matrix(file, "a renderer has not a cell of every case");
+    for (std::size_t c = 0; c < matrix.cases.size(); ++c)
+      take_reason_out(known_reason(matrix.renderers[r], matrix.cases[c], matrix.cells[r][c]),
+                      matrix.cells[r][c].cause);
+  }
+  return matrix;
+}
 
 Result<OtherHashes> read_hashes(const std::string& file) {
   PALPATE_ASSIGN(const std::string text, read_file(file, kMostAgainstBytes));

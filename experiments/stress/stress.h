@@ -42,6 +42,10 @@ struct StressMatrix {
 [[nodiscard]] std::string stress_json(const StressMatrix& matrix);
 [[nodiscard]] Page stress_page(const StressMatrix& matrix);
 
+/// What a stress.json shows: no numbers of its cells and no hashes. Error: the file cannot
+/// be read or is no stress.json.
+[[nodiscard]] Result<StressMatrix> read_stress(const std::string& file);
+
 /// Another run's answers.
 struct OtherHashes {
   std::string file, built_by;  ///< built_by: compiler and processor

@@ -8,6 +8,7 @@
 #include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
 #include "baselines/reference/facet_tree.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/messages.h"
@@ -17,7 +18,6 @@ namespace palpate::experiments {
 
 namespace {
 
-constexpr double kMsPerMinute = 60000.0;
 constexpr std::size_t kSamples = 20000;  // points measured in each direction
 constexpr std::uint64_t kSeed = 1;       // for thinning a model
 
@@ -172,8 +172,7 @@ Table printed_table(const Manifest& manifest, const std::vector<MeshRow>& rows) 
 /// Format: docs/schemas/meshes.schema.json.
 nlohmann::ordered_json to_json(const std::vector<MeshRow>& rows, const std::vector<std::string>& warnings,
                                const metrics::DocumentHead& head) {
-  nlohmann::ordered_json document = {{"schema", "palpate-meshes/1"}};
-  document.update(nlohmann::ordered_json::parse(metrics::head_json(head)));
+  nlohmann::ordered_json document = begin_json("palpate-meshes/1", head);
   document["warnings"] = warnings;
   nlohmann::ordered_json& all = document["meshes"] = nlohmann::ordered_json::array();
   for (const MeshRow& row : rows) {

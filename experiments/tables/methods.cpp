@@ -260,11 +260,12 @@ void reproduce_methods(const Manifest& manifest, Reproduction& r) {
     if (!is_in_build(method, r))
       leave_out(r, fmt::format("table {}: {} is not in this build", manifest.table, method.renderer));
   PublishedTimes times;
+  std::vector<std::string> waiting;
   std::optional<metrics::ResultDocument> last;
   for (const ManifestModel& model : manifest.models) {
     const std::string what = fmt::format("table {}, {}", manifest.table, model.name);
     if (model.full && !r.arguments.full && (!r.arguments.quick || model.quick.empty())) {
-      leave_out(r, what + ": run with --full");
+      waiting.push_back(model.name);
       continue;
     }
     if (r.arguments.quick && model.quick.empty()) continue;
@@ -290,6 +291,8 @@ void reproduce_methods(const Manifest& manifest, Reproduction& r) {
     section.tables.back().title = "All scores on the " + model.name;
     last = *std::move(document);
   }
+  if (!waiting.empty())
+    leave_out(r, fmt::format("table {}, {}: run with --full", manifest.table, joined(waiting, "; ")));
   check_done(r, !section.tables.empty());
   if (last) conclude_methods(manifest, times, *last, r.arguments.quick, r.part.answers);
   section.tables.push_back(words_table(manifest));

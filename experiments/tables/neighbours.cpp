@@ -6,6 +6,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "experiments/driver/json_document.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/search/knn.h"
 #include "toolkit/search/neighbour_table.h"
@@ -190,8 +191,7 @@ nlohmann::ordered_json builders_json(const std::vector<ModelScores>& models, con
 /// Format: docs/schemas/neighbours.schema.json.
 void write_results(const std::vector<ModifiedTimes>& modified, const std::vector<ModelScores>& models,
                    const std::vector<std::string>& warnings, const Manifest& manifest, Reproduction& r) {
-  nlohmann::ordered_json document = {{"schema", "palpate-neighbours/1"}};
-  document.update(nlohmann::ordered_json::parse(metrics::head_json(r.head)));
+  nlohmann::ordered_json document = begin_json("palpate-neighbours/1", r.head);
   document["warnings"] = warnings;
   nlohmann::ordered_json& rows = document["modified_knn"] = nlohmann::ordered_json::array();
   for (const ModifiedTimes& m : modified)

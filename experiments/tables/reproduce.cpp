@@ -1,9 +1,10 @@
 // `palpate reproduce`: which tables run, and what their runs have in common.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 
 #include <palpate/result.h>
 #include "experiments/behaviours/matrix.h"
@@ -24,39 +25,57 @@ std::vector<Part> parts_of(const std::vector<Step>& steps) {
   return parts;
 }
 
-/// Writes the report, and prints the tables: of a study the one beside the thesis.
+/// Tables of every step, of a study the one beside the thesis, and the first page's.
+std::vector<Table> tables_of(const std::vector<Step>& steps, const Page& page) {
+  std::vector<Table> tables;
+  for (const Step& step : steps)
+    for (const Section& section : step.part.sections)
+      for (const Table& table : section.tables) {
+        tables.push_back(table);
+        if (step.manifest.kind == Manifest::Kind::kFrames) break;
+      }
+  tables.insert(tables.end(), page.tables.begin(), page.tables.end());
+  return tables;
+}
+
+/// Prints fifteen lines at most: the answers, or the first table where there are none, and what was not done.
+/// Context::verbose: every table too.
+void print_results(const Reproduction& r, const Page& page) {
+  constexpr std::size_t kMissingLines = 2;
+  const bool verbose = r.context.verbose;
+  if (verbose || page.answers.empty()) print_tables(tables_of(r.steps, page), verbose);
+  for (const Headline& answer : page.answers) print_answer(answer);
+  std::vector<std::string> missing;
+  for (const Step& step : r.steps)
+    missing.insert(missing.end(), step.part.missing.begin(), step.part.missing.end());
+  const std::size_t shown = verbose || missing.size() <= kMissingLines ? missing.size() : kMissingLines - 1;
+  for (std::size_t i = 0; i < shown; ++i) fmt::print("not done: {}\n", missing[i]);
+  if (shown < missing.size())
+    fmt::print("not done: {} more: --verbose, or the report\n", missing.size() - shown);
+  fmt::print("took {}\nreport: {}\n", format_duration(r.watch.ms()),
+             std::filesystem::absolute(r.folder.file(kReportFile)).lexically_normal().string());
+  std::fflush(stdout);
+  std::vector<std::string> warnings;
+  for (const Known& known : page.known)
+    for (const std::string& warning : known.warnings)
+      warnings.push_back(fmt::format("warning: {}: {}", known.about, warning));
+  tell_lines(warnings, verbose);
+}
+
+/// Writes the report, and prints what it answers.
 int finish(Reproduction& r) {
   r.context.progress.set_prefix("");
   r.context.progress.report("writing the report", -1.0);
   const Page page = page_of(r.head, parts_of(r.steps));
-  bool fell_short = false;
   Status written = r.folder.write(kReproductionFile, reproduction_json(r.head, r.steps));
   if (written) written = write_page(page, r.folder);
   if (written) written = r.folder.complete();
-  if (!written) {
-    fail(written.error(), kExitFellShort, &r.context.progress);
-    fell_short = true;
-  }
+  if (!written) fail(written.error(), kExitFellShort, &r.context.progress);
   r.context.progress.clear();
-  const std::size_t columns = terminal_columns(STDOUT_FILENO);
-  for (const Step& step : r.steps) {
-    fell_short = fell_short || step.part.fell_short;
-    for (const Section& section : step.part.sections)
-      for (const Table& table : section.tables) {
-        fmt::print("{}\n", to_text(table, columns));
-        if (step.manifest.kind == Manifest::Kind::kFrames) break;
-      }
-  }
-  for (const Table& table : page.tables) fmt::print("{}\n", to_text(table, columns));
-  for (const Known& known : page.known)
-    for (const std::string& warning : known.warnings)
-      tell("palpate: warning: {}: {}\n", known.about, warning);
-  for (const Step& step : r.steps)
-    for (const std::string& what : step.part.missing) fmt::print("not done: {}\n", what);
-  for (const Headline& answer : page.answers) fmt::print("{} {}\n", answer.lead, answer.text);
-  fmt::print("took {}\nreport: {}\n", format_duration(r.watch.ms()),
-             std::filesystem::absolute(r.folder.file(kReportFile)).lexically_normal().string());
-  return fell_short ? kExitFellShort : kExitOk;
+  print_results(r, page);
+  const bool fell_short =
+      std::any_of(r.steps.begin(), r.steps.end(), [](const Step& step) { return step.part.fell_short; });
+  return fell_short || !written ? kExitFellShort : kExitOk;
 }
 
 /// True if the table needs reconstructions.
@@ -118,7 +137,7 @@ void reproduce_behaviours(const Manifest& manifest, Reproduction& r) {
   section.title = manifest.title;
   section.found = page.headlines.back().lines;
   r.part.sections = std::move(page.sections);
-  if (const Status written = r.folder.write("behaviours.json", matrix_json(*matrix)); !written)
+  if (const Status written = r.folder.write("behaviours.json", matrix_json(*matrix, r.head)); !written)
     give_up(r, "behaviours.json", written.error());
 }
 

@@ -48,9 +48,6 @@ struct Part {
   bool fell_short = false;           ///< something requested failed
 };
 
-[[nodiscard]] std::string to_text(const Part& part);
-[[nodiscard]] bool from_text(const std::string& text, Part& part);
-
 struct Step {
   Manifest manifest;
   Part part;

@@ -22,13 +22,6 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Answer, table, page, says, printed, literal, 
                                    mesh_error, status, reproduced, as_fast, literal_right, ours_right, take)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Part, known, sections, answers, missing, fell_short)
 
-std::string to_text(const Part& part) {
-  return to_line(part);
-}
-bool from_text(const std::string& text, Part& part) {
-  return from_line(text, part);
-}
-
 namespace {
 
 constexpr const char* kSchema = "palpate-reproduction/1";

@@ -8,6 +8,7 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "experiments/driver/json_members.h"
+#include "experiments/driver/page_document.h"
 #include "experiments/report/fronts.h"
 #include "toolkit/core/files.h"
 
@@ -223,6 +224,7 @@ Result<SweepDocument> read_sweep(const std::string& folder) {
   SweepDocument document;
   try {
     json.get_to(document);
+    document.head = head_from(json);
   } catch (const nlohmann::json::exception& problem) {
     return wrong(fmt::format("cannot be read: {}", problem.what()));
   }

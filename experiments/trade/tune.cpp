@@ -156,6 +156,49 @@ Error nothing_keeps(const Sweep& sweep, const TuneLimits& limits, const std::vec
           0};
 }
 
+/// The sweep's page, which answers first: the setting to take, what was asked of it and what was measured; or
+/// why there is none, and the nearest.
+Page tune_page(const Sweep& sweep, const TuneLimits& limits, const std::vector<Tried>& tried,
+               std::size_t kept, const std::optional<Row>& nearest) {
+  Page page = sweep_page(sweep.document(), sweep.suite().folder());
+  page.title = "The setting to take within limits";
+  Table table;
+  table.columns = {"", "error, %", "99.9 % of frames, µs", "memory", "ready after"};
+  const std::optional<double>& bytes = limits.bytes;
+  table.rows.push_back(
+      plain_row({"asked: at most", format_number(limits.error_percent), format_number(limits.frame_us),
+                 bytes ? format_bytes(*bytes) : kMissingNumber, kMissingNumber}));
+  const auto add = [&](const std::string& name, const Row& row) {
+    if (!row.ok()) return;
+    table.rows.push_back(
+        plain_row({name,
+                   fmt::format("{} (up to {})", format_number(row.error_p95_percent->value),
+                               format_number(row.error_p95_percent->high())),
+                   fmt::format("{} (up to {})", format_number(row.frame_p999_us->value),
+                               format_number(row.frame_p999_us->high())),
+                   format_bytes(static_cast<double>(*row.bytes)), format_duration(row.prepare_ms->value)}));
+  };
+  if (!tried.empty() && tried.back().keeps) {
+    table.title = tried.back().found.setting;
+    add("measured", tried.back().found);
+    add("run again", tried.back().verified);
+    table.notes = {fmt::format("Kept by {} of {} settings.", kept, sweep.document().rows.size())};
+    page.answers.push_back(
+        {"Take",
+         fmt::format("{}: {} that keeps {}, when measured and when run again.", table.title,
+                     limits.error_percent ? "the cheapest" : "the most accurate", limits_text(limits))});
+  } else {
+    const Error none = nothing_keeps(sweep, limits, tried, nearest);
+    page.answers.push_back({"Nothing", fmt::format("{}; {}.", none.what, none.remedy)});
+    if (nearest) {
+      table.title = nearest->setting;
+      add("measured", *nearest);
+    }
+  }
+  page.tables = {std::move(table)};
+  return page;
+}
+
 }  // namespace
 
 double excess(const Row& row, const TuneLimits& limits) {
@@ -220,7 +263,7 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   if (sweep.suite().partial()) return sweep.suite().leave();
   const SweepDocument& document = sweep.document();
   const OutputFolder& folder = sweep.suite().folder();
-  PALPATE_TRY(sweep.suite().write({kSweepFile, to_json(document), {}}, sweep_page(document, folder)));
+  PALPATE_TRY(folder.write(kSweepFile, to_json(document)));
   // Only rows of this machine that a scene file can express.
   std::vector<Row> rows = document.rows;
   const std::string here = this_machine().hash;
@@ -233,15 +276,17 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   if (const auto at = nearest_miss(rows, limits); !found && at) nearest = document.rows[*at];
   if (!found) PALPATE_TRY(drop_scene(folder));
   const std::string json = tune_json(sweep, limits, tried, best.size(), nearest, context);
-  PALPATE_TRY(folder.write(kTuneFile, json));
+  PALPATE_TRY(
+      sweep.suite().write({kTuneFile, json, {}}, tune_page(sweep, limits, tried, best.size(), nearest)));
   context.progress.clear();
   if (arguments.sweep.run.json) fmt::print("{}", json);
   if (!found) return nothing_keeps(sweep, limits, tried, nearest);
   if (arguments.sweep.run.json) return kExitOk;
   const Tried& chosen = tried.back();
-  fmt::print("{}\n  measured:  {}\n  run again: {}\nkept by {} of {} settings\nscene: {}\n",
+  fmt::print("{}\n  measured:  {}\n  run again: {}\nkept by {} of {} settings\nscene: {}\nreport: {}\n",
              chosen.found.setting, numbers_text(chosen.found), numbers_text(chosen.verified), best.size(),
-             rows.size(), std::filesystem::absolute(folder.file(kTunedScene)).string());
+             rows.size(), std::filesystem::absolute(folder.file(kTunedScene)).string(),
+             std::filesystem::absolute(folder.file(kReportFile)).string());
   return kExitOk;
 }
 

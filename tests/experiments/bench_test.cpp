@@ -49,7 +49,7 @@ TEST(BenchParts, NominalOnesAreAsThePageSays) {
 }
 
 TEST(BenchParts, DrawnOnesAreClosedToo) {
-  for (const Part& part : bench_parts()) {
+  for (const BenchPart& part : bench_parts()) {
     const geometry::TriangleMesh nominal = make_part(part, {});
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
       const geometry::TriangleMesh mesh = make_part(part, Dimensions(Random(seed)));
@@ -192,6 +192,11 @@ TEST_F(BenchCommand, RunsAPluginBesideOursAndIsCheckedAgain) {
   EXPECT_EQ(document["standings"]["ball"]["finished"], 18);
   EXPECT_LT(document["standings"]["cloud"]["force_rms_percent"]["value"],
             document["standings"]["ball"]["force_rms_percent"]["value"]);
+  EXPECT_THAT(text_in("run/report.html"), HasAll("Right", "Fast", "Ready", "Small", "ball"));
+  // A folder of a version that kept no page is drawn from its document.
+  for (const char* file : {"page.json", "report.html"})
+    std::filesystem::remove(in(std::string("run/") + file));
+  succeeds("report @/run");
   EXPECT_THAT(text_in("run/report.html"), HasAll("Right", "Fast", "Ready", "Small", "ball"));
 
   const ProcessOutcome same = succeeds("test bench --check @/run/bench.json --entry ball --out @/check");

@@ -216,7 +216,8 @@ TEST_F(Command, ReproduceTakesAManifestOfOnesOwn) {
       "[[model]]\nname = \"plane\"\ngenerate = \"plane:points=900\"\n"
       "[path]\nspec = \"tap:frames=500\"\n[[run]]\nrenderer = \"cloud\"\n";
   write_text(folder_ / "mine.toml", text);
-  EXPECT_THAT(succeeds("reproduce --tables @/mine.toml --out @/out").out, HasSubstr("Table 42: mine"));
+  EXPECT_THAT(succeeds("reproduce --tables @/mine.toml --verbose --out @/out").out,
+              HasSubstr("Table 42: mine"));
   EXPECT_TRUE(exists("out/table42/result.json"));
   write_text(folder_ / "mine.toml", text + "quik = \"cloud\"\n");
   refuses({"mine.toml:13: ", "did you mean 'quick'?"}, "reproduce --tables @/mine.toml --out @/wrong");
@@ -225,7 +226,7 @@ TEST_F(Command, ReproduceTakesAManifestOfOnesOwn) {
 
 TEST_F(Command, GrowthIsATableOfItsOwn) {
   if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without the baselines";
-  const ProcessOutcome run = succeeds("reproduce --tables growth --quick --out @/out");
+  const ProcessOutcome run = succeeds("reproduce --tables growth --quick --verbose --out @/out");
   const json document = json_in("out/growth/result.json");
   ASSERT_EQ(document["renderers"].size(), 8u);
   EXPECT_EQ(document["renderers"][0]["label"], "cloud-900");
@@ -250,7 +251,7 @@ TEST_F(Command, ReproduceMakesEachMeshOnceAndAnewWhereAsked) {
   if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without the reconstructions";
   const Environment cache("PALPATE_MESH_CACHE", in("meshes").c_str());
   const auto rows = [&](const char* out, int status, const std::vector<std::string>& more) {
-    const ProcessOutcome run = palpate("reproduce --tables 3 --quick --out", in(out), more);
+    const ProcessOutcome run = palpate("reproduce --tables 3 --quick --verbose --out", in(out), more);
     EXPECT_EQ(run.exit_code, status) << run.err;
     EXPECT_THAT(run.out, HasSubstr("Onyx"));
     const std::string text = text_in(std::string(out) + "/table3/meshes.json");

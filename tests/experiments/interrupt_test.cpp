@@ -225,7 +225,7 @@ TEST_F(Interrupt, ReproduceKeepsItsTablesAndGoesOn) {
   const std::string said = stopped(arguments, is_kept("table7"));
   EXPECT_THAT(said, HasSubstr("complete and kept in " + in("out") + ": table7"));
   const json seven = json_in("out/table7/result.json");
-  const ProcessOutcome next = succeeds(arguments);
+  const ProcessOutcome next = succeeds(words(arguments, "--verbose"));
   EXPECT_THAT(next.err, HasSubstr("going on from an interrupted run"));
   EXPECT_EQ(json_in("out/table7/result.json"), seven) << "measured again";
   EXPECT_THAT(next.out, HasSubstr("54,717")) << "table 7 is printed: ";

@@ -158,6 +158,7 @@ TEST_F(HelpTexts, EveryCommandAndOptionIsDocumented) {
     const std::string& name = help.command.name;
     EXPECT_TRUE(names.insert(name).second);
     EXPECT_GT(help.command.summary.size(), 10u) << name;
+    EXPECT_GE(help.command.examples.size(), 2u) << name;
     for (const auto& [option, says] : help.options) {
       EXPECT_GT(says.size(), 5u) << name << " " << option;
       EXPECT_THAT(help.text, HasSubstr("  " + option)) << name << " hides " << option;
@@ -215,6 +216,10 @@ TEST_F(FormerNames, TakeTheOptionsThatTheyHad) {
   EXPECT_THAT(read({"compare", "plane", "--traj-columns", "t=0,x=1", "--path", "a.txt"}),
               HasSubstr("--path a.txt:t=0:x=1"));
   EXPECT_EQ(read({"fetch", "stanford-bunny"}), "fetch: ");
+  // Options that choose a kind.
+  EXPECT_EQ(read({"info", "plane:points=441", "--plan"}), "info plan: ");
+  EXPECT_EQ(read({"compare", "plane", "--vary", "rate,precision", "--passes=2"}), "compare sweep: ");
+  EXPECT_EQ(read({"compare", "sweep", "plane", "--vary=rate"}), "compare sweep: ");
   EXPECT_FALSE(read_line({"replay", "plane", "--renderer", "cloud", "--hand", "arm"}));
 }
 

@@ -49,8 +49,9 @@ class Blinded : public StudyFolder {
 };
 
 TEST_F(Blinded, AbxFindsItsObserver) {
-  EXPECT_THAT(succeeds(study("abx", "simulated:dprime=2.5", "out")).out, HasSubstr("69"))
+  EXPECT_THAT(succeeds("study abx --power").out, HasSubstr("69"))
       << "trials to find 65 % are said beforehand: ";
+  EXPECT_THAT(succeeds(study("abx", "simulated:dprime=2.5", "out", "--verbose")).out, HasSubstr("69"));
   expect_valid("observed", text_in("out/study.json"));
   const json found = document("out");
   EXPECT_EQ(found["trials"]["main"], 80);
@@ -80,7 +81,9 @@ TEST_F(Blinded, AbxFindsItsObserver) {
 
 TEST_F(Blinded, NothingFeltIsShownToBeNothing) {
   const std::string plan = changed("abx", "count = 80", "count = 160");
-  succeeds(study(plan, "simulated:dprime=0", "out"));
+  const std::string printed = succeeds(study(plan, "simulated:dprime=0", "out")).out;
+  EXPECT_LE(std::count(printed.begin(), printed.end(), '\n'), 15) << printed;
+  EXPECT_THAT(printed, HasAll("report: ", "trials: "));
   const json found = document("out");
   EXPECT_LT(found["difference"]["equivalence"]["p"].get<double>(), 0.05);
   EXPECT_GT(found["difference"]["p_by_chance"].get<double>(), 0.05);

@@ -1,5 +1,6 @@
 // Every command that takes long goes on where it was killed: a case that is kept is not done again.
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "experiments/session/session.h"
@@ -82,7 +83,20 @@ std::vector<Killed> killed_commands() {
        "rows.jsonl",
        R"("reason":"")",
        R"("reason":"987654")",
-       "sweep.json"}};
+       "sweep.json"},
+      {"bench",
+       {"test", "bench", "--quick", "--entry", "cloud"},
+       ".palpate-parts/bent-comb-even",
+       R"("reason":"")",
+       R"("reason":"987654")",
+       "bench.json"},
+      // The mark becomes digits of the seconds before the first answer.
+      {"study",
+       {"study", "abx", "--observer", "machine", "--stop-after", "12"},
+       "trials.csv",
+       ",2,1,0.500,",
+       "987654,2,1,0.500,",
+       "trials.csv"}};
 }
 
 class GoesOn : public InFolder, public testing::WithParamInterface<Killed> {};
@@ -118,6 +132,7 @@ TEST_P(GoesOn, WhereItWasKilled) {
   const ProcessOutcome next = palpate_process(words);
   EXPECT_LE(next.exit_code, 1) << next.err;
   EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
+  EXPECT_LE(std::count(next.out.begin(), next.out.end(), '\n'), 15) << "all that is printed: " << next.out;
   EXPECT_FALSE(std::filesystem::exists(in("out/.palpate-parts")));
   EXPECT_NE(file_text(in("out/" + std::string(killed.document))).find(kMark), std::string::npos)
       << "the case was done again: " << next.err;

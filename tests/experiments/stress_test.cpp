@@ -244,7 +244,13 @@ TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
       };
       EXPECT_EQ(row[status], std::count_if(first["cells"].begin(), first["cells"].end(), is)) << row;
     }
-  EXPECT_THAT(text_in("out/report.html"), HasSubstr("<svg"));
+  const std::string page = text_in("out/report.html");
+  EXPECT_THAT(page, HasSubstr("<svg"));
+  // A folder of a version that kept no page is drawn from its document.
+  for (const char* file : {"page.json", "report.html"})
+    std::filesystem::remove(in(std::string("out/") + file));
+  succeeds("report @/out");
+  EXPECT_EQ(text_in("out/report.html"), page);
   succeeds(words);
   EXPECT_EQ(json_in("out/stress.json")["cells"], first["cells"]);
 }

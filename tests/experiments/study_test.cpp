@@ -113,7 +113,11 @@ TEST_F(StudyFolder, ATableOfTheThesisIsAStudy) {
 TEST_F(StudyFolder, TheWholeReportIsDrawnAgainFromItsFolderByteByByte) {
   const ProcessOutcome run = palpate("reproduce --tables 6,8,growth --quick --out @/out");
   ASSERT_EQ(run.exit_code, all_renderers().find("mesh-godobject") != nullptr ? 0 : 1) << run.err;
+  EXPECT_LE(std::count(run.out.begin(), run.out.end(), '\n'), 15) << run.out;
+  EXPECT_THAT(run.out, HasAll("The thesis: ", "report: ", "out/report.html"));
+  EXPECT_THAT(run.out, Not(HasSubstr("Table 8"))) << "tables are for --verbose";
   const std::string first = file_text(in("out/report.html"));
+  EXPECT_LT(first.size(), 1'000'000u) << "the first page";
   const std::string second = file_text(in("out/table8.html"));
   ASSERT_GT(second.size(), 50000u);
   expect_valid("reproduction", text_in("out/reproduction.json"));

@@ -109,6 +109,12 @@ TEST_F(Trade, MergedPartsAreTheWhole) {
   succeeds("compare merge @/cloud @/cloud-smooth --out @/merged");
   EXPECT_EQ(exact("merged"), exact("whole"));
   expect_valid("sweep", text_in("merged/sweep.json"));
+  // A folder of a version that kept no page is drawn from its document.
+  for (const char* file : {"page.json", "report.html"})
+    std::filesystem::remove(in(std::string("merged/") + file));
+  succeeds("report @/merged");
+  EXPECT_THAT(text_in("merged/report.html"), HasSubstr("Most accurate"));
+  EXPECT_TRUE(exists("merged/page.json"));
   // One folder twice is one.
   succeeds("compare merge @/cloud @/cloud --out @/twice");
   EXPECT_EQ(exact("twice"), exact("cloud"));
@@ -199,6 +205,11 @@ TEST_F(Trade, TuneWritesASceneThatKeepsTheLimit) {
   EXPECT_EQ(tried["keeps"], true);
   EXPECT_LE(tried["verified"]["error_p95_percent_interval"][1], 8.0);
   EXPECT_EQ(tried["verified"]["trace_hash"], answer["chosen"]["trace_hash"]) << "the scene is the setting";
+  const auto answers = [&] { return document("out", "page.json")["answers"][0]; };
+  EXPECT_EQ(answers()["lead"], "Take");
+  EXPECT_THAT(answers()["text"].get<std::string>(),
+              HasSubstr(answer["chosen"]["setting"].get<std::string>() + ": the cheapest that keeps "));
+  EXPECT_EQ(document("out", "page.json")["tables"][0]["rows"].size(), 3u) << "asked, measured, run again";
   // No other setting that keeps the limit is surely cheaper.
   for (const json& row : document("out")["rows"])
     if (row["status"] == "ok" && row["error_p95_percent_interval"][1] <= 8.0) {
@@ -217,6 +228,7 @@ TEST_F(Trade, TuneWritesASceneThatKeepsTheLimit) {
   ends_with(1, "the nearest is ", words(tune("--max-error 1e-6 --max-bytes 10 --out @/out")));
   EXPECT_FALSE(exists("out/tuned.toml"));
   EXPECT_TRUE(document("out", "tune.json")["chosen"].is_null());
+  EXPECT_EQ(answers()["lead"], "Nothing");
 }
 
 TEST_F(Trade, TunedSceneOfAFileStandsAnywhere) {
