@@ -60,7 +60,7 @@ struct PrepareCellsReport {
                                                        Progress& progress = no_progress());
 
 /// Bytes that building a surface needs a point, at most, all told.
-inline constexpr std::uint64_t kSurfaceBytesPerPoint = 256;
+inline constexpr std::uint64_t kSurfaceBytesPerPoint = 160;
 
 struct PrepareSurfaceOptions {
   render::SplineSdfOptions build;
