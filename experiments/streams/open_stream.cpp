@@ -10,7 +10,6 @@
 
 #include <palpate/scene.h>
 #include "device/record/recording.h"
-#include "toolkit/render/camera_lens.h"
 #include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_codec.h"
 #include "toolkit/stream/depth_source.h"

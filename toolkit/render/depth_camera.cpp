@@ -1,7 +1,5 @@
 #include "toolkit/render/depth_camera.h"
 
-#include "toolkit/render/camera_lens.h"
-
 namespace palpate::render {
 
 PixelRays::PixelRays(const stream::DepthCamera& camera)

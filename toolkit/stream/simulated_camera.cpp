@@ -12,7 +12,7 @@
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
-#include "toolkit/render/camera_lens.h"
+#include "toolkit/render/depth_camera.h"
 
 namespace palpate::stream {
 namespace {

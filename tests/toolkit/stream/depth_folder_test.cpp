@@ -6,7 +6,7 @@
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/stream/stream_files.h"
-#include "toolkit/render/camera_lens.h"
+#include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_source.h"
 #include "toolkit/stream/pose_files.h"
 

@@ -8,7 +8,7 @@
 
 #include <palpate/generate.h>
 #include "tests/toolkit/messages.h"
-#include "toolkit/render/camera_lens.h"
+#include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/simulated_camera.h"
 #include "toolkit/stream/stream_statistics.h"
 
