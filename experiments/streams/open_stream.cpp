@@ -70,9 +70,9 @@ bool can_undo_lens(const stream::DepthCamera& camera) {
   constexpr double kMostOff = 0.25;  // of the image's width
   constexpr int kAlong = 16;
   const auto is_found = [&](double u, double v) {
-    const Vec3 ray = stream::ray_of(camera, u, v);
+    const Vec3 ray = render::ray_of(camera, u, v);
     return is_finite(ray) &&
-           (stream::pixel_of(camera, ray) - Eigen::Vector2d(u, v)).norm() <= kMostOff * camera.width;
+           (render::pixel_of(camera, ray) - Eigen::Vector2d(u, v)).norm() <= kMostOff * camera.width;
   };
   const double right = camera.width - 1, low = camera.height - 1;
   for (int i = 0; i <= kAlong; ++i) {
