@@ -54,13 +54,15 @@ const std::map<std::string, std::string> kShort = {
     {"toolkit/core/option_specs.h",
      "words of options for every renderer; options.h is installed, they are not"},
     {"toolkit/core/random.h", "random numbers alone, as most of those who draw need nothing more"},
+    {"toolkit/core/simd.h", "vector types and the choice of kernels, for all who have either"},
+    {"toolkit/dem/dem_check.h", "checks of hostile heads, free of GDAL and tested without it"},
+    {"toolkit/depth_surface/depth_image_receiver.h", "runs on another thread than the contact beside it"},
     {"toolkit/geometry/winding_number.h", "area elements of any surface; triangle_meshes.h brings trees"},
     {"toolkit/include/palpate/vec.h", "the vector type, included by every public header with places"},
     {"toolkit/io/pcd_header.h", "a format that two targets read, with PCL and without"},
     {"toolkit/io/point_stream.h", "the interface that every reader of streams implements"},
-    {"toolkit/plan/choose_renderer.h", "the entry of its room"},
     {"toolkit/renderers/renderer_infos.h", "the list of the toolkit's renderers"},
-    {"toolkit/stream/openni_source.h", "the C interface between the toolkit and its OpenNI plug-in"},
+    {"toolkit/scene/model_keys.h", "the keys of a model; toml_fields.h reads any table"},
     {"toolkit/voronoi/voronoi.h", "the only header of a target of its own"},
 };
 
