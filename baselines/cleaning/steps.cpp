@@ -17,8 +17,8 @@
 
 #include <palpate/baselines.h>
 #include <palpate/result.h>
+
 #include <palpate/scene.h>
-#include "baselines/failure.h"
 #include "baselines/option_specs.h"
 #include "baselines/reconstruct/cgal_points.h"
 #include "toolkit/search/knn.h"
@@ -56,7 +56,7 @@ Result<scene::CleaningStepOutput> wlop(const scene::CleaningStepInput& input,
                                        std::vector<CgalPoint>& points) {
   const double percent = input.options.number("percent");
   if (static_cast<double>(points.size()) * percent < 100.0)
-    return failure("so few percent leave no point", "give thin a larger 'percent'");
+    return Error{"so few percent leave no point", "give thin a larger 'percent'"};
   CGAL::get_default_random() = CGAL::Random(0);  // otherwise seeded by the clock
   std::vector<CgalKernel::Point_3> places;
   CGAL::wlop_simplify_and_regularize_point_set<CGAL::Sequential_tag>(
@@ -101,8 +101,8 @@ Result<scene::CleaningStepOutput> upsample(const scene::CleaningStepInput& input
   const std::vector<Vec3> normals = plane_normals(input);
   std::vector<CgalPoint> points = with_normals(cgal_points(input.cloud, input.spacing_mm), normals);
   if (points.size() <= kRing)
-    return failure("hardly a point lies on a surface, so nothing can be added between them",
-                   "leave this step out");
+    return Error{"hardly a point lies on a surface, so nothing can be added between them",
+                 "leave this step out"};
   const auto wanted =
       static_cast<std::size_t>(static_cast<double>(points.size()) * input.options.number("factor"));
   std::vector<std::pair<CgalKernel::Point_3, CgalKernel::Vector_3>> added;
@@ -135,10 +135,10 @@ auto guarded(std::string name, StepFunction* step) {
           step](const scene::CleaningStepInput& input) -> Result<scene::CleaningStepOutput> {
     try {
       Result<scene::CleaningStepOutput> output = step(input);
-      if (input.progress.cancelled()) return failure("stopped while cleaning");
+      if (input.progress.cancelled()) return Error{"stopped while cleaning"};
       return output;
     } catch (const std::exception& error) {
-      return failure(fmt::format("{} failed: {}", name, error.what()), "leave this step out");
+      return Error{fmt::format("{} failed: {}", name, error.what()), "leave this step out"};
     }
   };
 }
@@ -215,8 +215,8 @@ std::vector<Vec3> plane_normals(const scene::CleaningStepInput& input) {
 
 Status enough_points(const scene::CleaningStepInput& input, std::size_t needed) {
   if (input.cloud.size() >= needed) return Done{};
-  return failure(fmt::format("{} points are too few: this step looks at {}", input.cloud.size(), needed),
-                 "leave the step out, or give it fewer neighbours");
+  return Error{fmt::format("{} points are too few: this step looks at {}", input.cloud.size(), needed),
+               "leave the step out, or give it fewer neighbours"};
 }
 
 }  // namespace palpate::baselines

@@ -21,7 +21,6 @@
 #include <palpate/geometry.h>
 #include <palpate/result.h>
 #include "baselines/cleaning/steps.h"
-#include "baselines/failure.h"
 #include "baselines/reconstruct/cgal_points.h"
 #include "baselines/reconstruct/reconstruct.h"
 
@@ -80,9 +79,9 @@ Result<scene::CleaningStepOutput> smooth(const scene::CleaningStepInput& input) 
   const bool jet = input.options.text("method") == "jet";
   const auto degree = static_cast<unsigned>(input.options.integer("degree"));
   if (jet && k < coefficients(degree))
-    return failure(
+    return Error{
         fmt::format("a jet of degree {} needs {} neighbours, not {}", degree, coefficients(degree), k),
-        "give it more neighbours, or a lower degree");
+        "give it more neighbours, or a lower degree"};
   PALPATE_TRY(enough_points(input, k + 1));
   std::vector<CgalPoint> points = cgal_points(input.cloud, input.spacing_mm);
   std::size_t left = 0;

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/mesh/pieces.h"
 #include "baselines/mesh/surface_mesh.h"
 
@@ -378,7 +377,7 @@ Result<geometry::TriangleMesh> repaired(const geometry::TriangleMesh& mesh, std:
 
 Result<geometry::TriangleMesh> decimated(const geometry::TriangleMesh& mesh, double share) {
   if (!(share > 0.0 && share <= 1.0))
-    return failure("a mesh is decimated to a share of its facets above 0 and at most 1", "set decimate");
+    return Error{"a mesh is decimated to a share of its facets above 0 and at most 1", "set decimate"};
   PALPATE_ASSIGN(const Welded welded, weld(mesh));
   HalfEdges held;
   fill(welded.vertices, welded.facets, held);
@@ -394,7 +393,7 @@ Result<geometry::TriangleMesh> decimated(const geometry::TriangleMesh& mesh, dou
   decimater.module(quadric).unset_max_err();
   decimater.module(flipping).set_max_normal_deviation(kMaxTurnDegrees);
   decimater.module(ratio).set_aspect_ratio(kMaxSlender);
-  if (!decimater.initialize()) return failure("OpenMesh's decimater did not start", "report this");
+  if (!decimater.initialize()) return Error{"OpenMesh's decimater did not start", "report this"};
   const auto target = static_cast<std::size_t>(share * static_cast<double>(held.n_faces()));
   decimater.decimate_to_faces(0, target);
   held.garbage_collection();

@@ -10,7 +10,6 @@
 #include <numeric>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/search/morton_order.h"
 
@@ -49,21 +48,21 @@ Status check(const geometry::TriangleMesh& mesh, int threads) {
   const auto& vertices = mesh.vertices_mm;
   const auto& triangles = mesh.triangles;
   if (triangles.size() >= kMaxFacets || vertices.size() >= kNoFacet)
-    return failure(fmt::format("a mesh of {} triangles is more than can be numbered", triangles.size()),
-                   fmt::format("decimate it below {}", kMaxFacets));
+    return Error{fmt::format("a mesh of {} triangles is more than can be numbered", triangles.size()),
+                 fmt::format("decimate it below {}", kMaxFacets)};
   if (const std::size_t i =
           first_bad(vertices.size(), threads, [&](std::size_t v) { return !is_finite(vertices[v]); });
       i != kNone)
-    return failure(fmt::format("vertex {} of the mesh is not finite", i), "repair the mesh");
+    return Error{fmt::format("vertex {} of the mesh is not finite", i), "repair the mesh"};
   const auto out_of_range = [&](std::uint32_t v) { return v >= vertices.size(); };
   const std::size_t i = first_bad(triangles.size(), threads, [&](std::size_t t) {
     return out_of_range(triangles[t][0]) || out_of_range(triangles[t][1]) || out_of_range(triangles[t][2]);
   });
   if (i == kNone) return Done{};
-  return failure(
+  return Error{
       fmt::format("triangle {} names vertex {} of {}", i,
                   *std::find_if(triangles[i].begin(), triangles[i].end(), out_of_range), vertices.size()),
-      "repair the mesh");
+      "repair the mesh"};
 }
 
 /// Vertices along a Morton curve; bitwise equal places share a cube.
@@ -140,7 +139,7 @@ Result<SurfaceMesh> SurfaceMesh::build(const geometry::TriangleMesh& mesh, int t
   const std::vector<std::uint32_t> welded = result.weld(mesh.vertices_mm, used, threads, order);
   result.fill_facets(mesh, welded, threads, order);
   if (result.facets_.empty())
-    return failure("the mesh has no triangle with three different corners", "use a mesh with faces");
+    return Error{"the mesh has no triangle with three different corners", "use a mesh with faces"};
   geometry::Aabb numbers = result.box_;  // as large as coordinates; about its own centre the box itself
   if (frame == MeshFrame::kWorld) numbers.add(Vec3::Zero());
   result.rounding_mm_ = rounding_of(numbers);

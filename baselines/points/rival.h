@@ -8,7 +8,6 @@
 
 #include <palpate/registry.h>
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/option_specs.h"
 #include "baselines/points/gaps.h"
 #include "toolkit/render/frame_loop_renderer.h"
@@ -187,11 +186,11 @@ class RivalRenderer final : public render::FrameLoopRenderer<LocalRival<Model>> 
   }
   static Status check(const render::ModelInput& input) {
     if (input.cloud->empty())
-      return failure("the model '" + input.name + "' has no points", "give a file with at least one point");
+      return Error{"the model '" + input.name + "' has no points", "give a file with at least one point"};
     if (input.surface.per_point == nullptr) return Done{};
-    return failure("model '" + input.name + "' has properties that differ from point to point",
-                   std::string(Model::kText.name) +
-                       " takes one value for the whole model: leave out regions and columns");
+    return Error{"model '" + input.name + "' has properties that differ from point to point",
+                 std::string(Model::kText.name) +
+                     " takes one value for the whole model: leave out regions and columns"};
   }
 };
 

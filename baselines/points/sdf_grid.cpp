@@ -14,7 +14,6 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/mesh/facet.h"
 #include "toolkit/core/parallel.h"
 
@@ -45,9 +44,9 @@ openvdb::Coord voxel_of(const Vec3& voxels) {
 }
 
 Error band_too_large(const SdfOptions& options) {
-  return failure(fmt::format("the band of signed distances needs more than the limit of {:.0f} MB",
-                             static_cast<double>(options.most_bytes) / 1e6),
-                 "make the voxels larger (option voxel) or the band narrower (band), or raise memory_mb");
+  return Error{fmt::format("the band of signed distances needs more than the limit of {:.0f} MB",
+                           static_cast<double>(options.most_bytes) / 1e6),
+               "make the voxels larger (option voxel) or the band narrower (band), or raise memory_mb"};
 }
 
 /// A point and its plane, outside known.
@@ -176,9 +175,9 @@ Result<std::vector<openvdb::Coord>> leaves_around(const PointGrid& points, const
   for (const surface::OrientedPoint& point : points.points) {
     const Vec3 voxels = point.at() / options.voxel_mm;
     if (!(voxels.cwiseAbs().maxCoeff() < kMaxVoxels))
-      return failure(
+      return Error{
           fmt::format("voxels of {:.4g} mm are too small for a model of this size", options.voxel_mm),
-          "make the voxels larger (option voxel or voxel_mm)");
+          "make the voxels larger (option voxel or voxel_mm)"};
     openvdb::Coord leaf = voxel_of(voxels);
     leaf &= ~static_cast<int>(SdfLeaf::DIM - 1);  // its origin
     if (leaves.empty() || leaves.back() != leaf) leaves.push_back(leaf);

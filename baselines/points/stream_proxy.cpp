@@ -8,7 +8,7 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
+
 #include "baselines/points/dynamic_grid.h"
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
@@ -82,9 +82,9 @@ class StreamProxy : public ShellRival<DynamicGrid> {
     shells_.r2 = options.number("r2") * spacing;
     shells_.r3 = options.number("r3") * spacing;
     if (!(shells_.r1 < shells_.r2 && shells_.r2 <= shells_.r3))
-      return failure(fmt::format("stream-proxy needs r1 < r2 <= r3, not {} {} {}", options.text("r1"),
-                                 options.text("r2"), options.text("r3")),
-                     "choose for example r1=1:r2=2:r3=3");
+      return Error{fmt::format("stream-proxy needs r1 < r2 <= r3, not {} {} {}", options.text("r1"),
+                               options.text("r2"), options.text("r3")),
+                   "choose for example r1=1:r2=2:r3=3"};
     shells_.tapered = options.text("weights") == "tapered";
     take_options(options);
     out.decisions.push_back(
@@ -100,7 +100,7 @@ class StreamProxy : public ShellRival<DynamicGrid> {
     report_grid(*input.cloud, spacing, shells_.r3, out);
     // The grid follows points that move. Their places are kept only if some do.
     if (input.camera != nullptr && local_)
-      return failure("stream-proxy has one radius where images replace the points", "leave out radii=local");
+      return Error{"stream-proxy has one radius where images replace the points", "leave out radii=local"};
     out.decisions.push_back(
         input.camera != nullptr
             ? render::Decision{"points that move", "replaced", "a grid is made of every image", true}

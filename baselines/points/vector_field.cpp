@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/points/point_grid.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sphere_tree.h"
@@ -26,10 +25,10 @@ constexpr std::uint32_t kNoHint = 0xFFFFFFFFu;
 Error too_large(double bytes, const VoxelFieldOptions& options) {
   // Bricks follow the surface's area times a depth in voxels: the square of the voxel.
   const double larger = std::sqrt(bytes / static_cast<double>(options.most_bytes));
-  return failure(
+  return Error{
       fmt::format("the vector field needs {:.0f} MB, over the limit of {:.0f} MB", bytes / 1e6,
                   static_cast<double>(options.most_bytes) / 1e6),
-      fmt::format("make the voxels {:.2g} times larger (option voxel), or raise memory_mb", 1.1 * larger));
+      fmt::format("make the voxels {:.2g} times larger (option voxel), or raise memory_mb", 1.1 * larger)};
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "baselines/proximity/crossings.h"
+#include "baselines/proximity/segment_index.h"
 
 #include <algorithm>
 #include <array>

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <limits>
 
-#include "baselines/failure.h"
+#include <palpate/result.h>
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {
@@ -155,9 +155,8 @@ Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads, T
   const std::string config = threads > 0 ? fmt::format("threads={}", threads) : std::string();
   state->device = rtcNewDevice(config.empty() ? nullptr : config.c_str());
   if (state->device == nullptr)
-    return failure(
-        fmt::format("Embree did not start (code {})", static_cast<int>(rtcGetDeviceError(nullptr))),
-        "check the installed Embree against this machine's processor");
+    return Error{fmt::format("Embree did not start (code {})", static_cast<int>(rtcGetDeviceError(nullptr))),
+                 "check the installed Embree against this machine's processor"};
   rtcSetDeviceMemoryMonitorFunction(state->device, monitor, &state->bytes);
 
   const double half =
@@ -170,7 +169,7 @@ Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads, T
   state->to_grid = std::ldexp(1.0, kGridBits - exponent);
   state->clip_box = mesh.local_box_mm().grown(kClipQuanta * state->quantum_mm);
   if (!(state->quantum_mm > static_cast<double>(std::numeric_limits<float>::min())))
-    return failure("the mesh is too small for single precision", "give its unit, or scale it up");
+    return Error{"the mesh is too small for single precision", "give its unit, or scale it up"};
 
   RTCGeometry geometry = rtcNewGeometry(state->device, RTC_GEOMETRY_TYPE_TRIANGLE);
   state->share(geometry, threads, quality);
@@ -186,8 +185,8 @@ Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads, T
   rtcReleaseGeometry(geometry);
   rtcCommitScene(state->scene);
   if (const RTCError code = rtcGetDeviceError(state->device); code != RTC_ERROR_NONE)
-    return failure(fmt::format("Embree could not build its tree (code {})", static_cast<int>(code)),
-                   "use a smaller mesh");
+    return Error{fmt::format("Embree could not build its tree (code {})", static_cast<int>(code)),
+                 "use a smaller mesh"};
   return SegmentIndex(std::move(state));
 }
 

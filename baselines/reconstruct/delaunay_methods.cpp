@@ -13,7 +13,7 @@
 #include <CGAL/Triangulation_vertex_base_with_info_3.h>
 #include <fmt/format.h>
 
-#include "baselines/failure.h"
+#include <palpate/result.h>
 #include "baselines/reconstruct/method_functions.h"
 
 namespace palpate::baselines {
@@ -132,11 +132,11 @@ Result<geometry::TriangleMesh> alpha_shape(const MethodInput& input, render::Pre
   }
   auto triangulation = delaunay<FreeTriangulation>(input, input.spacing, phases);
   if (triangulation.dimension() < kSpace)
-    return failure("points in a plane have no optimal alpha shape", "give alpha_radius a value");
+    return Error{"points in a plane have no optimal alpha shape", "give alpha_radius a value"};
   phases.begin("alpha shape");
   FreeShape shape(triangulation, 0.0, FreeShape::GENERAL);
   const auto optimal = shape.find_optimal_alpha(1);
-  if (optimal == shape.alpha_end()) return failure("no alpha leaves one solid", "give alpha_radius a value");
+  if (optimal == shape.alpha_end()) return Error{"no alpha leaves one solid", "give alpha_radius a value"};
   shape.set_alpha(*optimal);
   collect(shape, mesh, phases);
   phases.end();

@@ -1,3 +1,4 @@
+#include <palpate/result.h>
 #include "baselines/reconstruct/method_functions.h"
 
 #include <fmt/format.h>
@@ -10,7 +11,6 @@
 #include <tuple>
 #include <utility>
 
-#include "baselines/failure.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 #include "toolkit/search/knn.h"
@@ -106,13 +106,13 @@ Result<geometry::TriangleMesh> checked(const Method& method, const MethodInput& 
     if (entry.name != method.name) continue;
     Result<geometry::TriangleMesh> mesh = entry.make(input, phases);
     if (mesh && mesh->empty())
-      return failure(fmt::format("{} found no triangle", method.name),
-                     "use a cloud sampled densely from a surface, or other options");
+      return Error{fmt::format("{} found no triangle", method.name),
+                   "use a cloud sampled densely from a surface, or other options"};
     if (mesh) turn_outward(*mesh);
     return mesh;
   }
-  return failure(fmt::format("this build does not have the reconstruction '{}'", method.name),
-                 method.not_built);
+  return Error{fmt::format("this build does not have the reconstruction '{}'", method.name),
+               method.not_built};
 }
 
 }  // namespace
@@ -128,13 +128,13 @@ Result<geometry::TriangleMesh> make_mesh(const Method& method, const cloud::Clou
                                          const Options& options, int threads, render::PreparePhases& phases) {
   constexpr std::size_t kTriangle = 3;
   if (cloud.size() < kTriangle || !span_a_plane(cloud))
-    return failure(
+    return Error{
         fmt::format("{} points, fewer than three of them different or all on a line, span no surface",
                     cloud.size()),
-        "use a cloud of a surface");
+        "use a cloud of a surface"};
   if (method.raster_only && !cloud.raster)
-    return failure(fmt::format("{} needs points in the full raster of a scanner", method.name),
-                   "take another reconstruction, for example advancing-front");
+    return Error{fmt::format("{} needs points in the full raster of a scanner", method.name),
+                 "take another reconstruction, for example advancing-front"};
   try {
     seed_cgal();
     const OwnFrame own(cloud);
@@ -143,13 +143,13 @@ Result<geometry::TriangleMesh> make_mesh(const Method& method, const cloud::Clou
       for (Vec3& v : mesh->vertices_mm) v = own.to_model(v);
     return mesh;
   } catch (const std::bad_alloc&) {
-    Error error = failure(fmt::format("{}: not enough memory for {} points", method.name, cloud.size()),
-                          "use fewer points or allow more memory");
+    Error error{fmt::format("{}: not enough memory for {} points", method.name, cloud.size()),
+                "use fewer points or allow more memory"};
     error.gave_up = true;
     return error;
   } catch (const std::exception& thrown) {
-    return failure(fmt::format("{} failed: {}", method.name, thrown.what()),
-                   "check the cloud, or take another reconstruction");
+    return Error{fmt::format("{} failed: {}", method.name, thrown.what()),
+                 "check the cloud, or take another reconstruction"};
   }
 }
 

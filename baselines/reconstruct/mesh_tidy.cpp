@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "baselines/mesh/buckets.h"
+#include "baselines/mesh/surface_mesh.h"
 #include "toolkit/core/disjoint_sets.h"
 
 namespace palpate::baselines {

@@ -20,7 +20,7 @@
 #include <unordered_map>
 
 #include <palpate/geometry.h>
-#include "baselines/failure.h"
+#include <palpate/result.h>
 #include "baselines/reconstruct/method_functions.h"
 #include "toolkit/core/parallel.h"
 
@@ -307,8 +307,8 @@ Result<geometry::TriangleMesh> marching_cubes(const MethodInput& input, render::
   const Index size = (box.high_mm.array() + margin).ceil().cast<std::int64_t>().matrix() - first;
   const double corners = size.cast<double>().prod();
   if (corners > std::numeric_limits<int>::max())
-    return failure(fmt::format("the grid would have {:.3g} corners, more than PCL can count", corners),
-                   "make cubes_cell larger");
+    return Error{fmt::format("the grid would have {:.3g} corners, more than PCL can count", corners),
+                 "make cubes_cell larger"};
   phases.begin("marching cubes");
   NearPoints cubes(first, size, reach, input.threads);
   cubes.setInputCloud(points);

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -40,7 +39,7 @@ Result<Mesh> level_set(const std::vector<PointWithNormal>& points, const Options
   Function function(points.begin(), points.end(), CGAL::First_of_pair_property_map<PointWithNormal>(),
                     CGAL::Second_of_pair_property_map<PointWithNormal>());
   if (!function.compute_implicit_function())
-    return failure("the Poisson equation could not be solved", "check the normals of the cloud");
+    return Error{"the Poisson equation could not be solved", "check the normals of the cloud"};
   phases.end();
   phases.begin("surface meshing");
   const double radius = kSphereRadii * std::sqrt(function.bounding_sphere().squared_radius());

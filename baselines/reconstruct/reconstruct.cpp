@@ -8,7 +8,6 @@
 #include <limits>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/option_specs.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
@@ -134,11 +133,11 @@ Result<const Method*> find_method(std::string_view name) {
   for (const Method& method : methods()) {
     if (method.name == name) {
       if (method.not_built.empty()) return &method;
-      return failure(fmt::format("this build does not have the reconstruction '{}'", name), method.not_built);
+      return Error{fmt::format("this build does not have the reconstruction '{}'", name), method.not_built};
     }
     names += (names.empty() ? "" : ", ") + method.name;
   }
-  return failure(fmt::format("there is no reconstruction '{}'", name), "take one of " + names);
+  return Error{fmt::format("there is no reconstruction '{}'", name), "take one of " + names};
 }
 
 std::vector<OptionSpec> all_method_options(const std::string& method_key) {

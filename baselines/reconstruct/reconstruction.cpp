@@ -6,8 +6,7 @@
 #include <algorithm>
 #include <ctime>
 
-#include "baselines/failure.h"
-
+#include <palpate/result.h>
 namespace palpate::baselines {
 namespace {
 
@@ -68,7 +67,7 @@ Result<Reconstruction> read_reconstruction(InputArchive& from) {
   const bool in_range = std::all_of(r.mesh.triangles.begin(), r.mesh.triangles.end(), [&](const auto& t) {
     return t[0] < vertices && t[1] < vertices && t[2] < vertices;
   });
-  if (!from.good() || !in_range) return failure("these bytes are no reconstruction");
+  if (!from.good() || !in_range) return Error{"these bytes are no reconstruction"};
   return r;
 }
 
@@ -82,7 +81,7 @@ Result<cloud::Cloud> read_cloud(InputArchive& from) {
   const bool whole =
       from.good() && cloud.x_mm.size() == cloud.y_mm.size() && cloud.x_mm.size() == cloud.z_mm.size() &&
       (!cloud.raster || std::uint64_t{cloud.raster->columns} * cloud.raster->rows == cloud.size());
-  if (!whole) return failure("these bytes are no cloud");
+  if (!whole) return Error{"these bytes are no cloud"};
   return cloud;
 }
 

@@ -11,7 +11,6 @@
 
 #include <palpate/clock.h>
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::baselines {
@@ -54,7 +53,7 @@ class Talk {
       std::uint64_t size = 0;
       std::memcpy(&size, received.data() + 1, sizeof size);
       if (size > kLongestMessage) {
-        answer_ = failure(method_ + " gave an answer that cannot be read", "install all of Palpate anew");
+        answer_ = Error{method_ + " gave an answer that cannot be read", "install all of Palpate anew"};
         break;
       }
       if (received.size() - kMessageHead < size) {
@@ -82,9 +81,8 @@ class Talk {
     if (answer_) return *std::move(answer_);
     if (outcome.timed_out)
       return gave_up(fmt::format("did not finish in {:g} s", limits_.time_s), "allow more time");
-    if (outcome.stopped) return failure(method_ + " was stopped");
-    Error error =
-        failure(method_ + " ended without an answer", "take other options or another reconstruction");
+    if (outcome.stopped) return Error{method_ + " was stopped"};
+    Error error{method_ + " ended without an answer", "take other options or another reconstruction"};
     if (outcome.signal != 0)
       error.what = fmt::format("{} crashed ({})", method_, ::strsignal(outcome.signal));
     if (!outcome.last_line.empty()) error.what += ": " + outcome.last_line;
@@ -112,8 +110,8 @@ class Talk {
     }
   }
   [[nodiscard]] Error gave_up(const std::string& why, const std::string& remedy) const {
-    Error error = failure(fmt::format("{} {} (it was at: {})", method_, why, phase_),
-                          remedy + ", or use fewer points or another reconstruction");
+    Error error{fmt::format("{} {} (it was at: {})", method_, why, phase_),
+                remedy + ", or use fewer points or another reconstruction"};
     error.gave_up = true;
     return error;
   }
@@ -137,7 +135,7 @@ std::size_t memory_limit(const Limits& limits) {
 Result<Reconstruction> run_limited(const Method& method, const cloud::Cloud& cloud, const Options& options,
                                    const Limits& limits, int threads, Progress& progress) {
   PALPATE_ASSIGN(const std::string program, find_program());
-  if (progress.cancelled()) return failure(method.name + " was stopped");
+  if (progress.cancelled()) return Error{method.name + " was stopped"};
   std::vector<std::string> arguments = {program, method.name, std::to_string(threads),
                                         std::to_string(memory_limit(limits)), std::to_string(::getpid())};
   for (const auto& [key, value] : options.all()) arguments.push_back(key + "=" + value);

@@ -15,7 +15,6 @@
 #include <string>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/reconstruct.h"
 #include "baselines/reconstruct/reconstruction.h"
@@ -92,7 +91,7 @@ Result<Reconstruction> work(const std::string& name, int threads, int argc, char
   for (int i = 0; i < argc; ++i) {
     const std::string_view option = argv[i];
     const std::size_t equals = option.find('=');
-    if (equals == std::string_view::npos) return failure(fmt::format("'{}' is no option", option));
+    if (equals == std::string_view::npos) return Error{fmt::format("'{}' is no option", option)};
     given.set(std::string(option.substr(0, equals)), std::string(option.substr(equals + 1)));
   }
   PALPATE_ASSIGN(const Options options, validate(given, method->options, name));

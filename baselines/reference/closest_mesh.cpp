@@ -15,7 +15,7 @@
 #include <vector>
 
 #include <palpate/geometry.h>
-#include "baselines/failure.h"
+#include <palpate/result.h>
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/triangle_meshes.h"
 
@@ -182,7 +182,7 @@ Result<std::unique_ptr<ClosestMesh>> ClosestMesh::build(const geometry::Triangle
   geometry::Aabb box;
   for (std::size_t i = 0; i < mesh.vertices_mm.size(); ++i) {
     if (!is_finite(mesh.vertices_mm[i]))
-      return failure("vertex " + std::to_string(i) + " of the true mesh is not finite", "mend the mesh");
+      return Error{"vertex " + std::to_string(i) + " of the true mesh is not finite", "mend the mesh"};
     box.add(mesh.vertices_mm[i]);
   }
   auto tree = std::make_unique<Tree>();
@@ -199,7 +199,7 @@ Result<std::unique_ptr<ClosestMesh>> ClosestMesh::build(const geometry::Triangle
     tree->triangles.push_back(triangle);
     facets.push_back(t);
   }
-  if (facets.empty()) return failure("the true mesh has no facet with an area", "give a mesh with triangles");
+  if (facets.empty()) return Error{"the true mesh has no facet with an area", "give a mesh with triangles"};
   tree->open = open_parts(facets, one.vertices_mm.size());
   tree->tree.rebuild(tree->triangles.cbegin(), tree->triangles.cend());
   tree->tree.accelerate_distance_queries();

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/reference/facet_tree.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/search/point_search.h"
@@ -169,7 +168,7 @@ std::pair<double, double> summary(std::size_t count, int threads,
 
 Result<MeshDistance> mesh_distance(const geometry::TriangleMesh& mesh, const cloud::Cloud& cloud,
                                    std::size_t samples, int threads) {
-  if (mesh.empty() || cloud.empty()) return failure("a distance needs triangles and points");
+  if (mesh.empty() || cloud.empty()) return Error{"a distance needs triangles and points"};
   PALPATE_ASSIGN(const SurfaceMesh surface, SurfaceMesh::build(mesh, threads));
   const FacetTree tree(surface);
   MeshDistance d;

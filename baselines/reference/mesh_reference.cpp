@@ -7,7 +7,6 @@
 #include <utility>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/reference/facet_tree.h"
 #include "toolkit/core/statistics.h"
 #include "toolkit/geometry/god_object_check.h"
@@ -308,7 +307,7 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
     if (i % kReportEvery == 0) {
       progress.report("reference on the original mesh",
                       static_cast<double>(i) / static_cast<double>(path.size()));
-      if (progress.cancelled()) return failure("the reference was stopped");
+      if (progress.cancelled()) return Error{"the reference was stopped"};
     }
     const bool contact = follower.advance(path.hip_mm[i]);
     const Vec3& hip = follower.hip;

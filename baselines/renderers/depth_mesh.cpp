@@ -1,10 +1,11 @@
-#include "baselines/renderers/depth_mesh.h"
+#include "baselines/renderers/mesh_body.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include <palpate/result.h>
+#include "baselines/renderers/depth_rebuild.h"
 
 namespace palpate::baselines {
 

@@ -13,7 +13,7 @@
 #include <span>
 
 #include "baselines/mesh/surface_mesh.h"
-#include "baselines/proximity/crossings.h"
+#include "baselines/proximity/segment_index.h"
 #include "toolkit/render/joint_contact.h"
 
 namespace palpate::baselines {

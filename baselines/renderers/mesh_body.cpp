@@ -10,7 +10,6 @@
 
 #include <palpate/model_store.h>
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/option_specs.h"
@@ -43,7 +42,7 @@ Decision refine_decision(const MeshDecision& d) {
 /// What nobody can do anew for every image.
 Status check_stream(const render::ModelInput& input, const MeshDecision& d) {
   const auto refuse = [&](std::string what, std::string remedy) {
-    return failure(fmt::format("model '{}' is a stream: {}", input.name, what), std::move(remedy));
+    return Error{fmt::format("model '{}' is a stream: {}", input.name, what), std::move(remedy)};
   };
   if (!d.point) return refuse("no sphere follows its meshes", "take mesh-godobject, or radius=0 for a point");
   if (d.repairs || d.smoothing > 0 || d.keeps < 1.0 || d.crossings || d.checks)

@@ -1,4 +1,5 @@
 // The renderers `mesh-godobject` and `mesh-proxy`.
+#include <palpate/result.h>
 #include "baselines/rivals.h"
 
 #include <fmt/format.h>
@@ -7,7 +8,6 @@
 #include <limits>
 #include <memory>
 
-#include "baselines/failure.h"
 #include "baselines/option_specs.h"
 #include "baselines/renderers/mesh_probe.h"
 #include "baselines/renderers/mesh_scene.h"
@@ -94,9 +94,9 @@ Status choose_radius(const Options& options, const MeshScene<SphereProbe>::Bodie
   report.notes.push_back(fmt::format("sphere: radius {:.4g} mm, {:.3g} median edges of the finest mesh",
                                      size.radius_mm, size.radius_mm / edge));
   if (size.radius_mm < least)
-    return failure(fmt::format("a sphere of radius {:.3g} mm is below this mesh's rounding, {:.3g} mm",
-                               size.radius_mm, least),
-                   "take a larger radius, or radius=0 for a point");
+    return Error{fmt::format("a sphere of radius {:.3g} mm is below this mesh's rounding, {:.3g} mm",
+                             size.radius_mm, least),
+                 "take a larger radius, or radius=0 for a point"};
   return Done{};
 }
 

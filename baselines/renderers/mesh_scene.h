@@ -12,7 +12,6 @@
 
 #include <palpate/result.h>
 #include "baselines/mesh/surface_mesh.h"
-#include "baselines/renderers/depth_mesh.h"
 #include "baselines/renderers/depth_rebuild.h"
 #include "baselines/renderers/mesh_body.h"
 #include "baselines/renderers/mesh_source.h"

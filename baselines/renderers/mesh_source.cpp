@@ -7,7 +7,6 @@
 #include <utility>
 
 #include <palpate/result.h>
-#include "baselines/failure.h"
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/option_specs.h"
 #include "baselines/proximity/segment_index.h"
@@ -63,8 +62,8 @@ Result<MeshSource> decide_mesh(const render::ModelInput& input, const Options& o
   MeshSource source;
   if (input.camera != nullptr) {
     if (asked != kAuto)
-      return failure(fmt::format("the mesh of a stream is made of its images, not by {}", asked),
-                     "leave out the option mesh");
+      return Error{fmt::format("the mesh of a stream is made of its images, not by {}", asked),
+                   "leave out the option mesh"};
     source.name = kImage;
     source.facets = kFacetsPerPoint * static_cast<double>(input.camera->pixels());
     source.explanation = {"mesh", kImage, "two facets for each square of four pixels, made of every image",
@@ -74,8 +73,8 @@ Result<MeshSource> decide_mesh(const render::ModelInput& input, const Options& o
   source.name = asked != kAuto ? asked : has_faces(input) ? kOriginal : kMadeByDefault;
   source.made = source.name != kOriginal;
   if (!source.made && !has_faces(input))
-    return failure(fmt::format("model '{}' brings no mesh of its own", input.name),
-                   "take a reconstruction, for example mesh=advancing-front");
+    return Error{fmt::format("model '{}' brings no mesh of its own", input.name),
+                 "take a reconstruction, for example mesh=advancing-front"};
   source.facets = source.made ? kFacetsPerPoint * static_cast<double>(input.cloud->size())
                               : static_cast<double>(input.original_mesh->triangles.size());
   std::string reason = "as given";
@@ -213,7 +212,7 @@ Result<MeshPointer> refined(MeshPointer source, const render::ModelInput& input,
   if (const double share = options.number("decimate"); share < 1.0) {
     phases.begin("decimate (OpenMesh)");
     PALPATE_ASSIGN(auto made, decimated(*mesh, share));
-    if (made.empty()) return failure("nothing is left of the mesh", "keep a larger share: decimate");
+    if (made.empty()) return Error{"nothing is left of the mesh", "keep a larger share: decimate"};
     mesh = std::make_shared<const geometry::TriangleMesh>(std::move(made));
     phases.end();
   }

@@ -19,7 +19,6 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/metrics/machine_info.h"
-#include "toolkit/render/plugin_renderer.h"
 #include "toolkit/voronoi/voronoi.h"
 
 namespace palpate::experiments {

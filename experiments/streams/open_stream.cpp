@@ -10,7 +10,6 @@
 
 #include <palpate/scene.h>
 #include "device/record/recording.h"
-#include "toolkit/render/camera_lens.h"
 #include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/depth_codec.h"
 #include "toolkit/stream/depth_source.h"
@@ -70,9 +69,9 @@ bool can_undo_lens(const stream::DepthCamera& camera) {
   constexpr double kMostOff = 0.25;  // of the image's width
   constexpr int kAlong = 16;
   const auto is_found = [&](double u, double v) {
-    const Vec3 ray = stream::ray_of(camera, u, v);
+    const Vec3 ray = render::ray_of(camera, u, v);
     return is_finite(ray) &&
-           (stream::pixel_of(camera, ray) - Eigen::Vector2d(u, v)).norm() <= kMostOff * camera.width;
+           (render::pixel_of(camera, ray) - Eigen::Vector2d(u, v)).norm() <= kMostOff * camera.width;
   };
   const double right = camera.width - 1, low = camera.height - 1;
   for (int i = 0; i <= kAlong; ++i) {

@@ -6,7 +6,7 @@
 
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/surface_mesh.h"
-#include "baselines/proximity/crossings.h"
+#include "baselines/proximity/segment_index.h"
 #include "baselines/renderers/mesh_source.h"
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/small_models.h"

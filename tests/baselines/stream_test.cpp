@@ -11,7 +11,8 @@
 #include <thread>
 #include <vector>
 
-#include "baselines/renderers/depth_mesh.h"
+#include "baselines/renderers/depth_rebuild.h"
+#include "baselines/renderers/mesh_body.h"
 #include "tests/baselines/small_models.h"
 #include "tests/house/allocation_count.h"
 #include "tests/toolkit/messages.h"

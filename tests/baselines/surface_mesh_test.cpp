@@ -6,7 +6,7 @@
 
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/pieces.h"
-#include "baselines/proximity/crossings.h"
+#include "baselines/proximity/segment_index.h"
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/meshes.h"
 #include "toolkit/core/random.h"

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <map>
 #include <regex>
 #include <sstream>
 #include <string_view>
@@ -37,6 +38,48 @@ bool length_is_fine(const std::vector<std::string>& lines) {
   return std::any_of(
       lines.begin(), lines.begin() + static_cast<std::ptrdiff_t>(head),
       [](const std::string& line) { return line.find("Over 500 lines:") != std::string::npos; });
+}
+
+/// A shorter header of the libraries joins the one it belongs to, or has its reason below.
+constexpr std::size_t kMinHeaderLines = 50;
+
+/// Headers under kMinHeaderLines that stay, each with the reason.
+const std::map<std::string, std::string> kShort = {
+    {"baselines/cleaning/steps.h", "joins two files of steps: CGAL's on points, and those on surfaces"},
+    {"baselines/include/palpate/baselines.h", "all that an application includes of this component"},
+    {"baselines/option_specs.h", "words of options for three rooms, which share nothing else"},
+    {"baselines/reference/closest_mesh.h", "a second truth, which shares no code with mesh_reference.h"},
+    {"device/drivers/all_drivers.h", "the only entry of its room"},
+    {"toolkit/core/instruction_counter.h", "marks for callgrind, needed by benchmarks alone"},
+    {"toolkit/core/option_specs.h",
+     "words of options for every renderer; options.h is installed, they are not"},
+    {"toolkit/core/random.h", "random numbers alone, as most of those who draw need nothing more"},
+    {"toolkit/core/simd.h", "vector types and the choice of kernels, for all who have either"},
+    {"toolkit/dem/dem_check.h", "checks of hostile heads, free of GDAL and tested without it"},
+    {"toolkit/depth_surface/depth_image_receiver.h", "runs on another thread than the contact beside it"},
+    {"toolkit/geometry/winding_number.h", "area elements of any surface; triangle_meshes.h brings trees"},
+    {"toolkit/include/palpate/vec.h", "the vector type, included by every public header with places"},
+    {"toolkit/io/pcd_header.h", "a format that two targets read, with PCL and without"},
+    {"toolkit/io/point_stream.h", "the interface that every reader of streams implements"},
+    {"toolkit/renderers/renderer_infos.h", "the list of the toolkit's renderers"},
+    {"toolkit/scene/model_keys.h", "the keys of a model; toml_fields.h reads any table"},
+    {"toolkit/voronoi/voronoi.h", "the only header of a target of its own"},
+};
+
+/// True for a header of the libraries.
+bool is_library_header(const std::string& file) {
+  return file.ends_with(".h") &&
+         (file.starts_with("toolkit/") || file.starts_with("baselines/") || file.starts_with("device/"));
+}
+
+/// Why a header of so many lines must go or leave the table; empty if neither.
+std::string short_header(const std::map<std::string, std::string>& reasons, const std::string& file,
+                         std::size_t lines) {
+  const bool has_reason = reasons.count(file) != 0;
+  if (lines < kMinHeaderLines && !has_reason)
+    return file + ": " + std::to_string(lines) + " lines and no reason\n";
+  if (lines >= kMinHeaderLines && has_reason) return file + ": long enough, so it needs no reason\n";
+  return {};
 }
 
 /// Link and image targets of a Markdown text within the project: no web or mail addresses.
@@ -130,6 +173,29 @@ TEST(FileLength, LongOnesAreFound) {
   EXPECT_TRUE(length_is_fine(lines));
   std::swap(lines[2], lines[100]);
   EXPECT_FALSE(length_is_fine(lines)) << "a reason belongs at the head";
+}
+
+TEST(FileLength, EveryHeaderOfTheLibrariesIsLongEnoughOrHasAReason) {
+  std::size_t reasons_used = 0;
+  EXPECT_EQ(findings_over(is_library_header,
+                          [&](const std::string& file, const auto& lines) {
+                            reasons_used += kShort.count(file);
+                            return short_header(kShort, file, lines.size());
+                          }),
+            "");
+  EXPECT_EQ(reasons_used, kShort.size()) << "a header of the table is gone";
+  for (const auto& [file, reason] : kShort) EXPECT_NE(reason, "") << file;
+}
+
+TEST(FileLength, ShortHeadersAndStaleReasonsAreFound) {
+  const std::map<std::string, std::string> reasons = {{"toolkit/core/a.h", "a reason"}};
+  EXPECT_EQ(short_header(reasons, "toolkit/core/a.h", kMinHeaderLines - 1), "");
+  EXPECT_NE(short_header(reasons, "toolkit/core/b.h", kMinHeaderLines - 1), "");
+  EXPECT_EQ(short_header(reasons, "toolkit/core/b.h", kMinHeaderLines), "");
+  EXPECT_NE(short_header(reasons, "toolkit/core/a.h", kMinHeaderLines), "");
+  EXPECT_TRUE(is_library_header("device/include/palpate/device/servo.h"));
+  EXPECT_FALSE(is_library_header("device/servo/servo.cpp"));
+  EXPECT_FALSE(is_library_header("experiments/run/run.h"));
 }
 
 TEST(Links, EveryInternalLinkLeadsSomewhere) {

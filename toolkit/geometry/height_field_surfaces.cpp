@@ -12,7 +12,6 @@
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/geometry/segment_root_search.h"
 
 namespace palpate::geometry {
 namespace {

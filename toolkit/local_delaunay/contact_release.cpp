@@ -13,7 +13,7 @@ namespace {
 constexpr std::uint32_t kMaxAroundNodes = 64, kMaxAroundTested = 512;
 /// First radius of a look: this many edges, or this share of the largest. An empty look doubles it, at most
 /// seven times, each with the same bound on triangles.
-constexpr double kFirstEdges = 1.0, kFirstShare = 1.0 / 64.0, kWider = 2.0;
+constexpr double kFirstEdges = 1.0, kFirstShare = 1.0 / 64.0, kReachGrowth = 2.0;
 
 }  // namespace
 
@@ -22,7 +22,7 @@ bool MeshContact::find_around(const Vec3& h, double most, ContactCounters& count
   const double edge = std::sqrt(position_.facet.middle_edge_sq());
   std::uint32_t tested = 0;
   for (double reach = std::min(std::max(kFirstEdges * edge, kFirstShare * most), most);;
-       reach = std::min(kWider * reach, most)) {
+       reach = std::min(kReachGrowth * reach, most)) {
     double to_beat = reach * reach;
     const Vec3 half = Vec3::Constant(reach);
     const geometry::Aabb around{h - half, h + half};

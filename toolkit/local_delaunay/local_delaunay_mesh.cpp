@@ -6,7 +6,6 @@
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/local_delaunay/candidate_triangulation.h"
-#include "toolkit/local_delaunay/mesh_storage.h"
 #include "toolkit/local_delaunay/raster_stars.h"
 #include "toolkit/local_delaunay/spatial_sort.h"
 

@@ -4,9 +4,8 @@
 #include <optional>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/local_delaunay/avx2_kernels.h"
 #include "toolkit/local_delaunay/candidate_triangulation.h"
-#include "toolkit/local_delaunay/neighbour_planes_avx2.h"
-#include "toolkit/local_delaunay/voronoi_cells_avx2.h"
 
 namespace palpate::local_delaunay {
 namespace {

@@ -1,4 +1,4 @@
-#include "toolkit/local_delaunay/neighbour_planes_avx2.h"
+#include "toolkit/local_delaunay/avx2_kernels.h"
 
 #include "toolkit/core/simd.h"
 

@@ -7,7 +7,7 @@
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/geometry/triangle_meshes.h"
-#include "toolkit/local_delaunay/mesh_storage.h"
+#include "toolkit/local_delaunay/candidate_triangulation.h"
 #include "toolkit/local_delaunay/spatial_sort.h"
 
 namespace palpate::local_delaunay {

@@ -7,10 +7,11 @@
 #include "toolkit/core/hardware.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
+
 #include "toolkit/core/simd.h"
+#include "toolkit/local_delaunay/avx2_kernels.h"
 #include "toolkit/local_delaunay/block_knn.h"
 #include "toolkit/local_delaunay/candidate_triangulation.h"
-#include "toolkit/local_delaunay/neighbour_planes_avx2.h"
 #include "toolkit/surface/smallest_eigenvector.h"
 
 namespace palpate::local_delaunay {

@@ -1,4 +1,4 @@
-#include "toolkit/local_delaunay/voronoi_cells_avx2.h"
+#include "toolkit/local_delaunay/avx2_kernels.h"
 
 #include <algorithm>
 #include <array>

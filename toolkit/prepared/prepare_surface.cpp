@@ -11,10 +11,11 @@
 
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
+
 #include "toolkit/prepared/scratch_files.h"
-#include "toolkit/spline_sdf/join_chunks.h"
 #include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
+#include "toolkit/spline_sdf/surface_chunk.h"
 
 namespace palpate::prepared {
 namespace {

@@ -1,14 +1,12 @@
 #include "toolkit/render/depth_camera.h"
 
-#include "toolkit/render/camera_lens.h"
-
 namespace palpate::render {
 
 PixelRays::PixelRays(const stream::DepthCamera& camera)
     : camera_(camera), x_(camera.pixels()), y_(camera.pixels()) {
   for (int row = 0; row < camera.height; ++row)
     for (int column = 0; column < camera.width; ++column) {
-      const Vec3 ray = stream::ray_of(camera, column, row);
+      const Vec3 ray = ray_of(camera, column, row);
       x_[index(column, row)] = ray.x();
       y_[index(column, row)] = ray.y();
     }
@@ -17,7 +15,7 @@ PixelRays::PixelRays(const stream::DepthCamera& camera)
 PixelPlace PixelRays::project(const Vec3& in_camera_mm) const noexcept {
   PixelPlace place;
   if (!(in_camera_mm.z() > 0.0)) return place;
-  const Eigen::Vector2d pixel = stream::pixel_of(camera_, in_camera_mm);
+  const Eigen::Vector2d pixel = pixel_of(camera_, in_camera_mm);
   place.column = pixel.x();
   place.row = pixel.y();
   place.seen = place.column >= -0.5 && place.column < camera_.width - 0.5 && place.row >= -0.5 &&

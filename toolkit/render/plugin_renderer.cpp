@@ -1,4 +1,4 @@
-#include "toolkit/render/plugin_renderer.h"
+#include <palpate/registry.h>
 
 #include <algorithm>
 #include <array>

@@ -20,4 +20,6 @@ namespace palpate::render {
 
 [[nodiscard]] RendererInfo depth_image_info();
 
+[[nodiscard]] RendererInfo analytic_info();
+
 }  // namespace palpate::render

@@ -1,6 +1,5 @@
 #include <palpate/registry.h>
 
-#include "toolkit/renderers/analytic_renderer.h"
 #include "toolkit/renderers/renderer_infos.h"
 
 namespace palpate::render {
@@ -12,7 +11,7 @@ void register_toolkit_renderers(Registry& registry) {
   registry.add(heightfield_literal_info());
   registry.add(heightfield_info());
   registry.add(depth_image_info());
-  registry.add(analytic_renderer_info());
+  registry.add(analytic_info());
   registry.add(brute_force_info());
 }
 

@@ -12,9 +12,9 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/spline_sdf/brick_components.h"
 #include "toolkit/spline_sdf/patch_field.h"
+#include "toolkit/spline_sdf/patch_lanes.h"
 #include "toolkit/spline_sdf/point_interior.h"
 #include "toolkit/spline_sdf/spline.h"
-#include "toolkit/spline_sdf/tile_blend.h"
 
 namespace palpate::render {
 namespace {

@@ -1,4 +1,4 @@
-#include "toolkit/spline_sdf/join_chunks.h"
+#include "toolkit/spline_sdf/surface_chunk.h"
 
 #include <algorithm>
 #include <cmath>

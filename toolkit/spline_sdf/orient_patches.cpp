@@ -12,7 +12,6 @@
 #include <Eigen/Geometry>
 #include "toolkit/core/disjoint_sets.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/spline_sdf/patch_hash_grid.h"
 
 namespace palpate::render {
 

@@ -1,4 +1,4 @@
-#include "toolkit/spline_sdf/paged_contact.h"
+#include "toolkit/spline_sdf/prepared_surface.h"
 
 #include <utility>
 

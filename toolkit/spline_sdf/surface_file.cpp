@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "toolkit/core/bytes.h"
-#include "toolkit/spline_sdf/surface_layout.h"
 
 namespace palpate::render {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "toolkit/core/bytes.h"
 #include "toolkit/spline_sdf/spline.h"
-#include "toolkit/spline_sdf/surface_layout.h"
+#include "toolkit/spline_sdf/surface_file.h"
 
 namespace palpate::render {
 namespace {

@@ -1,4 +1,4 @@
-#include "toolkit/spline_sdf/tile_blend.h"
+#include "toolkit/spline_sdf/patch_lanes.h"
 
 #include <algorithm>
 #include <array>

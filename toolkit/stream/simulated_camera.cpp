@@ -13,7 +13,7 @@
 #include "toolkit/core/messages.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
-#include "toolkit/render/camera_lens.h"
+#include "toolkit/render/depth_camera.h"
 
 namespace palpate::stream {
 
@@ -111,7 +111,8 @@ class SimulatedCamera final : public DepthSource {
         rays_(camera.pixels()),
         seen_mm_(camera.pixels()) {
     for (std::size_t i = 0; i < rays_.size(); ++i)
-      rays_[i] = ray_of(camera_, static_cast<double>(i % columns_), static_cast<double>(i / columns_));
+      rays_[i] =
+          render::ray_of(camera_, static_cast<double>(i % columns_), static_cast<double>(i / columns_));
   }
 
   [[nodiscard]] const DepthCamera& camera() const noexcept override { return camera_; }

@@ -24,7 +24,6 @@
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hardware.h"
-#include "toolkit/core/spsc_ring.h"
 
 namespace palpate {
 namespace {
@@ -308,38 +307,6 @@ TEST(TripleBuffer, TwoThreadsNeverTearAndNeverGoBack) {
   EXPECT_EQ(not_newer, 0u);
   EXPECT_EQ(last, kValues) << "the last value was lost";
   EXPECT_GE(taken, 1u);
-}
-
-TEST(SpscRing, AFullOneRefusesAndNothingIsLostOrReordered) {
-  SpscRing<std::uint64_t, 8> ring;
-  std::uint64_t got = 0;
-  EXPECT_FALSE(ring.pop(got));
-  for (std::uint64_t i = 0; i < 8; ++i) EXPECT_TRUE(ring.push(i));
-  EXPECT_FALSE(ring.push(8));
-  ASSERT_TRUE(ring.pop(got));
-  EXPECT_EQ(got, 0u);
-  EXPECT_TRUE(ring.push(8));
-
-  constexpr std::uint64_t kValues = 50'000;
-  std::uint64_t wrong = 0;
-  std::thread reader([&] {
-    for (std::uint64_t next = 1; next < kValues;) {
-      std::uint64_t value = 0;
-      if (!ring.pop(value)) {
-        std::this_thread::yield();
-        continue;
-      }
-      wrong += value != next++;
-    }
-  });
-  for (std::uint64_t i = 9; i < kValues;) {
-    if (ring.push(i))
-      ++i;
-    else
-      std::this_thread::yield();
-  }
-  reader.join();
-  EXPECT_EQ(wrong, 0u);
 }
 
 TEST(PageFaults, AreCountedOncePerPageAndByThread) {

@@ -11,11 +11,11 @@
 
 #include "tests/toolkit/local_delaunay/clouds.h"
 #include "toolkit/core/random.h"
+
 #include "toolkit/core/simd.h"
+#include "toolkit/local_delaunay/avx2_kernels.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
-#include "toolkit/local_delaunay/neighbour_planes_avx2.h"
 #include "toolkit/local_delaunay/spatial_sort.h"
-#include "toolkit/local_delaunay/voronoi_cells_avx2.h"
 
 namespace palpate::local_delaunay {
 namespace {

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <string>
 
@@ -10,7 +11,7 @@
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
-#include "toolkit/renderers/analytic_renderer.h"
+#include "toolkit/renderers/renderer_infos.h"
 
 namespace palpate::render {
 namespace {
@@ -29,13 +30,18 @@ SceneInput scene_of(std::shared_ptr<const geometry::AnalyticSurface> surface,
   return scene;
 }
 
-void start(AnalyticRenderer& renderer, const SceneInput& scene, const Vec3& hip) {
+std::unique_ptr<HapticRenderer> analytic() {
+  return analytic_info().make({});
+}
+
+void start(HapticRenderer& renderer, const SceneInput& scene, const Vec3& hip) {
   ASSERT_TRUE(renderer.prepare(scene, {}));
   renderer.restart(hip, 0.0);
 }
 
 TEST(AnalyticRenderer, PlaneIsASpring) {
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   start(renderer, scene_of(geometry::make_plane(100)), {1, 2, 3});
   Frame f = renderer.step({1, 2, 0.5}, kDt);
   EXPECT_FALSE(f.contact);
@@ -52,7 +58,8 @@ TEST(AnalyticRenderer, PlaneIsASpring) {
 }
 
 TEST(AnalyticRenderer, NeedsAFormula) {
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   EXPECT_TRUE(test::refused(renderer.prepare(scene_of(nullptr), {}), "no formula"));
 }
 
@@ -63,7 +70,8 @@ TEST(AnalyticRenderer, ForceIsLimitedAndTurnsWithThePose) {
   pose.translation_mm = {10, 0, 0};
   SceneInput scene = scene_of(geometry::make_plane(100), pose);
   scene.force_limit_n = 3.0;
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   start(renderer, scene, {12, 0, 0});
   Frame f = renderer.step({9, 1, 2}, kDt);
   EXPECT_NEAR((f.force_n - Vec3(0.5, 0, 0)).norm(), 0, 1e-14);
@@ -78,7 +86,8 @@ TEST(AnalyticRenderer, SeveralModelsAddUp) {
   wall.world_from_model.rotation = Eigen::AngleAxisd(std::numbers::pi / 2, Vec3::UnitY());
   wall.surface.stiffness_n_per_mm = 1.0;
   scene.models.push_back(wall);
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   start(renderer, scene, {1, 0, 1});
   const Frame f = renderer.step({-1, 0, -1}, kDt);
   EXPECT_NEAR((f.force_n - Vec3(1.0, 0, 0.5)).norm(), 0, 1e-14);
@@ -86,7 +95,8 @@ TEST(AnalyticRenderer, SeveralModelsAddUp) {
 }
 
 TEST(AnalyticRenderer, HoldsTheEntrySheetThroughAThinSlab) {
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   start(renderer, scene_of(geometry::make_slab(50, 1)), {0, 0, 5});
   for (const double z : {0.4, -0.2, -0.45, -0.6, -3.0, -8.0}) {
     const Frame f = renderer.step({0, 0, z}, kDt);
@@ -101,7 +111,8 @@ TEST(AnalyticRenderer, HoldsTheEntrySheetThroughAThinSlab) {
 }
 
 TEST(AnalyticRenderer, CrossesAValleyFromOneFaceToTheOther) {
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   start(renderer, scene_of(geometry::make_wedge(300, 100)), {0, 0, 20});
   Frame f = renderer.step({-5, 0, 8}, kDt);  // the left face is at z = 8.66 there
   ASSERT_TRUE(f.contact);
@@ -116,7 +127,8 @@ TEST(AnalyticRenderer, CrossesAValleyFromOneFaceToTheOther) {
 TEST(AnalyticRenderer, OneLongFrameEndsWhereManyShortOnesDo) {
   for (const double scale : {1e-3, 1.0, 1e6}) {
     const auto surface = geometry::make_sinusoid(10 * scale, 50 * scale, 100 * scale);
-    AnalyticRenderer coarse, fine;
+    const auto made = analytic(), made_too = analytic();
+    HapticRenderer &coarse = *made, &fine = *made_too;
     const Vec3 top(3 * scale, 4 * scale, 22 * scale);
     start(coarse, scene_of(surface), top);
     start(fine, scene_of(surface), top);
@@ -144,7 +156,8 @@ TEST(AnalyticRenderer, OneLongFrameEndsWhereManyShortOnesDo) {
 TEST(AnalyticRenderer, WorksFarFromTheOrigin) {
   geometry::RigidTransform far;
   far.translation_mm = {5e8, -4e9, 1e7};
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   start(renderer, scene_of(geometry::make_sphere(25), far), far.translation_mm + Vec3(0, 0, 30));
   const Frame f = renderer.step(far.translation_mm + Vec3(0, 0, 24), kDt);
   ASSERT_TRUE(f.contact);
@@ -155,7 +168,8 @@ TEST(AnalyticRenderer, ContactEqualsInsideWhileShallow) {
   // On smooth surfaces a HIP that never goes deep is in contact exactly while it is inside.
   for (const auto& surface : {geometry::make_sphere(25), geometry::make_torus(37, 13),
                               geometry::make_saddle(0.02, 100), geometry::make_sinusoid(10, 50, 100)}) {
-    AnalyticRenderer renderer;
+    const auto made = analytic();
+    HapticRenderer& renderer = *made;
     Random random(kSeed);
     ASSERT_TRUE(renderer.prepare(scene_of(surface), {}));
     bool first = true;
@@ -179,7 +193,8 @@ TEST(AnalyticRenderer, ContactEqualsInsideWhileShallow) {
 }
 
 TEST(AnalyticRenderer, NonFiniteHipGivesNoForceAndKeepsTheState) {
-  AnalyticRenderer renderer;
+  const auto made = analytic();
+  HapticRenderer& renderer = *made;
   start(renderer, scene_of(geometry::make_plane(100)), {0, 0, 1});
   (void)renderer.step({0, 0, -1}, kDt);
   const Frame bad = renderer.step({std::numeric_limits<double>::quiet_NaN(), 0, 0}, kDt);

@@ -16,10 +16,10 @@
 #include "toolkit/spline_sdf/fit_patches.h"
 #include "toolkit/spline_sdf/orient_patches.h"
 #include "toolkit/spline_sdf/patch_field.h"
+#include "toolkit/spline_sdf/patch_lanes.h"
 #include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/spline.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"
-#include "toolkit/spline_sdf/tile_blend.h"
 
 namespace palpate::render {
 namespace {

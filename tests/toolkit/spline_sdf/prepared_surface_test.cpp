@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -15,6 +16,7 @@
 
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
+#include "toolkit/spline_sdf/tile_window.h"
 
 namespace palpate::render {
 namespace {
@@ -337,6 +339,38 @@ TEST(PagedSurface, AJumpAcrossTheWholeDoesNotHang) {
   renderer->restart({-30.0, 0.0, 0.0});
   for (int k = 0; k < 50; ++k)
     EXPECT_TRUE(renderer->step({k % 2 == 0 ? 30.0 : -30.0, 0.1 * k, 0.0}, 0.001).force_n.allFinite());
+}
+
+TEST(TileWindow, AFullRingRefusesAndNothingIsLostOrReordered) {
+  SpscRing<std::uint64_t, 8> ring;
+  std::uint64_t got = 0;
+  EXPECT_FALSE(ring.pop(got));
+  for (std::uint64_t i = 0; i < 8; ++i) EXPECT_TRUE(ring.push(i));
+  EXPECT_FALSE(ring.push(8));
+  ASSERT_TRUE(ring.pop(got));
+  EXPECT_EQ(got, 0u);
+  EXPECT_TRUE(ring.push(8));
+
+  constexpr std::uint64_t kValues = 50'000;
+  std::uint64_t wrong = 0;
+  std::thread reader([&] {
+    for (std::uint64_t next = 1; next < kValues;) {
+      std::uint64_t value = 0;
+      if (!ring.pop(value)) {
+        std::this_thread::yield();
+        continue;
+      }
+      wrong += value != next++;
+    }
+  });
+  for (std::uint64_t i = 9; i < kValues;) {
+    if (ring.push(i))
+      ++i;
+    else
+      std::this_thread::yield();
+  }
+  reader.join();
+  EXPECT_EQ(wrong, 0u);
 }
 
 TEST(TileWindow, ATileThatIsRefusedAndToldToLeaveIsAnsweredForBoth) {

@@ -6,7 +6,8 @@
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/stream/stream_files.h"
-#include "toolkit/render/camera_lens.h"
+
+#include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/camera_files.h"
 #include "toolkit/stream/depth_source.h"
 
@@ -200,7 +201,7 @@ TEST(DepthCameraLens, RaysAndPixelsAreInverse) {
   camera.distortion = {0.2624, -0.9531, -0.0054, 0.0026, 1.1633};  // TUM's freiburg1
   for (double u = 40.0; u < 600.0; u += 40.0)
     for (double v = 40.0; v < 440.0; v += 40.0) {
-      const Eigen::Vector2d back = pixel_of(camera, 1234.0 * ray_of(camera, u, v));
+      const Eigen::Vector2d back = render::pixel_of(camera, 1234.0 * render::ray_of(camera, u, v));
       EXPECT_LT((back - Eigen::Vector2d(u, v)).norm(), 1e-6) << u << " " << v;
     }
 }
@@ -213,9 +214,10 @@ double disagreement_mm(const DepthCamera& camera, const DepthFrame& from, const 
     for (int u = 0; u < camera.width; u += 4) {
       const float z = from.depth_mm[static_cast<std::size_t>(v * camera.width + u)];
       if (!(z > 0.0f)) continue;
-      const Vec3 p = to_from * (from.world_from_camera * (static_cast<double>(z) * ray_of(camera, u, v)));
+      const Vec3 p =
+          to_from * (from.world_from_camera * (static_cast<double>(z) * render::ray_of(camera, u, v)));
       if (!(p.z() > 0.0)) continue;
-      const Eigen::Vector2d at = pixel_of(camera, p);
+      const Eigen::Vector2d at = render::pixel_of(camera, p);
       const long x = std::lround(at.x()), y = std::lround(at.y());
       if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
       const float seen = to.depth_mm[static_cast<std::size_t>(y * camera.width + x)];
@@ -263,7 +265,7 @@ TEST_F(DepthFolder, OrganisedPcdTellsItsCamera) {
         "DATA ascii\n");
     for (int v = 0; v < truth.height; ++v)
       for (int u = 0; u < truth.width; ++u) {
-        const Vec3 p = (z_m + 0.01 * u) * ray_of(truth, u, v);
+        const Vec3 p = (z_m + 0.01 * u) * render::ray_of(truth, u, v);
         text += u == 3 ? std::string("nan nan nan\n") : fmt::format("{} {} {}\n", p.x(), p.y(), p.z());
       }
     return text;

@@ -9,7 +9,7 @@
 
 #include <palpate/generate.h>
 #include "tests/toolkit/messages.h"
-#include "toolkit/render/camera_lens.h"
+#include "toolkit/render/depth_camera.h"
 #include "toolkit/stream/simulated_camera.h"
 #include "toolkit/stream/stream_statistics.h"
 
@@ -92,7 +92,7 @@ TEST(SimulatedCamera, WithoutErrorsItSeesTheTruth) {
   const DepthCamera& camera = source->camera();
   for (int v = 0; v < camera.height; v += 7)
     for (int u = 0; u < camera.width; u += 7) {
-      const Vec3 ray = frame.world_from_camera.rotate(ray_of(camera, u, v));
+      const Vec3 ray = frame.world_from_camera.rotate(render::ray_of(camera, u, v));
       EXPECT_FLOAT_EQ(frame.depth_mm[static_cast<std::size_t>(v * camera.width + u)],
                       static_cast<float>(depth_along(*scene, frame.world_from_camera.translation_mm, ray)));
     }

@@ -124,6 +124,11 @@ class Registry {
 /// brute-force. None may be registered already.
 void register_toolkit_renderers(Registry& registry);
 
+/// Adds every renderer-NAME.so of the plug-in folders ($PALPATE_PLUGINS, then lib/palpate/plugins) as NAME;
+/// a taken name is not replaced. A library is loaded by decide() or prepare() alone, whose Error says what is
+/// wrong with it: naming or listing one runs nothing of it. Register them last.
+void register_plugin_renderers(Registry& registry);
+
 }  // namespace palpate::render
 
 // Neighbours by Voronoi cells, through CGAL. A separate target (palpate::voronoi).
