@@ -308,9 +308,10 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
     PALPATE_ASSIGN(const PointModelDecision decided, decide_point_model(input, point_options(), context));
-    return said(input, decided);
+    return decisions_for(input, decided);
   }
-  [[nodiscard]] ModelDecisions said(const ModelInput& input, const PointModelDecision& decided) const {
+  [[nodiscard]] ModelDecisions decisions_for(const ModelInput& input,
+                                             const PointModelDecision& decided) const {
     const PointDecision& points = decided.points;
     ModelDecisions out;
     out.name = input.name;
@@ -331,7 +332,7 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
     const PointModel& points = *made->body.points;
     const PointModelDecision decided = made->body.decided();
     const SpacedShading shading = shading_of(decided);
-    report.decisions.models.push_back(said(input, decided));
+    report.decisions.models.push_back(decisions_for(input, decided));
     if (!shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
     made->shading = shading.shading;
     made->by_spacing = shading.by_spacing;

@@ -58,7 +58,7 @@ inline OptionSpec offset_spec() {
 inline bool is_offset_kept(const Options& options) {
   return options.text("offset") == "kept";
 }
-inline render::Decision said_offset(bool kept) {
+inline render::Decision offset_decision(bool kept) {
   return kept ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
               : render::Decision{"offset", "removed", "the HIP is a point"};
 }

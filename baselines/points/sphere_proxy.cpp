@@ -228,7 +228,7 @@ class SphereProxy : public RivalModel {
         {"proxy", fmt::format("ball of {:.4g} mm", radius_mm_),
          given_mm > 0.0 ? "as given" : fmt::format("{:.3g} spacings", options.number("radius")),
          given_mm > 0.0});
-    out.decisions.push_back(said_offset(felt_offset_));
+    out.decisions.push_back(offset_decision(felt_offset_));
     report_grid(*input.cloud, spacing, kCellRadii * radius_mm_, out);
     out.bytes += NearPoints<search::UniformGrid>::bytes_for(false);
     return Done{};

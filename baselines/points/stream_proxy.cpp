@@ -96,7 +96,7 @@ class StreamProxy : public ShellRival<search::DynamicGrid> {
     out.decisions.push_back(shells_.tapered
                                 ? render::Decision{"weights", "tapered", "points fade in and out"}
                                 : render::Decision{"weights", "equal", "as given: the source's", true});
-    out.decisions.push_back(said_offset(felt_offset_));
+    out.decisions.push_back(offset_decision(felt_offset_));
     report_grid(*input.cloud, spacing, shells_.r3, out);
     // The grid follows points that move. Their places are kept only if some do.
     if (input.camera != nullptr && local_)

@@ -195,7 +195,7 @@ std::vector<std::string> warnings_of(const PlannedScene& planned, const plan::Pl
   warnings.insert(warnings.end(), plan.warnings.begin(), plan.warnings.end());
   for (const scene::Provenance& p : planned.loaded.provenance)
     warnings.insert(warnings.end(), p.warnings.begin(), p.warnings.end());
-  for (std::string& doubt : doubts_about_models(planned.loaded)) warnings.push_back(std::move(doubt));
+  for (std::string& warning : warnings_about_models(planned.loaded)) warnings.push_back(std::move(warning));
   for (std::string& text :
        render::unsupported_features(*registry.find(plan.renderer.name), planned.loaded.input))
     warnings.push_back(std::move(text));

@@ -171,16 +171,16 @@ void Assembly::mark(const std::string& text) {
   if (recorder_ != nullptr) (void)recorder_->note("mark: " + text);
 }
 
-void Assembly::say(std::string sentence) {
+void Assembly::announce(std::string sentence) {
   const std::lock_guard lock(said_mutex_);
-  said_.push_back(std::move(sentence));
+  reports_.push_back(std::move(sentence));
 }
 
-void Assembly::show_said(ProgressBar& progress) {
+void Assembly::show_reports(ProgressBar& progress) {
   std::vector<std::string> sentences;
   {
     const std::lock_guard lock(said_mutex_);
-    sentences.swap(said_);
+    sentences.swap(reports_);
   }
   if (sentences.empty()) return;
   progress.clear();
@@ -194,17 +194,17 @@ const char* Assembly::armed_by() const noexcept {
 /// Reopens a lost device outside the servo's thread.
 void Assembly::replug(double now_s) {
   if (!device_.device().lost() || now_s < next_try_s_) return;
-  if (not_open_.empty()) say(device_.device().name() + " is gone; plug it in again");
+  if (not_open_.empty()) announce(device_.device().name() + " is gone; plug it in again");
   next_try_s_ = now_s + kTryEveryS;
   const Status opened = device_.device().reopen();
   if (!opened) {
     // Reports each reason once: first that the device is missing, then any other error.
-    if (std::exchange(not_open_, opened.error().message()) != opened.error().message()) say(not_open_);
+    if (std::exchange(not_open_, opened.error().message()) != opened.error().message()) announce(not_open_);
     return;
   }
   if (!device_.device().here()) return;
   not_open_.clear();
-  say(device_.device().name() + " is back; no force until it is armed again" + armed_by());
+  announce(device_.device().name() + " is back; no force until it is armed again" + armed_by());
 }
 
 void Assembly::work(SessionTasks& tasks, double now_s) {
@@ -216,9 +216,10 @@ void Assembly::work(SessionTasks& tasks, double now_s) {
 void Assembly::prompt() {
   const device::Fault fault = watch_.fault();
   if (fault != fault_said_ && fault != device::Fault::kNone)
-    say(fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
+    announce(
+        fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
   fault_said_ = fault;
-  if (std::optional<std::string> news = homing_.news()) say(*std::move(news));
+  if (std::optional<std::string> news = homing_.news()) announce(*std::move(news));
 }
 
 void Assembly::note_scheduling(const std::string& scheduling) {
@@ -245,7 +246,7 @@ Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
     for (const auto& [key, value] : at_opening)
       (void)recorder_->note(fmt::format("device at the opening: {}: {}", key, value));
   Result<SessionEnd> end = clock_.accelerated() ? run_fast(tasks, progress) : run_real(tasks, progress);
-  show_said(progress);
+  show_reports(progress);
   // Counters include the whole session; a closed device may report nothing more.
   DeviceFactTexts facts = facts_of(device_);
   facts.insert(at_opening.begin(), at_opening.end());
@@ -274,7 +275,7 @@ Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress
     if (asked++ % report_every == 0) {
       note_settled();
       prompt();
-      show_said(progress);
+      show_reports(progress);
       progress.report(settings_.label + ", accelerated", now_s() / settings_.seconds);
     }
     return !stopping_.load(std::memory_order_acquire);
@@ -304,7 +305,7 @@ void Assembly::look_at_keys(SessionTasks& tasks, double until_s, device::ServoTh
     std::this_thread::sleep_for(kLookEvery);
     note_settled();
     prompt();
-    show_said(progress);
+    show_reports(progress);
     show_going_on(progress);
     while (const std::optional<char> key = keys.next()) {
       if (*key == 'q')

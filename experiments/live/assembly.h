@@ -159,7 +159,7 @@ class Assembly {
   /// Any thread but the servo's. Also writes to the recording, so it may wait for the disk.
   void mark(const std::string& text);
   /// Any thread but the servo's: shown at the next poll.
-  void say(std::string sentence);
+  void announce(std::string sentence);
 
  private:
   [[nodiscard]] Result<SessionEnd> run_fast(SessionTasks& tasks, ProgressBar& progress);
@@ -172,7 +172,7 @@ class Assembly {
   void prompt();
   void show_going_on(ProgressBar& progress);
   [[nodiscard]] const char* armed_by() const noexcept;
-  void show_said(ProgressBar& progress);
+  void show_reports(ProgressBar& progress);
   void note_scheduling(const std::string& scheduling);
   [[nodiscard]] SessionEnd ended(const device::LoopHistograms& histograms);
   [[nodiscard]] double now_s() const noexcept;
@@ -195,7 +195,7 @@ class Assembly {
   HomingTeller homing_;
   double force_full_n_ = 0.0;  // full scale of the shown force
   std::mutex said_mutex_;
-  std::vector<std::string> said_;
+  std::vector<std::string> reports_;
   std::vector<SessionMark> marks_;
 };
 

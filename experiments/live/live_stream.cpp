@@ -28,7 +28,7 @@ void count_ms(device::DurationHistogram& times, double ms) noexcept {
   times.count(std::llround(ms * kStreamNsPerMs));
 }
 
-void tell_ms(const device::DurationHistogram& times, std::optional<double>& p50, std::optional<double>& p99) {
+void set_ms(const device::DurationHistogram& times, std::optional<double>& p50, std::optional<double>& p99) {
   const device::DurationStatistics found = times.statistics();
   if (found.count == 0) return;
   p50 = static_cast<double>(found.p50_ns) / kStreamNsPerMs;
@@ -217,9 +217,9 @@ LiveStreamFacts LiveStream::facts() const {
   LiveStreamFacts facts = facts_;
   facts.silences = silences_;
   facts.ended = ended_.load(std::memory_order_acquire);
-  tell_ms(window_, facts.window_p50_ms, facts.window_p99_ms);
-  tell_ms(whole_, facts.whole_p50_ms, facts.whole_p99_ms);
-  tell_ms(light_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
+  set_ms(window_, facts.window_p50_ms, facts.window_p99_ms);
+  set_ms(whole_, facts.whole_p50_ms, facts.whole_p99_ms);
+  set_ms(light_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
   return facts;
 }
 

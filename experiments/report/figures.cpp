@@ -137,7 +137,7 @@ bool forces_comparable(const Study& study) {
   return study.document.scoring && study.document.scoring->forces_comparable;
 }
 
-std::string said_of_truth(const Study& study) {
+std::string describe_truth(const Study& study) {
   if (!study.reference) return "there is no ground truth here.";
   return forces_comparable(study)
              ? "the wide grey line is the ground truth (" + study.reference->name + ")."
@@ -147,7 +147,7 @@ std::string said_of_truth(const Study& study) {
 
 Chart force_excerpt(const Study& study, const std::string& prefix) {
   Chart chart = begin(prefix, "force", "Force over time, first touch",
-                      "Magnitude of the force around the first entry and exit; " + said_of_truth(study));
+                      "Magnitude of the force around the first entry and exit; " + describe_truth(study));
   chart.x_label = "time, s";
   chart.y_label = "force, N";
   chart.wide = true;

@@ -60,7 +60,8 @@ void finish_document(StagedStudy& study) {
   study.document.path = study.stage.path.name;
   study.document.path_hash = trace::path_hash(study.stage.path);
   study.document.warnings = study.stage.warnings;
-  for (std::string& doubt : doubts_about_contact(study)) study.document.warnings.push_back(std::move(doubt));
+  for (std::string& warning : warnings_about_contact(study))
+    study.document.warnings.push_back(std::move(warning));
   for (std::string& apart : disagreements(study)) study.document.warnings.push_back(std::move(apart));
   study.document.notes = study.stage.notes;
   for (std::string& remark : remarks_on_reference(study)) study.document.notes.push_back(std::move(remark));

@@ -264,7 +264,7 @@ Status Work::replay(Run& run) {
                   "Nothing is felt under the surface after a border or a hole until the HIP has been above "
                   "again: it came there {} time{}.",
                   edges, edges == 1 ? "" : "s"));
-  for (const std::string& doubt : doubts_about_tiles(renderer_->counters())) warn(run, doubt);
+  for (const std::string& warning : warnings_about_tiles(renderer_->counters())) warn(run, warning);
   if (!stage_.starts_free && trace.frames.front().contact)
     warn(run,
          "It is in contact at the path's first position already: it feels the surface from so far away, or "

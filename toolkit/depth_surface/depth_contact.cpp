@@ -56,7 +56,7 @@ bool DepthContact::step(const DepthSheets& sheets, bool swapped, const Vec3& hip
   if (state_ == State::kFree) enter(sheets, h, counters);
   bool held = false;
   if (state_ == State::kHeld) held = hold(sheets, h, dt_s, status, counters);
-  if (state_ == State::kLeaving) held = let_go(sheets, h, dt_s);
+  if (state_ == State::kLeaving) held = fade_out(sheets, h, dt_s);
   last_ = h;
   pull = pull_;
   return held;
@@ -307,8 +307,8 @@ void DepthContact::leave() noexcept {
   carried_ = Vec3::Zero();
 }
 
-bool DepthContact::let_go(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept {
-  share_ -= dt_s / kLetGoSeconds;
+bool DepthContact::fade_out(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept {
+  share_ -= dt_s / kReleaseSeconds;
   const double depth = (god_ - hip).dot(outward_);
   if (share_ > 0.0 && depth > 0.0) {
     pull_ = outward_ * (depth * share_);

@@ -45,13 +45,13 @@ bool same_length(double a, double b) {
 }
 
 // What the file says, whichever way it says it.
-struct Said {
+struct StatedUnit {
   std::optional<double> metres, vertical_metres;
   bool geographic = false;
 };
 
-Said said_by_keys(std::span<const std::byte> keys) {
-  Said said;
+StatedUnit stated_by_keys(std::span<const std::byte> keys) {
+  StatedUnit stated;
   ByteReader in(keys);
   (void)in.u16();  // versions of the directory, the keys and their revision
   (void)in.u32();
@@ -62,12 +62,12 @@ Said said_by_keys(std::span<const std::byte> keys) {
     const std::uint16_t value = in.u16();
     if (!in.good()) break;
     if (elsewhere != 0) continue;
-    if (key == kModelTypeKey) said.geographic = value == kGeographicModel;
+    if (key == kModelTypeKey) stated.geographic = value == kGeographicModel;
     if (key != kLinearUnitKey && key != kVerticalUnitKey) continue;
     for (const EpsgUnit& unit : kEpsgUnits)
-      if (unit.code == value) (key == kLinearUnitKey ? said.metres : said.vertical_metres) = unit.metres;
+      if (unit.code == value) (key == kLinearUnitKey ? stated.metres : stated.vertical_metres) = unit.metres;
   }
-  return said;
+  return stated;
 }
 
 template <std::size_t N>
@@ -82,18 +82,18 @@ constexpr std::array<std::string_view, 5> kGeographicSystems{"GEOGCS", "GEOGCRS"
 constexpr std::array<std::string_view, 2> kAxisWords{"CS", "AXIS"};
 constexpr std::array<std::string_view, 2> kUnitWords{"UNIT", "LENGTHUNIT"};
 
-Said said_by_text(std::string_view text) {
-  Said said;
-  said.metres = metres_of_text(text, false);
-  said.vertical_metres = metres_of_text(text, true);
+StatedUnit stated_by_text(std::string_view text) {
+  StatedUnit stated;
+  stated.metres = metres_of_text(text, false);
+  stated.vertical_metres = metres_of_text(text, true);
   const auto holds = [&](std::string_view word) { return text.find(word) != std::string_view::npos; };
-  said.geographic = std::any_of(kGeographicSystems.begin(), kGeographicSystems.end(), holds) &&
-                    std::none_of(kHorizontalSystems.begin(), kHorizontalSystems.end(), holds);
-  return said;
+  stated.geographic = std::any_of(kGeographicSystems.begin(), kGeographicSystems.end(), holds) &&
+                      std::none_of(kHorizontalSystems.begin(), kHorizontalSystems.end(), holds);
+  return stated;
 }
 
-bool says_something(const Said& said) {
-  return said.metres || said.geographic;
+bool states_something(const StatedUnit& stated) {
+  return stated.metres || stated.geographic;
 }
 
 }  // namespace
@@ -149,22 +149,22 @@ std::optional<double> metres_of_text(std::string_view text, bool vertical) {
 }
 
 LasUnit unit_of_las(std::span<const std::byte> keys, std::string_view text, bool prefers_text) {
-  const Said by_text = said_by_text(text), by_keys = said_by_keys(keys);
+  const StatedUnit by_text = stated_by_text(text), by_keys = stated_by_keys(keys);
   const auto& [first, second] = prefers_text ? std::tie(by_text, by_keys) : std::tie(by_keys, by_text);
-  const Said& said = says_something(first) ? first : second;
+  const StatedUnit& stated = states_something(first) ? first : second;
   LasUnit found;
   found.conventional_unit = Unit::kMetre;
-  if (!said.metres && said.geographic) {
+  if (!stated.metres && stated.geographic) {
     found.warnings.emplace_back(
         "The file's positions are longitudes and latitudes in degrees, beside heights in a length: their "
         "shape is not that of the scanned thing. Project it first: pdal translate in out --filters "
         "filters.reprojection --filters.reprojection.out_srs=EPSG:CODE.");
     return found;
   }
-  if (!said.metres) return found;
+  if (!stated.metres) return found;
   const auto* const known =
       std::find_if(std::begin(kKnownLengths), std::end(kKnownLengths),
-                   [&](const KnownLength& length) { return same_length(length.metres, *said.metres); });
+                   [&](const KnownLength& length) { return same_length(length.metres, *stated.metres); });
   const std::string name = known != std::end(kKnownLengths) ? known->name : "another unit";
   if (known != std::end(kKnownLengths) && known->unit) {
     found.unit = known->unit;
@@ -172,13 +172,13 @@ LasUnit unit_of_las(std::span<const std::byte> keys, std::string_view text, bool
     found.warnings.push_back(fmt::format(
         "The file's lengths are in {}, {:.12g} m each, and are read as metres: for their true size "
         "read it with --unit m and multiply --scale by {:.12g}.",
-        name, *said.metres, *said.metres));
+        name, *stated.metres, *stated.metres));
   }
-  if (said.vertical_metres && !same_length(*said.vertical_metres, *said.metres))
+  if (stated.vertical_metres && !same_length(*stated.vertical_metres, *stated.metres))
     found.warnings.push_back(fmt::format(
         "The file's heights are in a unit of {:.12g} m, its x and y in one of {:.12g} m: heights are "
         "read in the unit of x and y.",
-        *said.vertical_metres, *said.metres));
+        *stated.vertical_metres, *stated.metres));
   return found;
 }
 

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kChannels = 4;  // of the scanner, two bits of a point
 constexpr std::uint32_t kAnyByte = 256;
 // From this version on, a point takes its values from its own channel at once.
-constexpr std::uint32_t kChannelsMended = 4;
+constexpr std::uint32_t kChannelsRepaired = 4;
 
 // A stream that may be empty.
 class Layer {
@@ -38,7 +38,7 @@ class Layer {
 template <class Models, class Value>
 class ByChannel {
  public:
-  explicit ByChannel(std::uint32_t version) : mended_(version >= kChannelsMended) {}
+  explicit ByChannel(std::uint32_t version) : repaired_(version >= kChannelsRepaired) {}
 
   void begin(std::uint32_t channel, Value first, Models fresh) {
     models_[channel].emplace(std::move(fresh));
@@ -54,7 +54,7 @@ class ByChannel {
         models_[channel].emplace(make());
         values_[channel] = values_[channel_];
         value_of = channel;
-      } else if (mended_) {
+      } else if (repaired_) {
         value_of = channel;
       }
       channel_ = channel;
@@ -63,7 +63,7 @@ class ByChannel {
   }
 
  private:
-  bool mended_;
+  bool repaired_;
   std::uint32_t channel_ = 0;
   std::array<std::optional<Models>, kChannels> models_;
   std::array<Value, kChannels> values_{};

@@ -66,7 +66,7 @@ bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counte
     const std::uint32_t place = near.facet.place[0];
     const bool closed = mesh_->is_closed(place);
     near_side = closed ? free_side_[mesh_->closed_component(place)] : side_;
-    if (is_turned_over(near.facet)) near_side = -near_side;
+    if (is_flipped(near.facet)) near_side = -near_side;
     const Side seen = side_of(*mesh_, near, at);
     const double size = seen.area.norm(), distance = std::sqrt(near.closest.distance_sq);
     if (!(size > 0.0)) return {};

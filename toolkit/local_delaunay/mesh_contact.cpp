@@ -8,7 +8,7 @@ namespace {
 
 /// A HIP in front of a flipped facet is behind the surface around it. A squared distance below this share of
 /// the edge's square (a tenth of the edge) counts as on the facet.
-constexpr double kTurnedShare = 0.01;
+constexpr double kFlippedShare = 0.01;
 
 /// Threshold on a piece's solid angle as a share of the sphere: 0 outside, 1 inside.
 constexpr double kInsideShare = 0.5;
@@ -21,7 +21,7 @@ double solid_angle(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
 
 /// Rounded operations from a HIP to its foot's height over a plane: the foot (unit normal, height, product,
 /// sum) and the height over another facet (differences, cross product).
-constexpr int kFootOperations = 32;
+constexpr int kProjectionOperations = 32;
 
 /// True if the left foot lies in this triangle's plane, to rounding, and they share a corner: among coplanar
 /// facets a foot on an edge may be attributed to either.
@@ -32,7 +32,7 @@ bool stands_in(const LocalDelaunayMesh& mesh, const SurfacePosition& left, const
   if (!has(a) && !has(b) && !has(c)) return false;
   const Vec3 pa = mesh.at(a), n = (mesh.at(b) - pa).cross(mesh.at(c) - pa);
   const double size = h.norm() + left.closest.point.norm() + pa.norm();
-  return std::abs(n.dot(left.closest.point - pa)) <= gamma(kFootOperations) * size * n.norm();
+  return std::abs(n.dot(left.closest.point - pa)) <= gamma(kProjectionOperations) * size * n.norm();
 }
 
 /// Without a call: memcmp's time depends on page alignment.
@@ -123,7 +123,7 @@ bool MeshContact::update_general(const Vec3& h, ContactCounters& counters) noexc
 void MeshContact::set_position(const SegmentHit& hit) noexcept {
   position_.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
   side_ = hit.side;
-  if (is_turned_over(position_.facet)) side_ = -side_;
+  if (is_flipped(position_.facet)) side_ = -side_;
   framed_ = false;
   watched_ = is_crossed(position_.facet);
   check_above_sq_ =
@@ -134,7 +134,7 @@ void MeshContact::set_position(const SegmentHit& hit) noexcept {
 }
 
 /// Only pieces without holes are free of flipped facets.
-bool MeshContact::is_turned_over(const Facet& facet) const noexcept {
+bool MeshContact::is_flipped(const Facet& facet) const noexcept {
   const std::uint32_t place = facet.place[0];
   if (mesh_->is_closed(place) && !mesh_->has_holes(mesh_->closed_component(place))) return false;
   const MeanOrientation trend = mean_orientation_around(*mesh_, facet, false);
@@ -144,7 +144,7 @@ bool MeshContact::is_turned_over(const Facet& facet) const noexcept {
 bool MeshContact::is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept {
   if (!mesh_->is_closed(a)) return true;
   const double free = free_side_[mesh_->closed_component(a)];
-  return (is_turned_over(Facet(*mesh_, a, b, c)) ? -side : side) == free;
+  return (is_flipped(Facet(*mesh_, a, b, c)) ? -side : side) == free;
 }
 
 bool MeshContact::cross(const Vec3& h, FacetFrame::Weights weights, ContactCounters& counters) noexcept {
@@ -253,7 +253,7 @@ bool MeshContact::follow(const Vec3& h, ContactCounters& counters) noexcept {
 }
 
 bool MeshContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
-  if (!(position_.closest.distance_sq > kTurnedShare * edge_sq)) return false;
+  if (!(position_.closest.distance_sq > kFlippedShare * edge_sq)) return false;
   const MeanOrientation trend = mean_orientation_around(*mesh_, position_.facet, true);
   return trend.share > kMinOrientationShare && side_ * trend.normal.dot(h - position_.closest.point) < 0.0;
 }

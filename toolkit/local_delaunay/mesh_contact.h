@@ -180,7 +180,7 @@ class MeshContact {
   /// Open pieces can be touched from both sides, closed ones from the side of the replay's start.
   [[nodiscard]] bool is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept;
   /// True if the surrounding facets face the other way.
-  [[nodiscard]] bool is_turned_over(const Facet& facet) const noexcept;
+  [[nodiscard]] bool is_flipped(const Facet& facet) const noexcept;
   /// True if another sheet may cross the facet.
   [[nodiscard]] bool is_crossed(const Facet& facet) const noexcept {
     return mesh_->is_crossed(facet.place[0]) || mesh_->is_crossed(facet.place[1]) ||

@@ -209,10 +209,10 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
   decided.normals = options.normals;
   if (decided.normals && !decided.from_scan) {
     phases.begin("links");
-    const search::WalkableReport mended = search::make_walkable(cloud, found.neighbours, context.threads);
-    if (mended.spread + mended.returned > 0)
+    const search::WalkableReport repaired = search::make_walkable(cloud, found.neighbours, context.threads);
+    if (repaired.spread + repaired.returned > 0)
       report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",
-                                         mended.spread, mended.returned));
+                                         repaired.spread, repaired.returned));
     phases.end();
   }
 

@@ -34,7 +34,7 @@ Result<PluginTable> load_renderer(const std::filesystem::path& file) {
 }
 
 /// What a plug-in's text says, or `otherwise`.
-std::string told(const std::array<char, kPluginTextBytes>& text, const char* otherwise) {
+std::string text_or(const std::array<char, kPluginTextBytes>& text, const char* otherwise) {
   const std::string words(text.begin(), std::find(text.begin(), text.end(), '\0'));
   return words.empty() ? otherwise : words;
 }
@@ -86,7 +86,7 @@ Result<PrepareReport> PluginRenderer::prepare(const SceneInput& scene, const Pre
   std::array<char, kPluginTextBytes> text{};
   renderer_ = table_->create(options_.text(kOptionsKey).c_str(), text.data(), kPluginTextBytes);
   if (renderer_ == nullptr)
-    return Error{told(text, "the plug-in makes no renderer"), "see the plug-in's own description",
+    return Error{text_or(text, "the plug-in makes no renderer"), "see the plug-in's own description",
                  file_.string()};
   const ModelInput& model = scene.models.front();
   std::vector<double> points, vertices;
@@ -113,8 +113,8 @@ Result<PrepareReport> PluginRenderer::prepare(const SceneInput& scene, const Pre
   given.threads = static_cast<std::uint32_t>(context.threads > 0 ? context.threads : available_threads());
   std::uint64_t bytes = 0;
   if (table_->prepare(renderer_, &given, &bytes, text.data(), kPluginTextBytes) != 0)
-    return Error{told(text, "the plug-in does not prepare this model"), "see the plug-in's own description",
-                 file_.string()};
+    return Error{text_or(text, "the plug-in does not prepare this model"),
+                 "see the plug-in's own description", file_.string()};
   PrepareReport report;
   report.total_ms = watch.ms();
   report.phases = {{"plug-in", report.total_ms}};

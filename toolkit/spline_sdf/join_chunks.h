@@ -11,7 +11,7 @@ namespace palpate::render {
 
 /// Of one chunk's pieces.
 struct JoinedPiece {
-  bool turned = false;  ///< its distances change their sign
+  bool flipped = false;  ///< its distances change their sign
   PieceClass felt;
 
   void put(Brick& brick) const noexcept;

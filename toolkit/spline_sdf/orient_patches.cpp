@@ -266,9 +266,9 @@ void orient_by_visibility(const MortonPoints& points, const MortonPoints* far,
                 [&](std::size_t k) { open[k] = visibility_difference(points, far, patches[asked[k]]); });
   std::vector<double> sum(patches.size(), 0.0), weights(patches.size(), 0.0), ways(patches.size(), 0.0);
   for (std::size_t k = 0; k < asked.size(); ++k) {
-    const auto [face, turned] = sides.find(asked[k]);
+    const auto [face, flipped] = sides.find(asked[k]);
     const double area = patches[asked[k]].support * patches[asked[k]].support;
-    sum[face] += (turned != 0 ? -area : area) * open[k];
+    sum[face] += (flipped != 0 ? -area : area) * open[k];
     weights[face] += area;
     ways[face] += 1 + kSlantedWays;
   }
@@ -287,11 +287,11 @@ void join_faces(std::span<const Link> links, OrientedDisjointSets& sides, Orient
   };
   std::map<std::pair<std::uint32_t, std::uint32_t>, Vote> votes;
   for (const Link& link : links) {
-    const auto [a, turned_a] = sides.find(link.a);
-    const auto [b, turned_b] = sides.find(link.b);
+    const auto [a, flipped_a] = sides.find(link.a);
+    const auto [b, flipped_b] = sides.find(link.b);
     if (a == b) continue;
     Vote& vote = votes[std::minmax(a, b)];
-    vote.sum += static_cast<double>(turned_a != turned_b ? -link.agreed : link.agreed);
+    vote.sum += static_cast<double>(flipped_a != flipped_b ? -link.agreed : link.agreed);
     vote.a = link.a;
     vote.b = link.b;
   }
@@ -356,23 +356,23 @@ OrientedPieces orient_outwards(const MortonPoints& points, std::vector<QuadricPa
   links.insert(links.end(), across.begin(), across.end());
   join_faces(links, sides, pieces);
   // Pieces joined to the outside are oriented relative to it.
-  const bool upside_down = sides.find(outside).turned != 0;
+  const bool upside_down = sides.find(outside).flipped != 0;
   const std::uint32_t with_outside = sides.find(outside).set;
   std::vector<Vec3> areas(far != nullptr ? patches.size() + 1 : 0, Vec3::Zero());
   for (std::uint32_t i = 0; i < patches.size() && far != nullptr; ++i) {
-    const auto [root, turned] = sides.find(i);
+    const auto [root, flipped] = sides.find(i);
     areas[root] +=
-        (turned != 0 ? -1.0 : 1.0) * patches[i].support * patches[i].support * patches[i].quadric.n;
+        (flipped != 0 ? -1.0 : 1.0) * patches[i].support * patches[i].support * patches[i].quadric.n;
   }
   const auto is_root_down = [&](std::uint32_t root) {
     return root == with_outside ? upside_down : far != nullptr && looks_down(areas[root]);
   };
   OrientedPieces out;
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
-    const auto [root, turned] = sides.find(i);
+    const auto [root, flipped] = sides.find(i);
     out.piece.push_back(pieces.find(i).set);
     out.group.push_back(root == with_outside ? OrientedPieces::kOutward : root);
-    if ((turned != 0) != is_root_down(root)) turn(patches[i].quadric);
+    if ((flipped != 0) != is_root_down(root)) turn(patches[i].quadric);
   }
   drop_small_pieces(patches, out);
   return out;

@@ -96,7 +96,7 @@ class InteriorTest {
   /// reference.
   void begin(const MortonPoints& points, const Vec3& middle, double reach_mm, double spacing);
   /// For a place relative to the middle, on a surface of unit normal n. O(points around), mostly the nearest.
-  [[nodiscard]] bool is_interior(const Vec3& foot, const Vec3& n);
+  [[nodiscard]] bool is_interior(const Vec3& closest, const Vec3& n);
 
  private:
   /// A point relative to the cube's middle, and its range.
@@ -105,7 +105,7 @@ class InteriorTest {
     double reach_sq;
   };
   [[nodiscard]] double reach_sq(std::uint32_t point) const;
-  [[nodiscard]] bool nearest_points_surround(const Vec3& foot, const Vec3& n, const Vec3& u,
+  [[nodiscard]] bool nearest_points_surround(const Vec3& closest, const Vec3& n, const Vec3& u,
                                              const Vec3& v) const;
   void gather();
 

@@ -128,19 +128,19 @@ SplineSdfDecision measure(const MortonPoints& points, const SplineSdfOptions& bu
 /// a scan's places may be noise in the air.
 constexpr double kDoubtfulLayers = 0.05, kDoubtfulVolume = 0.25;
 
-void warn_of(const InputQuality& doubts, PreparePhases& phases) {
-  if (doubts.layered > kDoubtfulLayers)
+void warn_of(const InputQuality& quality, PreparePhases& phases) {
+  if (quality.layered > kDoubtfulLayers)
     phases.warn(fmt::format(
         "At {:.0f} % of the places looked at the points lie in two layers some {:.3g} mm apart, too "
         "near to be told apart everywhere: there they are felt as one sheet that either side may hold. "
         "If they are the faces of a thin wall, only a denser or less noisy scan separates them.",
-        100.0 * doubts.layered, doubts.layer_distance_mm));
-  if (doubts.scattered > kDoubtfulVolume)
+        100.0 * quality.layered, quality.layer_distance_mm));
+  if (quality.scattered > kDoubtfulVolume)
     phases.warn(fmt::format(
         "At {:.0f} % of the places looked at the points fill a volume: there is no surface to "
         "follow, and what is felt has no certain side. Give the points of a surface, or clean them "
         "(palpate clean).",
-        100.0 * doubts.scattered));
+        100.0 * quality.scattered));
 }
 
 Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud,
