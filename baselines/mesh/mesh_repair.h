@@ -1,6 +1,5 @@
-// Examines meshes with OpenMesh's half-edges, and repairs, smooths and decimates them before rendering. A
-// SurfaceMesh is examined; plain meshes (mm, any frame) are changed: vertices at one place are merged.
-// Deterministic, one thread.
+// Examines, repairs, smooths and decimates meshes, with OpenMesh. A SurfaceMesh is examined; plain meshes
+// (mm, any frame) are changed: vertices at one place are merged. Deterministic, one thread.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,5 @@
-// Connected pieces of a mesh, the facet sides that agree within each, and from which side each is touched.
+// Connected pieces of a mesh, with their sides. Facet sides agree within a piece, which is touched from its
+// outside or from both.
 #pragma once
 
 #include <cstddef>

@@ -25,7 +25,7 @@ constexpr double kGapPercentile = 99.0;
 /// samples are even by area, and sparse parts count as dense ones do.
 constexpr double kGapCellSpacings = 2.0;
 /// Points are gathered within so many spacings, and twice as far as long as the gap is open to some side: up
-/// to gaps of twelve spacings. What is wider is a hole or a border.
+/// to gaps of twelve spacings. Wider gaps are holes or borders.
 constexpr double kFirstReach = 3.0, kLastReach = 24.0;
 /// Points are in one line if they spread across it by less than a quarter of what they do along it.
 constexpr double kLineSpread = 1.0 / 16.0;  // of squares

@@ -24,7 +24,7 @@ struct RivalAnswer {
   Vec3 force_n = Vec3::Zero();  ///< without a god object
 };
 
-/// What a rival's model is decided and prepared from; notes, bytes and phases go to the report.
+/// Input of a rival's decision and preparation; notes, bytes and phases go to the report.
 struct RivalInput {
   const render::ModelInput& input;
   const Options& options;

@@ -219,8 +219,8 @@ class StreamProxy : public ShellRival<search::DynamicGrid> {
     made->match_per_depth = kMatchPixels / patch.rays.camera().fx_px;
     return made;
   }
-  /// Takes the newest image's points; true if there are new ones. What is exchanged is freed by the receiving
-  /// thread.
+  /// Takes the newest image's points; true if there are new ones. The receiving thread frees the exchanged
+  /// one.
   bool take_image(const Vec3& h) noexcept {
     if (images_ == nullptr || !images_->take()) return false;
     ImagePoints* const newest = images_->newest();

@@ -43,7 +43,7 @@ void send_message(WorkerMessage kind, std::string_view bytes) noexcept {
   if (send_all({head.data(), head.size()})) send_all(bytes);
 }
 
-/// Must not allocate: memory is exhausted.
+/// This handler allocates nothing: memory is exhausted.
 [[noreturn]] void out_of_memory() {
   send_message(WorkerMessage::kNoMemory, {});
   std::_Exit(kExitFailed);

@@ -40,7 +40,7 @@ Decision refine_decision(const MeshDecision& d) {
   return {"facets", std::move(choice), "as given", true};
 }
 
-/// What nobody can do anew for every image.
+/// Refuses options that cannot be repeated for every image.
 Status check_stream(const render::ModelInput& input, const MeshDecision& d) {
   const auto refuse = [&](std::string what, std::string remedy) {
     return failure(fmt::format("model '{}' is a stream: {}", input.name, what), std::move(remedy));

@@ -15,7 +15,7 @@ using ServiceJson = nlohmann::json;
 
 constexpr double kMmPerM = 1000.0;
 
-/// What stands at a JSON pointer; null if nothing does.
+/// The value at a JSON pointer; null if there is none.
 const ServiceJson* at(const ServiceJson& from, const std::string& pointer) {
   const ServiceJson::json_pointer where(pointer);
   return from.contains(where) ? &from.at(where) : nullptr;

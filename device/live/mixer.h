@@ -63,7 +63,7 @@ struct TrackedFrame {
   Disqualified disqualified = Disqualified::kNo;
   render::Frame frame;       ///< world frame
   std::int64_t step_ns = 0;  ///< 0: not stepped
-  /// The renderer, for recorders that know what they gave to the mixer; null if none. Must not be stepped.
+  /// The renderer, for recorders that know what they gave to the mixer; null if none. They must not step it.
   render::HapticRenderer* renderer = nullptr;
   double weight = 0.0;  ///< in the output force; sum 1, or 0 if none is felt
 };

@@ -1,5 +1,5 @@
-// Warnings of a result: what can be wrong with models, references and paths that are each fine alone: refused
-// where nothing sensible can come of them, else said as warnings, whole sentences.
+// Warnings about models, references and paths together. Each may be fine alone; combinations are refused
+// where nothing sensible can come of them, else warned of in whole sentences.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ namespace palpate::experiments {
 /// An Error for a model whose points are no surface.
 [[nodiscard]] Status check_surfaces(const scene::LoadedScene& scene);
 
-/// Of a prepared file: tiles that are damaged, and frames that the finest surface did not answer.
+/// Warnings about a prepared file: damaged tiles, and frames that the finest surface did not answer.
 [[nodiscard]] std::vector<std::string> warnings_about_tiles(const render::FrameCounters& counted);
 
 /// Models far apart, or of sizes that no scene has.

@@ -1,6 +1,6 @@
-// The generators' surfaces, each with a grid of points and patches for other samplings (random, scan lines,
-// and blue noise: random places with a least distance, over any density), and scanner defects: noise,
-// outliers, shuffled order. Internal to cloud.
+// Surfaces, samplings and scanner defects of the generators. A surface has a grid of points, and patches for
+// other samplings (random, scan lines, and blue noise: random places with a least distance, over any
+// density). Defects: noise, outliers, shuffled order. Internal to cloud.
 #pragma once
 
 #include <array>
@@ -75,7 +75,7 @@ struct Shape {
 
 enum class Sampling { kGrid, kRandom, kBlue, kLines, kScan };
 
-/// What the options of sampling say.
+/// Values of the options of sampling.
 struct SamplingOptions {
   Sampling way = Sampling::kGrid;
   double ratio = 8.0;     ///< lines: their distance over that of points along them

@@ -1,4 +1,4 @@
-// Disjoint sets (union-find) whose members know their orientation relative to their set.
+// Disjoint sets (union-find) with orientations. Members know their orientation relative to their set.
 #pragma once
 
 #include <algorithm>

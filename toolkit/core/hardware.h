@@ -1,5 +1,5 @@
-// What the machine may offer beyond the standard: eight-float vectors (AVX2) for arithmetic, and large pages
-// for large arrays with scattered reads.
+// Features of the machine: AVX2 vectors, large pages. Eight-float vectors serve arithmetic, large pages large
+// arrays with scattered reads.
 #pragma once
 
 #include <array>

@@ -19,7 +19,7 @@ namespace palpate::render {
 
 class UndoJournal;
 
-/// Points one call may infer; stretched links beyond it are mended when they are moved again.
+/// Points one call may infer; stretched links beyond it are repaired when they are moved again.
 inline constexpr std::size_t kMaxInferredPoints = 8;
 
 struct DeformCounters {
@@ -35,7 +35,7 @@ struct MovedPoint {
   Vec3 from_mm, to_mm;
 };
 
-/// Is told of every point that goes from one place to another, as soon as it has gone.
+/// Receives every point that goes from one place to another, as soon as it has gone.
 class MoveWatcher {
  public:
   virtual void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to) noexcept = 0;
@@ -57,9 +57,9 @@ class CallbackWatcher final : public MoveWatcher {
   Told told_;
 };
 
-/// What a deformer changes. Local coordinates, mm. Places below built() are the cloud's points, those from
-/// there to used() were inferred since, and go again in the opposite order. Nothing allocates but the
-/// constructor and reserve_records(); no other call throws.
+/// The state that a deformer changes. Local coordinates, mm. Places below built() are the cloud's points,
+/// those from there to used() were inferred since, and go again in the opposite order. Nothing allocates but
+/// the constructor and reserve_records(); no other call throws.
 class DeformedLocalDelaunay {
  public:
   /// `mesh` is this renderer's own, still with its order(), and gets room for the spare points; `tree`
@@ -81,7 +81,7 @@ class DeformedLocalDelaunay {
   [[nodiscard]] Vec3 initial_position(std::uint32_t place) const noexcept {
     return first_[place].at.cast<double>();
   }
-  /// How far apart points were there then: to the farthest of those around.
+  /// The distance of points there then: to the farthest of those around, mm.
   [[nodiscard]] double initial_resolution_mm(std::uint32_t place) const noexcept {
     return static_cast<double>(first_[place].longest_mm);
   }
@@ -100,7 +100,7 @@ class DeformedLocalDelaunay {
   }
 
   void set(std::uint32_t place, const Vec3f& to) noexcept { stars_.set(place, to); }
-  /// What follows the points that were moved: boxes, and new points where the surface is stretched.
+  /// Updates what depends on the moved points: boxes, and new points where the surface is stretched.
   void update_dependents(std::span<const MovedPoint> moved, UndoJournal& journal, DeformCounters& counters,
                          MoveWatcher& watcher) noexcept;
 
@@ -120,12 +120,12 @@ class DeformedLocalDelaunay {
   void finish_restoring() noexcept { stars_.refit_all(); }
 
   [[nodiscard]] std::size_t bytes() const noexcept;
-  /// What bytes() will be, and by how much mesh and tree will grow.
+  /// Bytes that bytes() will give, and by which mesh and tree will grow.
   [[nodiscard]] static std::size_t bytes_for(std::size_t points, std::size_t spare_points,
                                              std::size_t records) noexcept;
 
  private:
-  /// What the surface around a place was when it was built.
+  /// The surface around a place as it was built.
   struct First {
     Vec3f at = Vec3f::Zero();
     float mean_mm = 0.0f, longest_mm = 0.0f;  ///< of the edges there
@@ -155,7 +155,7 @@ class UndoJournal {
     recorded_.resize(points.most());
   }
 
-  /// What is changed from now on is undone together.
+  /// Changes from now on are undone together.
   void begin_stroke() noexcept {
     ++stroke_number_;
     // An empty stroke is used again.

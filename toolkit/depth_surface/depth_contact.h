@@ -1,10 +1,10 @@
 // The contact with surfaces that come and go: a god object on the newest one.
 //
 // Between images a surface goes on at the speed it came with: contact is a matter of the frame that drifts
-// with it, in which the HIP moves the other way. The felt god object moves as the HIP moves. What the
-// surface's god object moves beyond that, as when a new surface takes over, is carried: a vector from it to
-// where it was felt, which shrinks to nothing while one image passes. A surface that vanished leaves its
-// tangent plane, which lets go in kReleaseSeconds.
+// with it, in which the HIP moves the other way. The felt god object moves as the HIP moves. Further motion
+// of the surface's god object, as when a new surface takes over, is carried: a vector from it to where it was
+// felt, which shrinks to nothing while one image passes. A surface that vanished leaves its tangent plane,
+// which lets go in kReleaseSeconds.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// Finds the first sign change of a smooth function along a segment without stepping over one.
+// First sign change of a smooth function along a segment. None is stepped over.
 //
 // A function g with g'' >= -m cannot reach zero from t before the smallest root of g(t) + g'(t) s - m s^2 /
 // 2. Steps to that root are safe; they converge quadratically at a transverse crossing (one-sided Newton) and

@@ -198,7 +198,7 @@ Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const P
       return found;
     }
     bool done = false;
-    // A foot between cells leaves the first one at once.
+    // A position between cells leaves the first one at once.
     const bool first = from_sheet != nullptr && walk.t == 0.0;
     if (!first && skip_block(walk, t1, done)) {
       side = SheetSide::kAbove;
@@ -235,7 +235,7 @@ constexpr double kLastStep = 0x1p-20;
 /// A step shorter than this share of a cell is none.
 constexpr double kNoStep = 0x1p-40;
 
-/// Indexes the sets of walls that hold a foot from 0: 4 wall_s + wall_t + this.
+/// Indexes the sets of walls that hold a position from 0: 4 wall_s + wall_t + this.
 constexpr int kNoWalls = 5;
 
 /// A cell during a descent.

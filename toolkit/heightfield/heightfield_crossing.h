@@ -1,4 +1,4 @@
-// The bilinear surface over a height field's posts, as `heightfield` frames read it.
+// The bilinear surface over a height field's posts.
 //
 // Plan coordinates are in posts: cell (column, row) spans [column, column + 1] x [row, row + 1], and s, t in
 // [0, 1] locate a point inside it. Heights and distances are in mm.
@@ -154,7 +154,7 @@ struct Descent {
 };
 
 /// Moves `position` to the local minimum of the distance to `h` over the sheet, never increasing it: in a
-/// cell, a crease, on a post, or at the rim. `moves` counts down. The foot's cell must exist. Allocates
+/// cell, a crease, on a post, or at the rim. `moves` counts down. The position's cell must exist. Allocates
 /// nothing.
 Descent descend(const HeightFieldView& sheet, CellPosition& position, const PlanPoint& h,
                 int& moves) noexcept;

@@ -13,8 +13,8 @@
 namespace palpate::io {
 namespace {
 
-// What programs write where they have no height: the ends of the integer types, rows of nines, the largest
-// float (and whatever else no length is), and, of depth images, 0.
+// Numbers that programs write for no height: the ends of the integer types, rows of nines, the largest float
+// (and any other that is no length), and, in depth images, 0.
 bool is_customary(double number) noexcept {
   constexpr double kNoLength = 1e30;
   constexpr std::array<double, 12> kCustomary{0.0,     -32768.0,      32767.0,      -32767.0,

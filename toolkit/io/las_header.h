@@ -1,6 +1,6 @@
-// The header of a LAS or LAZ file (ASPRS, "LAS Specification" 1.0 to 1.4 R15) with the records behind it that
-// matter for positions: how points are compressed, and the coordinate system. Places and counts are held
-// against the file's size; what is only wrong beside the points becomes a warning.
+// The header of a LAS or LAZ file, with records. Source: ASPRS, "LAS Specification" 1.0 to 1.4 R15. The
+// records read are those that positions need: how points are compressed, and the coordinate system. Places
+// and counts are held against the file's size; what is only wrong beside the points becomes a warning.
 #pragma once
 
 #include <cstddef>

@@ -22,7 +22,7 @@ constexpr std::uint64_t kMostPointsPerByte = 1200;
 constexpr const char* kConvertRemedy =
     "compress it anew: laszip -i in.laz -o out.las, then laszip -i out.las";
 
-// What an item must be: its bytes (0: any), and the versions that are read.
+// Requirements on an item: its bytes (0: any), and the versions that are read.
 struct ItemRow {
   ItemType type;
   const char* name;

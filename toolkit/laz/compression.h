@@ -1,6 +1,6 @@
-// How the points of a LAZ file are compressed, and where its chunks stand: the record "laszip encoded" 22204
-// of its header (LASzip's specification) and the table behind its points. Nothing in either is believed:
-// counts and places are held against the record, the points and the file.
+// Compression of a LAZ file, and places of its chunks. Both come from the record "laszip encoded" 22204 of
+// its header (LASzip's specification) and the table behind its points. Nothing in either is believed: counts
+// and places are held against the record, the points and the file.
 #pragma once
 
 #include <cstddef>
@@ -42,10 +42,10 @@ struct Chunk {
 /// takes: two numbers of 32 bits, each behind a symbol of at most 15 bits.
 inline constexpr std::size_t kChunkTableStart = 8;
 inline constexpr std::size_t kMostTableBytesPerChunk = 2 * 6;
-/// What the coder writes behind the last number.
+/// Bytes that the coder writes behind the last number.
 inline constexpr std::size_t kChunkTableEnd = 8;
 
-/// How many chunks a table of `points` may have, between `first_chunk` and the table at `table_at`; from the
+/// Number of chunks of a table of `points`, between `first_chunk` and the table at `table_at`; from the
 /// table's first kChunkTableStart bytes.
 [[nodiscard]] Result<std::uint32_t> read_chunk_count(std::span<const std::byte> start, const Compression& how,
                                                      std::uint64_t first_chunk, std::uint64_t table_at);

@@ -123,7 +123,7 @@ void write_point14(const Point14& point, std::uint32_t channel, std::span<std::b
   out.u64(point.time);
 }
 
-// What a channel of the scanner learnt.
+// Models of a channel of the scanner.
 struct Point14Channel {
   static constexpr std::size_t kReturns = 16, kContextsOfClass = 64, kContextsOfFlags = 64,
                                kContextsOfUserData = 64, kIntensities = 8;
@@ -210,7 +210,7 @@ class Point14Item final : public LayeredItem {
   };
   enum NumberChange : std::uint32_t { kSameNumber, kOneMore, kOneLess, kOtherNumber };
 
-  // What differs from the last point, and the channel that it is of.
+  // Bits of what differs from the last point, and of its channel.
   std::uint32_t next_changes(ArithmeticDecoder& in) {
     Point14Channel& learnt = *channels_[channel_];
     const Point14& last = learnt.last;

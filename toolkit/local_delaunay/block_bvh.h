@@ -1,5 +1,5 @@
-// A bounding volume hierarchy over blocks of consecutive places, eight children a node, that finds a mesh's
-// triangles near a segment or box. Adapts to uneven spacing and any scale; about six bytes a point.
+// A bounding volume hierarchy over blocks of consecutive places. It finds a mesh's triangles near a segment
+// or box, with eight children a node. It adapts to uneven spacing and any scale; about six bytes a point.
 #pragma once
 
 #include <algorithm>

@@ -19,12 +19,12 @@ double solid_angle(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
   return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
 }
 
-/// Rounded operations from a HIP to its foot's height over a plane: the foot (unit normal, height, product,
-/// sum) and the height over another facet (differences, cross product).
+/// Rounded operations from a HIP to its projection's height over a plane: the projection (unit normal,
+/// height, product, sum) and the height over another facet (differences, cross product).
 constexpr int kProjectionOperations = 32;
 
-/// True if the left foot lies in this triangle's plane, to rounding, and they share a corner: among coplanar
-/// facets a foot on an edge may be attributed to either.
+/// True if the left closest point lies in this triangle's plane, to rounding, and they share a corner: among
+/// coplanar facets a closest point on an edge may be attributed to either.
 bool stands_in(const LocalDelaunayMesh& mesh, const SurfacePosition& left, const Vec3& h, std::uint32_t a,
                std::uint32_t b, std::uint32_t c) noexcept {
   const auto& place = left.facet.place;
@@ -168,7 +168,8 @@ bool MeshContact::cross(const Vec3& h, FacetFrame::Weights weights, ContactCount
     const FacetFrame next(at, mesh_->at(c), to, side_);
     weights = next.at(h);
     if (!(weights.height < 0.0)) break;
-    // The entered edge is between corners 0 and 2; beyond it again means that the foot is on the edge.
+    // The entered edge is between corners 0 and 2; beyond it again means that the closest point is on the
+    // edge.
     if (weights.corner[1] < 0.0) {
       feature = edge_feature(first);
       found = one && weights.corner[0] >= 0.0 && weights.corner[2] >= 0.0 &&

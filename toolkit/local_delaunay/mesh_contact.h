@@ -1,4 +1,4 @@
-// The contact state of one HIP with one local Delaunay mesh.
+// Contact of one HIP with one local Delaunay mesh.
 #pragma once
 
 #include <array>
@@ -66,7 +66,7 @@ inline constexpr std::size_t kPackedBlocks = 4;
 /// and the double rounding of coordinates.
 inline constexpr double kClearShare = 1.0 - 1e-6, kClearSlack = 16.0 * kUnitRoundoff;
 
-/// A foot is as exact as its coordinates, up to a few roundings.
+/// A closest point is as exact as its coordinates, up to a few roundings.
 inline constexpr double kOnSurface = 4.0 * kUnitRoundoff;
 
 /// Most sheets that hold a god object: three crossing ones leave no freedom for a fourth.
@@ -134,7 +134,8 @@ class MeshContact {
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] const Vec3& pull() const noexcept { return pull_; }
   [[nodiscard]] const Facet& facet() const noexcept { return position_.facet; }
-  /// The position's foot is of the last frame that crossed a facet's border; the god object is h + pull().
+  /// The position's closest point is of the last frame that crossed a facet's border; the god object is h +
+  /// pull().
   [[nodiscard]] const SurfacePosition& position() const noexcept { return position_; }
   /// 1: touched from outside, -1: from inside.
   [[nodiscard]] double side() const noexcept { return side_; }
@@ -171,9 +172,9 @@ class MeshContact {
     pull_ = pull;
     position_.closest = {h + pull, pull.squaredNorm(), feature};
   }
-  /// Walks over facets while the foot is beyond an edge. True at rest inside a facet or on an edge between
-  /// two. Crossing the only edge passed never increases the distance, because the next facet shares it; of
-  /// two it crosses the farther, and the result counts only if the distance did not grow.
+  /// Walks over facets while the projection is beyond an edge. True at rest inside a facet or on an edge
+  /// between two. Crossing the only edge passed never increases the distance, because the next facet shares
+  /// it; of two it crosses the farther, and the result counts only if the distance did not grow.
   bool cross(const Vec3& h, FacetFrame::Weights weights, ContactCounters& counters) noexcept;
   /// Prefetches around a place where the god object may go.
   void prefetch_around(std::uint32_t place) const noexcept { mesh_->prefetch_ring(place); }

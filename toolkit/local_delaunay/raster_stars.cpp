@@ -20,7 +20,7 @@ constexpr std::size_t kMaxRasterParts = 16384, kRasterPartsPerChunk = 256;
 
 constexpr std::size_t kRowsPerChunk = 16;
 
-/// What is done for a point: nothing, check agreement again, or make a new star.
+/// Work on a point: none, check agreement again, or make a new star.
 constexpr std::uint8_t kAsItIs = 0, kBeside = 1, kLaidOut = 2;
 
 /// The eight surrounding positions, from the next column by way of the next row.

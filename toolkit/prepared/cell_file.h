@@ -53,7 +53,7 @@ struct CellEntry {
 void write_cell_entry(ByteWriter& writer, const CellEntry& entry) noexcept;
 [[nodiscard]] CellEntry read_cell_entry(ByteReader& reader) noexcept;
 
-/// What the file says of itself.
+/// Statements of the file's head.
 struct CellFileInfo {
   std::uint64_t points = 0;
   std::uint64_t dropped = 0;  ///< points of the input that were not finite or too far away

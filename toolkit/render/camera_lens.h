@@ -1,5 +1,5 @@
 // Pixels and rays of a depth camera: the lens of Brown and Conrady, forwards in closed form and backwards by
-// iteration. What makes images and what reads them share it.
+// iteration. Writers and readers of images share it.
 #pragma once
 
 #include <Eigen/Core>

@@ -106,7 +106,7 @@ class FrameLoop {
     near_ = NearModels();
   }
   void add(std::unique_ptr<Model> model) { models_.push_back(std::move(model)); }
-  /// What decide_scene() needs to know about the models.
+  /// Traits of the models for decide_scene().
   static constexpr LocalModelTraits kKind{kBoxed, kMovesByItself, kForcesAddUp};
 
   /// Call after all models are added. Allocates.

@@ -33,7 +33,7 @@ Result<PluginTable> load_renderer(const std::filesystem::path& file) {
   return table;
 }
 
-/// What a plug-in's text says, or `otherwise`.
+/// A plug-in's text, or `otherwise` where it is empty.
 std::string text_or(const std::array<char, kPluginTextBytes>& text, const char* otherwise) {
   const std::string words(text.begin(), std::find(text.begin(), text.end(), '\0'));
   return words.empty() ? otherwise : words;
@@ -136,7 +136,7 @@ Frame PluginRenderer::step(const Vec3& hip_mm, double t_s) noexcept {
   table_->step(renderer_, hip_mm.data(), t_s, &answer);
   frame.contact = answer.contact != 0;
   if (!frame.contact) return frame;
-  // What is no number is passed on: who steps and who scores a renderer tell of it.
+  // Values that are no numbers are passed on: stepping and scoring report them.
   frame.force_n = limited(Vec3(answer.force_n[0], answer.force_n[1], answer.force_n[2]), force_limit_n_);
   frame.god_object_mm = {answer.god_object_mm[0], answer.god_object_mm[1], answer.god_object_mm[2]};
   frame.model = 0;

@@ -371,7 +371,7 @@ Status clean_model(const std::vector<NamedOptions>& steps, const Cleaning& clean
   return Done{};
 }
 
-/// Warns of doubts about the file or its unit.
+/// Adds warnings about the file or its unit.
 void add_input_warnings(const cloud::Cloud& cloud, Provenance& provenance) {
   // Smaller models can hardly be explored by a hand (a coin is 20 mm).
   constexpr double kTinyMm = 1.0;

@@ -78,7 +78,7 @@ std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shi
   return parallel_list<Family>(n, kPlacesPerChunk, threads, look);
 }
 
-/// Which siblings of an adjacent family touch this one, as ranges of begin[].
+/// Siblings of an adjacent family that touch this one, as ranges of begin[].
 struct Touching {
   std::array<std::array<std::uint8_t, 2>, 4> range{};
   std::size_t count = 0;

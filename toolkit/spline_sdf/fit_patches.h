@@ -1,6 +1,6 @@
-// Covers the points with quadrics as large as the data allows: a fit grows while its centre agrees with every
-// smaller fit within a number of standard errors (Lepski's rule). This averages noise over featureless
-// surface and keeps small features of clean points.
+// Fits quadrics as large as the data allows. A fit grows while its centre agrees with every smaller fit
+// within a number of standard errors (Lepski's rule). This averages noise over featureless surface and keeps
+// small features of clean points.
 #pragma once
 
 #include <array>

@@ -16,8 +16,8 @@ struct OrientedPieces {
   std::vector<std::uint32_t> group;  ///< the same number: turned together; a piece is in one group
 };
 
-/// How a surface is turned of which neither side is outside, so that its parts are turned alike: along the
-/// axis that it faces most.
+/// True if a surface without an outside must be flipped, so that its parts are oriented alike: along the axis
+/// that it faces most.
 [[nodiscard]] inline bool looks_down(const Vec3& area) noexcept {
   Eigen::Index axis = 0;
   area.cwiseAbs().maxCoeff(&axis);

@@ -28,14 +28,14 @@ constexpr float kOfFace = 0.3f, kSecondFace = 0.15f;
 /// Patches facing this far away from the strongest one are another sheet, such as a plate's far side or a
 /// groove's.
 constexpr float kOtherSheet = -0.2f;
-/// Newton steps to the foot on a quadric. Within the radius of curvature the third corrects less than a
-/// thousandth.
+/// Newton steps to the closest point on a quadric. Within the radius of curvature the third corrects less
+/// than a thousandth.
 constexpr int kClosestSteps = 3;
 /// Steps are no longer than at this determinant: beyond the centre of curvature no nearest place exists.
 constexpr float kMinDeterminant = 0.1f;
 /// Least spacing of coincident points, as a share of the cloud's.
 constexpr double kMinSpacing = 1e-3;
-/// A foot farther than this many times the place's distance, squared, is invalid.
+/// A closest point farther than this many times the place's distance, squared, is invalid.
 constexpr float kMaxClosestDistanceSq = 16.0f;
 /// First search radius for a nearest point, in spacings, and its growth.
 constexpr double kFirstSearch = 2.0, kWider = 1.6;
@@ -129,7 +129,7 @@ struct alignas(kLanesAlignment) FieldSums {
     const QuadricLanes& q = near.quadrics[s];
     QuadricClosest closest;
     find_closest(q, at, kClosestSteps, kMinDeterminant, closest);
-    // Without a foot the tangent plane gives the side.
+    // Without a closest point the tangent plane gives the side.
     const auto has_closest =
         closest.u * closest.u + closest.v * closest.v <
         kMaxClosestDistanceSq * (closest.a * closest.a + closest.b * closest.b + closest.h * closest.h);

@@ -59,7 +59,7 @@ struct alignas(kLanesAlignment) QuadricClosest {
 }
 
 /// Newton's method from the tangential coordinates, `steps` times. Beyond the centre of curvature, where the
-/// determinant falls below `least`, the foot is arbitrary and the distance may be NaN.
+/// determinant falls below `least`, the closest point is arbitrary and the distance may be NaN.
 [[gnu::always_inline]] inline void find_closest(const QuadricLanes& q, const NodePlaces& at, int steps,
                                                 float least, QuadricClosest& out) noexcept {
   const NodeLanes x = at.x - q.ax, y = at.y - q.ay, z = at.z - q.az;

@@ -1,4 +1,4 @@
-// Tests whether points surround a place or end there, by the widest empty angle, which is independent of
+// Tests whether points surround a place or end there. The widest empty angle decides, which is independent of
 // density.
 #pragma once
 
@@ -22,7 +22,7 @@ namespace palpate::render {
   return b < 0.0 ? 1.0 - turn : turn;
 }
 
-/// Which cells of a disc hold points: a square grid of up to 8 x 8, by the number of points.
+/// Cells of a disc that hold points: a square grid of up to 8 x 8, by the number of points.
 class DiscOccupancy {
  public:
   DiscOccupancy() = default;

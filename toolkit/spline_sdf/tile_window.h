@@ -1,5 +1,5 @@
-// The tiles of a large surface that are in memory, as frames see them. A loader thread fills places of the
-// arenas and says so through a ring; the frame's thread alone changes what can be found. Nothing waits.
+// Tiles of a large surface that are in memory. A loader thread fills places of the arenas and says so through
+// a ring; the frame's thread alone changes what can be found. Nothing waits.
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@ struct LoaderAim {
   int missing_count = 0;
 };
 
-/// What the loader tells a frame: a tile is at this group now, or shall be forgotten.
+/// Message of the loader to a frame: a tile is at this group now, or shall be forgotten.
 struct TileNews {
   std::uint32_t tile = 0;
   std::uint32_t root = 0;  ///< its group in the arena

@@ -22,7 +22,7 @@ inline constexpr std::string_view kOpenNiName = "openni", kOpenNiPrefix = "openn
 inline constexpr const char* kOpenNiModule = "palpate_openni.so";
 inline constexpr const char* kOpenNiEntry = "palpate_depth_plugin_entry";
 
-/// What the plug-in's entry, extern "C", returns the address of: see load_plugin().
+/// The struct whose address the plug-in's entry, extern "C", returns: see load_plugin().
 struct OpenNiPlugin {
   std::uint32_t abi = 0;   ///< kOpenNiAbi
   std::uint32_t size = 0;  ///< of this struct

@@ -1,4 +1,5 @@
-// Stock scenes for simulated cameras, a metre in front of them: sim:NAME[:option=value..].
+// Stock scenes for simulated cameras: sim:NAME[:option=value..]. The scenes stand a metre in front of the
+// camera.
 //
 //   wall          a plane
 //   moving-wall   a plane that swings along its normal
@@ -59,7 +60,7 @@ struct StockScene {
 inline constexpr const char* kSimulatedPrefix = "sim:";
 
 [[nodiscard]] std::vector<std::string> stock_scene_names();
-/// What may follow a scene's name.
+/// Options that may follow a scene's name.
 [[nodiscard]] std::vector<OptionSpec> stock_scene_options(const std::string& name);
 /// `spec` is "wall:noise_mm=1", with or without "sim:" before it.
 [[nodiscard]] Result<StockScene> stock_scene(const std::string& spec);

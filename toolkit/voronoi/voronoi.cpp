@@ -83,7 +83,7 @@ Links links_of(const Triangulation& triangulation, std::size_t count) {
   return links;
 }
 
-/// The places whose cells touch, for each place. May throw.
+/// The places whose cells touch, for each place. The call may throw.
 template <class At>
 Links touching(std::size_t count, const At& at) {
   std::vector<std::pair<Kernel::Point_3, std::uint32_t>> points;

@@ -1,5 +1,4 @@
-// Clocks for measuring phases and frames and for driving control loops and the servo. All use whole
-// nanoseconds, so nothing drifts.
+// Clocks for phases, frames, control loops and the servo. All use whole nanoseconds, so nothing drifts.
 //
 // First:
 //   palpate::MonotonicClock clock;  // VirtualClock in tests: it moves only when told to
