@@ -1,5 +1,5 @@
-// Connected pieces of a mesh, with their sides. Facet sides agree within a piece, which is touched from its
-// outside or from both.
+// Connected pieces of a mesh, with their sides. Facet sides agree within a piece, which is touched from one
+// side or both.
 #pragma once
 
 #include <cstddef>

@@ -116,9 +116,9 @@ Table ablate_table(const AblateDocument& document) {
 }
 
 Page ablate_page(const AblateDocument& document) {
-  Page page = begin_page("What the scene requires", document.head);
+  Page page = begin_page("Stages that the scene requires", document.head);
   add_known(page, Known{{}, document.warnings, document.notes});
-  HeadlineGroup group{"What each stage costs, and what is lost without it", {}};
+  HeadlineGroup group{"Cost of each stage, and loss without it", {}};
   for (std::size_t i = 1; i < document.rows.size(); ++i)
     group.lines.push_back(ablate_headline(document.rows[i], document.rows.front()));
   if (group.lines.empty())

@@ -57,7 +57,7 @@ Shares worst_shares(const std::vector<GoalRuns>& shapes, const std::string& labe
 
 Table phases_table(const GoalRuns& runs) {
   Table table;
-  table.title = "What is made before the first frame: " + runs.name;
+  table.title = "Preparation before the first frame: " + runs.name;
   table.columns = {"renderer", "ready after", "bytes a point", "phases"};
   for (const metrics::RendererResult& result : runs.results) {
     if (result.status != metrics::RunStatus::kOk || !result.prepare) continue;

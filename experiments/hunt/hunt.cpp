@@ -305,7 +305,7 @@ Result<int> hunt(const HuntArguments& arguments, Context& context) {
   PALPATE_ASSIGN(results.json, write_found(suite.folder(), quests, arguments.seed));
   Page page = begin_page("The worst that a random search found", new_head(context.command_line));
   add_known(page, {{}, results.faults, {}});
-  page.sections.push_back({"hunt", "What was found", {}, {}, results.tables, {}, {}});
+  page.sections.push_back({"hunt", "Findings", {}, {}, results.tables, {}, {}});
   PALPATE_TRY(suite.publish(results, page, arguments.json));
   for (const Quest& quest : quests)
     if (quest.faulty > 0) return kExitFellShort;

@@ -129,7 +129,7 @@ Chart kinds_of(const MachineRows& machine, const std::string& name) {
                       {row->setting, row->renderer, paid.value, paid.low(), paid.high(), error.value,
                        error.low(), error.high(), false}});
   }
-  return kinds_chart(name, "What accuracy costs: points, meshes, distance grids", "mean of all frames, µs",
+  return kinds_chart(name, "Cost of accuracy: points, meshes, distance grids", "mean of all frames, µs",
                      points);
 }
 

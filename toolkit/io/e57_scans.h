@@ -1,5 +1,5 @@
-// The scans of an E57 file, from its XML (ASTM E2807). A scan has a number of records, their fields, their
-// place in the file and the scanner's pose.
+// Scans of an E57 file, from its XML (ASTM E2807). A scan has a number of records, their fields, their place
+// in the file and the scanner's pose.
 #pragma once
 
 #include <cstdint>

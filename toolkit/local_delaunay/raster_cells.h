@@ -1,5 +1,5 @@
-// Points by row and column of a scan, and their cells. A cell has two triangles; some are doubtful. Internal
-// to local_delaunay.
+// Points of a scan by row and column, with cells. A cell has two triangles; some are doubtful. Internal to
+// local_delaunay.
 #pragma once
 
 #include <array>

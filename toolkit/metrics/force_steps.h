@@ -1,5 +1,5 @@
-// Steps of the force between ticks, as a hand feels them. Parts of them that the HIP's motion explains; the
-// touch threshold for vibrations through a stylus.
+// Steps of the force between ticks, as felt. Parts of them that the HIP's motion explains; the touch
+// threshold for vibrations through a stylus.
 #pragma once
 
 #include <cstdint>
