@@ -26,7 +26,7 @@ constexpr double kFollowBytes = 9.0;
 /// beyond them would make all cells larger.
 constexpr double kFarthestCells = 1 << 19;
 
-/// True if each point has radii of its own, by the spacing around it; tells `out`.
+/// True if each point has radii of its own, by the spacing around it; reports it to `out`.
 bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
                      render::ModelDecisions& out) {
   const std::string asked = options.text("radii");

@@ -1,6 +1,5 @@
-// The points of a surface of stars, moving: the triangles stay, but where an edge is stretched it gets a
-// point; the tree over the triangles follows. And what places were like before, stroke by stroke, so that
-// strokes can be taken back.
+// A local Delaunay surface whose points move. The triangles stay, but a stretched edge gets a point; the tree
+// over the triangles follows. A journal keeps former places stroke by stroke, so that strokes can be undone.
 #pragma once
 
 #include <array>
@@ -44,17 +43,17 @@ class MoveWatcher {
   ~MoveWatcher() = default;
 };
 
-/// told(place, from, to) as a watcher.
-template <class Told>
+/// A watcher that calls callback(place, from, to).
+template <class Callback>
 class CallbackWatcher final : public MoveWatcher {
  public:
-  explicit CallbackWatcher(Told told) : told_(told) {}
+  explicit CallbackWatcher(Callback callback) : callback_(callback) {}
   void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to) noexcept override {
-    told_(place, from, to);
+    callback_(place, from, to);
   }
 
  private:
-  Told told_;
+  Callback callback_;
 };
 
 /// The state that a deformer changes. Local coordinates, mm. Places below built() are the cloud's points,

@@ -29,7 +29,8 @@ inline constexpr std::size_t kMaxMovedPoints = 128;
 /// A dent bears where it is so many times as deep as its radius: its walls, 1.54 times as steep at their
 /// steepest by the profile (1 - r^2)^2, then stand at 57 degrees. Steeper ones fold.
 inline constexpr double kMaxDepthPerRadius = 1.0;
-/// And it is at least so many local resolutions wide: of fewer points it would be a spike, not a surface.
+/// A dent that bears is at least so many local resolutions wide: of fewer points it would be a spike, not a
+/// surface.
 inline constexpr double kMinRadiusResolutions = 1.0;
 
 /// Sizes of a deformer's arrays for so many points.

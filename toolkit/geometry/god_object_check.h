@@ -16,7 +16,7 @@ struct NearestSurface {
   bool known = false;
   double signed_distance = 0.0;  ///< of the HIP, positive outside
   Vec3 outward = Vec3::Zero();   ///< of that surface, unit
-  std::uint32_t piece = 0;       ///< closed piece it belongs to, from 1 on; 0: not told
+  std::uint32_t piece = 0;       ///< closed piece it belongs to, from 1 on; 0: unknown
 };
 
 enum class GodObjectVerdict : unsigned char {

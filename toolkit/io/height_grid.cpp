@@ -57,7 +57,7 @@ Result<PfmHeader> read_pfm_header(BufferedInput& in) {
       if (count == kPfmTokens) return bad_pfm_header("the header has more than four words", in);
       tokens[count++] = std::string(token);
     }
-    // A colour map is told at once: its header is otherwise the same.
+    // A colour map is recognised first: its header is otherwise the same.
     if (count > 0 && tokens[0] == "PF")
       return Error{"the file is a colour map, not a height map", "save one channel as 'Pf'", {}, 1};
     if (count > 0 && tokens[0] != "Pf") return bad_pfm_header("the file does not begin with 'Pf'", in);

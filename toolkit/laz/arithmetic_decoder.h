@@ -92,7 +92,7 @@ class ArithmeticDecoder {
   [[nodiscard]] bool bit(BitModel& model) noexcept;
   /// 1 to 32 bits that no model knows.
   [[nodiscard]] std::uint32_t bits(std::uint32_t count) noexcept;
-  /// True once more was asked for than the stream holds, or where it cannot begin so: it is damaged.
+  /// True once more was read than the stream holds, or if it cannot begin so: it is damaged.
   [[nodiscard]] bool damaged() const noexcept { return damaged_; }
 
  private:

@@ -73,7 +73,7 @@ struct GridPosition {
 /// from the last height at the same level below the pulse's last return.
 class PositionDecoder {
  public:
-  /// Steps are told apart by `kinds`; `height` stands for heights that have not come yet.
+  /// Steps differ by `kinds`; `height` stands for heights that have not come yet.
   PositionDecoder(std::size_t kinds, std::int32_t height);
 
   /// Moves `position` to the next point. `single`: its pulse has one return. `heights` null: they do not

@@ -141,7 +141,7 @@ Decision neighbours_decision(const cloud::Cloud& cloud, const PointModelOptions&
   return {"neighbours", decision.neighbours, "the order of the points says nothing about neighbours"};
 }
 
-/// Why a cell is larger than it was asked for.
+/// The reason why a cell is larger than requested.
 const char* fewer_cells(const PointModelOptions& options, const PointDecision& decision) {
   const double asked = options.cell_per_resolution * decision.resolution_mm;
   return decision.cell_mm > asked ? ", as far as a box reaches: a frame looks at no more of finer ones" : "";

@@ -262,7 +262,7 @@ class CorrectionRamp {
     active_ = left > step || wanted > most;
   }
 
-  /// So far from any HIP that the first frame's motion allows every pull.
+  /// A place so far from any HIP that the first frame's motion allows every pull.
   static constexpr double kNowhere = std::numeric_limits<double>::max();
 
   bool held_ = false, active_ = false;

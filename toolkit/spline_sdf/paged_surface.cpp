@@ -20,7 +20,7 @@ constexpr microseconds kPause{200};
 constexpr std::array<double, 3> kAheadFrames{25.0, 50.0, 100.0};
 /// Tiles loaded between two looks at the hand: some 5 ms of reading.
 constexpr int kLoadsPerPoll = 16;
-/// Tiles that are asked to leave at once.
+/// Tiles that are requested to leave at once.
 constexpr std::size_t kMostLeaving = TileWindow::kRing / 2;
 /// The wanted tiles fill this share of the memory; the rest lets old ones stay and new ones come.
 constexpr double kWantedShare = 0.6, kWantedLeast = 0.4;
@@ -152,7 +152,7 @@ bool PagedSurface::poll() {
 void PagedSurface::take_forgotten() {
   TileForgotten one;
   while (window_.forgotten.pop(one)) {
-    // A tile that was refused and then told to leave is answered twice; the second answer counts.
+    // A tile that was refused and then requested to leave is answered twice; the second answer counts.
     const bool leaving = state_[one.tile] == State::kLeaving;
     if (state_[one.tile] == State::kAbsent || (leaving && one.why == TileForgotten::Why::kRefused)) continue;
     if (leaving) --leaving_;

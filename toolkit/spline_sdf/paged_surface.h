@@ -43,7 +43,7 @@ class PagedSurface {
   /// Whether the memory is locked: else a page may have been swapped out.
   [[nodiscard]] bool locked() const noexcept { return locked_; }
 
-  /// Before a frame: takes news and tells the loader where the hand is, voxels. `held`: null when free.
+  /// Before a frame: takes messages and gives the loader the hand's place, voxels. `held`: null when free.
   /// Bounded, wait-free.
   void begin_frame(const Vec3& hip, const HeldBrick* held) noexcept;
   /// Whether a look-up since the last call missed a tile of the file.

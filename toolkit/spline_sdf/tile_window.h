@@ -16,7 +16,7 @@
 
 namespace palpate::render {
 
-/// Tiles of which a frame is told, at most; the rest is told to the next ones.
+/// Tiles reported to a frame, at most; later frames get the rest.
 inline constexpr int kNewsPerFrame = 4;
 /// Tiles that a frame misses by name; a frame that misses more asks again.
 inline constexpr int kNamedMissing = 16;
