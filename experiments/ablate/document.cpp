@@ -26,7 +26,7 @@ std::optional<double> saved(const std::optional<T>& whole, const std::optional<T
   return static_cast<double>(*whole) - static_cast<double>(*rest);
 }
 
-/// What follows from a row and the whole scene's.
+/// Conclusions from a row and the whole scene's.
 DocumentJson conclusions_of(const AblateRow& row, const AblateRow& whole) {
   return {{"stage", text_or_null(row.stage)},
           {"status", row.reason.empty() ? "ok" : "failed"},

@@ -103,7 +103,7 @@ Result<int> run_compare(const CompareArguments& arguments, Context& context) {
   };
   PALPATE_ASSIGN(const int status, run_study(run, context, finish));
   if (status != kExitOk || !context.cases.all()) return status;
-  // What one renderer answers now, beside what it answered when it was recorded.
+  // Compares one renderer's answers now with its recorded ones.
   if (recorded && run.stream.empty() && !run.renderers.empty() &&
       run.renderers.find(',') == std::string::npos)
     against = std::max(against, check_recording(run, path, context));

@@ -42,8 +42,8 @@ bool is_there(const std::string& file) {
   return file.empty() || std::filesystem::exists(file, code);
 }
 
-/// The renderers, one after the other. What is finished is kept at once, and result.json says at every moment
-/// what is not.
+/// The renderers, one after the other. Finished results are kept at once, and result.json names the open ones
+/// at every moment.
 class OneByOne {
  public:
   OneByOne(StagedStudy& study, const std::vector<RendererRequest>& requests, const render::Registry& registry,

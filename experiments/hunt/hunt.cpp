@@ -174,7 +174,7 @@ class Hunt {
   [[nodiscard]] double seconds_of_each() const {
     return arguments_.minutes * kSecondsAMinute / static_cast<double>(quests_.size());
   }
-  /// How much of its trials or time the quest has had.
+  /// Share of its trials or time that the quest has had.
   [[nodiscard]] double share(std::size_t q) const {
     if (arguments_.trials == 0) return quests_[q].spent_s / seconds_of_each();
     return trials_of(q) == 0 ? 1.0

@@ -1,4 +1,4 @@
-// A trial's input as JSON, for what is kept of a hunt.
+// A trial's input as JSON, for a hunt's files.
 #pragma once
 
 #include "experiments/driver/json_members.h"

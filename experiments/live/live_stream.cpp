@@ -19,7 +19,8 @@ constexpr double kStreamNsPerMs = 1e6, kStreamMsPerS = 1e3, kStreamSPerNs = 1e-9
 // A thread that waits for an arrival looks this often whether the session ends: a twentieth of the time that
 // an image at 30 Hz may take until it is felt.
 constexpr std::chrono::microseconds kArrivalNap{500};
-// What takes over this share of a period to be read would gain less time by being left out than it took.
+// An image that takes over this share of a period to be read would gain less time by being left out than it
+// took.
 constexpr double kSlowToRead = 0.5;
 // Files that give nothing but errors for so long are at their end.
 constexpr std::uint64_t kMostUnreadableLive = 10'000;
@@ -107,7 +108,7 @@ double LiveStream::now_s() const {
          static_cast<double>(monotonic_ns() - tick_ns_.load(std::memory_order_relaxed)) * kStreamSPerNs;
 }
 
-/// What goes wrong here, such as memory that ends, must not end the session with a hand on the device.
+/// Errors here, such as exhausted memory, must not end the session with a hand on the device.
 void LiveStream::run() {
   try {
     while (!ending_.load(std::memory_order_acquire)) {

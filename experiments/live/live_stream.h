@@ -68,7 +68,7 @@ class LiveStream final : public device::TickObserver {
 
   /// Servo thread.
   void took(const device::Tick& tick) noexcept override;
-  /// The session's worker. What is to be said of the stream, if anything new.
+  /// The session's worker. News of the stream, if any.
   [[nodiscard]] std::string work();
   /// After end().
   [[nodiscard]] LiveStreamFacts facts() const;

@@ -63,7 +63,7 @@ Status check_use(const BlindedArguments& arguments, const ObserverSpec& observer
   return Done{};
 }
 
-/// What the folder holds of the study: trials.csv is the suite's record, the present session's included once
+/// Files of the study in the folder: trials.csv is the suite's record, the present session's included once
 /// over.
 struct Held {
   std::vector<Row> rows{};

@@ -44,7 +44,7 @@ py::tuple read_trace(const py::object& file) {
       [name = py::str(file).cast<std::string>()](Progress&) { return trace::read_trace_csv(name); }));
 }
 
-/// What another process makes the same object of.
+/// Data from which another process makes the same object.
 py::tuple copies_of(const py::object& self, std::initializer_list<const char*> members) {
   py::list all;
   for (const char* const member : members) {

@@ -1,4 +1,4 @@
-// What is drawn of a study. Series are thinned to what a page can show; the traces beside hold everything.
+// Figures of a study. Series are thinned to what a page can show; the traces beside hold everything.
 #include "experiments/report/figures.h"
 
 #include <fmt/format.h>

@@ -18,7 +18,7 @@ struct Figure {
   bool wide = false;  ///< takes the whole width
 };
 
-/// How a line is drawn.
+/// Style of a line.
 struct Look {
   std::string colour;
   std::string dash;  ///< of gnuplot's `dt`; empty: solid
@@ -44,7 +44,7 @@ struct Series {
   std::vector<Bars> bars{};
 };
 
-/// What gnuplot is told about a chart.
+/// Description of a chart for gnuplot.
 struct Chart {
   std::string name, title, caption;
   std::string x_label, y_label;

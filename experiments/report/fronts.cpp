@@ -51,7 +51,7 @@ constexpr KindLook kKindLooks[] = {
     {Kind::kHeights, "height fields: best of", "other height fields", "#555555", "#cccccc", "(1,1)"},
 };
 
-/// What nothing of its kind beats in both numbers, the most accurate first.
+/// Settings that nothing of their kind beats in both numbers, the most accurate first.
 std::vector<FrontPoint> front_of(std::vector<FrontPoint> points) {
   for (FrontPoint& point : points)
     point.on_front = std::none_of(points.begin(), points.end(), [&](const FrontPoint& other) {

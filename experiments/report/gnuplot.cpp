@@ -251,7 +251,7 @@ const std::map<std::string, Look>& known_looks() {
   return kKnown;
 }
 
-/// What is left for other labels: the colours in dashes that no known renderer has.
+/// Styles left for other labels: the colours in dashes that no known renderer has.
 const std::vector<Look>& other_looks() {
   static const std::vector<Look> kOthers = [] {
     std::vector<Look> all;

@@ -21,7 +21,7 @@ enum class Better { kLower, kHigher, kNeither };
 constexpr double kNsPerUs = 1e3, kPercent = 100.0;
 constexpr double kDegPerRad = 57.295779513082320877;  // 180 / pi
 
-/// Which of `values` is the best of a row; nothing where nobody is.
+/// Index of the best of `values` in a row; nothing where none is.
 std::optional<std::size_t> best_of(const std::vector<Value>& values, const metrics::ResultDocument& document,
                                    Better better, const Ranks& ranks) {
   std::optional<std::size_t> best;
@@ -61,7 +61,7 @@ class Scores {
     }
     if (std::none_of(values.begin(), values.end(), [](const Value& v) { return v.has_value(); })) return;
     std::vector<Cell> row = score_row(std::move(name), values, show);
-    // What reads the same is as good; where all are, nobody is marked.
+    // Values that read the same are as good; where all are, none is marked.
     const std::optional<std::size_t> best = best_of(values, document_, better, ranks);
     const auto is_best = [&](std::size_t i) {
       if (!best || !values[i] || !ranks(document_.renderers[i])) return false;

@@ -170,7 +170,7 @@ Result<trace::ProbePath> open_path(const std::string& argument, const paths::Pat
 namespace {
 
 constexpr std::uint64_t kBytesASample = sizeof(double) + sizeof(Vec3);
-// What a place that is let go at is before the first step, where nothing is before it: a frame at 1 kHz.
+// Time from a release before the first step to that step, where nothing is before it: a frame at 1 kHz.
 constexpr double kBeforeS = 1e-3;
 
 class WayOfCalls {

@@ -192,7 +192,7 @@ std::vector<std::string> warnings_about_alignment(const Stage& stage) {
 
 namespace {
 
-/// How much of the contact depends on the way that was taken.
+/// Share of the contact that depends on the way taken.
 std::vector<std::string> remarks_on_history(const StagedStudy& study) {
   if (!study.stage.reference || !study.stage.reference->compared) return {};
   std::size_t undecided = 0, contact = 0;
@@ -261,7 +261,7 @@ namespace {
 
 constexpr std::size_t kShownStretches = 3;
 
-/// Who is apart in a frame.
+/// Renderers apart from the others in a frame.
 enum Apart : int { kAgree = -2, kNobodyAlone = -1 };  // else the number of the run that stands alone
 
 struct Stretch {

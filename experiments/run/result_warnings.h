@@ -30,7 +30,7 @@ namespace palpate::experiments {
 /// A truth from another file that the points do not lie on.
 [[nodiscard]] std::vector<std::string> warnings_about_alignment(const Stage& stage);
 
-/// What a truth that is the model's own faces says of renderers that stand on the very same; no warning.
+/// Remarks on renderers that stand on the same faces as the truth; no warning.
 [[nodiscard]] std::vector<std::string> remarks_on_reference(const StagedStudy& study);
 
 /// A path that never touches, with its nearest approach; renderers that feel nothing where others do.

@@ -94,7 +94,7 @@ Result<std::optional<cloud::Cloud>> corners_of_truth(const render::ModelInput& t
   return std::optional<cloud::Cloud>(std::move(corners));
 }
 
-/// Which reference `choice` means for this scene, or an Error where it cannot be had.
+/// The reference that `choice` means for this scene, or an Error where it cannot be had.
 Result<ReferenceChoice> resolve(ReferenceChoice choice, const scene::LoadedScene& loaded,
                                 std::vector<std::string>& notes) {
   const render::SceneInput& scene = loaded.input;

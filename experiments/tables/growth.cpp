@@ -1,4 +1,4 @@
-// What the thesis calls "largely insensitive" to the number of points (section 3.6.2), measured.
+// Growth with the number of points, measured: "largely insensitive" in the thesis (section 3.6.2).
 #include <fmt/format.h>
 
 #include "experiments/tables/reproduction.h"
@@ -110,7 +110,7 @@ Chart growth_chart(const std::vector<GrowthRow>& rows, const char* name, const c
   return chart;
 }
 
-/// What grows how often from the first size to the last, in words, and as a line of the first page.
+/// Growth from the first size to the last, in words, and as a line of the first page.
 void conclude_growth(const Manifest& manifest, const std::vector<GrowthRow>& rows, bool quick,
                      Section& section, std::vector<Answer>& answers) {
   if (rows.size() < 2) return;
