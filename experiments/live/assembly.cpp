@@ -82,19 +82,19 @@ constexpr double kTryEveryS = 0.5;
 constexpr double kSettledAfterS = 1.0;
 
 /// A thread that polls until this object is destroyed, which joins it.
-class LookingThread {
+class PollingThread {
  public:
-  template <class Look>
-  explicit LookingThread(Look look)
-      : thread_([this, look = std::move(look)] {
+  template <class Poll>
+  explicit PollingThread(Poll poll)
+      : thread_([this, poll = std::move(poll)] {
           while (!ending_.load(std::memory_order_acquire)) {
-            look();
+            poll();
             std::this_thread::sleep_for(kLookEvery);
           }
         }) {}
-  LookingThread(const LookingThread&) = delete;
-  LookingThread& operator=(const LookingThread&) = delete;
-  ~LookingThread() {
+  PollingThread(const PollingThread&) = delete;
+  PollingThread& operator=(const PollingThread&) = delete;
+  ~PollingThread() {
     ending_.store(true, std::memory_order_release);
     thread_.join();
   }
@@ -164,7 +164,7 @@ bool Assembly::request_rearm() noexcept {
 void Assembly::mark(const std::string& text) {
   const double t_s = now_s();
   {
-    const std::lock_guard lock(said_mutex_);
+    const std::lock_guard lock(reports_mutex_);
     marks_.push_back({t_s, text});
   }
   // The recording counts write errors itself.
@@ -172,14 +172,14 @@ void Assembly::mark(const std::string& text) {
 }
 
 void Assembly::announce(std::string sentence) {
-  const std::lock_guard lock(said_mutex_);
+  const std::lock_guard lock(reports_mutex_);
   reports_.push_back(std::move(sentence));
 }
 
 void Assembly::show_reports(ProgressBar& progress) {
   std::vector<std::string> sentences;
   {
-    const std::lock_guard lock(said_mutex_);
+    const std::lock_guard lock(reports_mutex_);
     sentences.swap(reports_);
   }
   if (sentences.empty()) return;
@@ -215,10 +215,10 @@ void Assembly::work(SessionTasks& tasks, double now_s) {
 /// Tells the person at the device what to do.
 void Assembly::prompt() {
   const device::Fault fault = watch_.fault();
-  if (fault != fault_said_ && fault != device::Fault::kNone)
+  if (fault != fault_reported_ && fault != device::Fault::kNone)
     announce(
         fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
-  fault_said_ = fault;
+  fault_reported_ = fault;
   if (std::optional<std::string> news = homing_.news()) announce(*std::move(news));
 }
 
@@ -233,7 +233,7 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
   end.replugged = device_.device().times_back();
   end.faulted = watch_.fault() != device::Fault::kNone;
   end.settled_bytes = settled_bytes_ != 0 ? settled_bytes_ : resident_bytes();
-  const std::lock_guard lock(said_mutex_);
+  const std::lock_guard lock(reports_mutex_);
   end.marks = marks_;
   return end;
 }
@@ -298,8 +298,8 @@ void Assembly::show_going_on(ProgressBar& progress) {
                   -1.0);
 }
 
-void Assembly::look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread,
-                            ProgressBar& progress) {
+void Assembly::poll_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread,
+                         ProgressBar& progress) {
   Keys keys;
   while (thread.running() && now_s() < until_s && !stopping_.load(std::memory_order_acquire)) {
     std::this_thread::sleep_for(kLookEvery);
@@ -334,8 +334,8 @@ Result<SessionEnd> Assembly::run_real(SessionTasks& tasks, ProgressBar& progress
   begun_ns_ = clock_.clock().now_ns();  // opening time does not count
   note_scheduling(thread->mode().text());
   {
-    const LookingThread worker([&] { work(tasks, now_s()); });
-    look_at_keys(tasks, settings_.seconds, *thread, progress);
+    const PollingThread worker([&] { work(tasks, now_s()); });
+    poll_keys(tasks, settings_.seconds, *thread, progress);
     tasks.ending();
     // Stops the force before waiting for the worker, which may be preparing a renderer.
     thread->stop();

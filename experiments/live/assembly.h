@@ -164,7 +164,7 @@ class Assembly {
  private:
   [[nodiscard]] Result<SessionEnd> run_fast(SessionTasks& tasks, ProgressBar& progress);
   [[nodiscard]] Result<SessionEnd> run_real(SessionTasks& tasks, ProgressBar& progress);
-  void look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread, ProgressBar& progress);
+  void poll_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread, ProgressBar& progress);
   void work(SessionTasks& tasks, double now_s);
   /// Measures the session's memory once, after it has settled.
   void note_settled();
@@ -190,11 +190,11 @@ class Assembly {
   double next_try_s_ = 0.0;
   std::string not_open_;  // why reopening failed; empty: present
   // Used by the main thread only.
-  device::Fault fault_said_ = device::Fault::kNone;
+  device::Fault fault_reported_ = device::Fault::kNone;
   std::uint64_t settled_bytes_ = 0;
   HomingTeller homing_;
   double force_full_n_ = 0.0;  // full scale of the shown force
-  std::mutex said_mutex_;
+  std::mutex reports_mutex_;
   std::vector<std::string> reports_;
   std::vector<SessionMark> marks_;
 };

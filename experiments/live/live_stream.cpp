@@ -203,7 +203,7 @@ std::string LiveStream::work() {
     return {};
   }
   if (ended_.load(std::memory_order_acquire))
-    return std::exchange(end_said_, true)
+    return std::exchange(end_reported_, true)
                ? std::string()
                : fmt::format("the stream has ended{}: its last surface stays under the hand", why_ended_);
   const double still_s = now_s() - given_s_.load(std::memory_order_relaxed);

@@ -104,7 +104,7 @@ class LiveStream final : public device::TickObserver {
   LiveStreamFacts facts_;
   device::DurationHistogram window_, whole_, light_;
   // Used by the worker.
-  bool silent_ = false, end_said_ = false;
+  bool silent_ = false, end_reported_ = false;
   std::uint64_t silences_ = 0;
   std::thread thread_;
 };

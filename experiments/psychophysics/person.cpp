@@ -166,9 +166,9 @@ class PersonTasks final : public SessionTasks {
   Trial trial_;
   double level_ = 0.0;
   std::unique_ptr<render::HapticRenderer> offered_;
-  std::uint32_t interval_said_ = 0;
-  Passage passage_said_ = Passage::kIdle;
-  double said_s_ = 0.0, asked_s_ = 0.0;
+  std::uint32_t interval_announced_ = 0;
+  Passage passage_announced_ = Passage::kIdle;
+  double announced_s_ = 0.0, asked_s_ = 0.0;
   FeltTrial felt_;
   bool ended_ = false;
   Error failed_{};
@@ -224,11 +224,11 @@ Status PersonTasks::prepare() {
 
 void PersonTasks::begin(double now_s) {
   if (!rig_.conductor().calm()) {
-    if (now_s - said_s_ > kAskAgainS) announce("lift off, please"), said_s_ = now_s;
+    if (now_s - announced_s_ > kAskAgainS) announce("lift off, please"), announced_s_ = now_s;
     return;
   }
-  interval_said_ = 0;
-  passage_said_ = Passage::kIdle;
+  interval_announced_ = 0;
+  passage_announced_ = Passage::kIdle;
   rig_.conductor().begin(bench_.passes(trial_));
   mark("begins", static_cast<double>(clock_.now_ns()) / kServoNsPerS);
   step_ = Step::kFelt;
@@ -239,16 +239,16 @@ Status PersonTasks::follow(double now_s) {
   Conductor& conductor = rig_.conductor();
   const Passage passage = conductor.passage();
   const std::uint32_t interval = conductor.interval();
-  if (interval != interval_said_) {
-    interval_said_ = interval;
+  if (interval != interval_announced_) {
+    interval_announced_ = interval;
     mark(fmt::format("interval {}", interval), conductor.since_s());
     announce(fmt::format("trial {}: touch {} of {}", trial_.number, interval, trial_.shown.size()));
   }
-  if (passage == Passage::kLeaving && (passage_said_ != passage || now_s - said_s_ > kAskAgainS)) {
+  if (passage == Passage::kLeaving && (passage_announced_ != passage || now_s - announced_s_ > kAskAgainS)) {
     announce("lift off");
-    said_s_ = now_s;
+    announced_s_ = now_s;
   }
-  passage_said_ = passage;
+  passage_announced_ = passage;
   if (passage == Passage::kStuck)
     return Error{"a renderer of this plan cannot be felt any more: it took too long, or answered no number",
                  "look at it with `palpate live`; the same command goes on from here", plan_.name};

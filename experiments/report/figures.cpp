@@ -36,10 +36,10 @@ Chart begin(const std::string& prefix, const std::string& name, std::string titl
 std::vector<Series> series_of(const Study& study) {
   std::vector<std::string> labels;
   for (const metrics::RendererResult& r : study.document.renderers) labels.push_back(r.label);
-  const std::vector<Look> looks = looks_of(labels);
+  const std::vector<LineStyle> styles = line_styles_of(labels);
   std::vector<Series> all;
   for (std::size_t i = 0; i < labels.size(); ++i)
-    all.push_back({labels[i], looks[i].colour, {}, {}, looks[i].dash});
+    all.push_back({labels[i], styles[i].colour, {}, {}, styles[i].dash});
   return all;
 }
 

@@ -19,7 +19,7 @@ struct Figure {
 };
 
 /// Style of a line.
-struct Look {
+struct LineStyle {
   std::string colour;
   std::string dash;  ///< of gnuplot's `dt`; empty: solid
 };
@@ -27,7 +27,7 @@ struct Look {
 /// and a few more), then the same in dashes. It is chosen by the label, whatever the order and whoever else
 /// is there (but for two labels that would share one: the later in the alphabet takes the next). The truth is
 /// grey and not among them.
-[[nodiscard]] std::vector<Look> looks_of(const std::vector<std::string>& labels);
+[[nodiscard]] std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels);
 
 /// One line of a chart.
 struct Series {

@@ -11,7 +11,7 @@ namespace palpate {
 
 /// Up to 2^31 members, 4 bytes each. The lowest member of a set is its root, so results do not depend on the
 /// order of joining. Amortised O(log n) a call. Calls of several threads may not meet in one set, but for
-/// look().
+/// root_of().
 class OrientedDisjointSets {
  public:
   struct Root {
@@ -38,7 +38,7 @@ class OrientedDisjointSets {
     }
   }
   /// The same without writing.
-  [[nodiscard]] Root look(std::uint32_t i) const noexcept {
+  [[nodiscard]] Root root_of(std::uint32_t i) const noexcept {
     std::uint32_t flipped = 0;
     for (std::uint32_t link = link_[i]; link >> 1 != i; link = link_[i]) {
       flipped ^= link & 1u;

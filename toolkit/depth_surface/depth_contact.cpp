@@ -149,11 +149,11 @@ void DepthContact::enter(const DepthSheets& sheets, const Vec3& hip, FrameCounte
   const Vec3 a = sheets.to_camera(last_), b = sheets.to_camera(hip);
   const DepthPlace from = sheets.place(a), to = sheets.place(b);
   const double pixels = std::max(std::abs(to.u - from.u), std::abs(to.v - from.v));
-  const int looks =
-      pixels < kMaxDepthLooks ? std::max(1, static_cast<int>(std::ceil(pixels))) : kMaxDepthLooks;
-  for (int k = 1; k <= looks; ++k) {
+  const int samples =
+      pixels < kMaxDepthSamples ? std::max(1, static_cast<int>(std::ceil(pixels))) : kMaxDepthSamples;
+  for (int k = 1; k <= samples; ++k) {
     ++counters.cells_visited;
-    if (cross(sheets, a + (b - a) * (static_cast<double>(k) / looks), std::max(1.0, pixels / looks), 0.0))
+    if (cross(sheets, a + (b - a) * (static_cast<double>(k) / samples), std::max(1.0, pixels / samples), 0.0))
       return;
   }
 }

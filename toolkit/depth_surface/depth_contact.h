@@ -20,7 +20,7 @@ namespace palpate::render {
 /// surface's radius each leaves a third of the error: 12 leave 2e-6.
 inline constexpr int kMaxDepthMoves = 12;
 /// Looks along the HIP's way in a frame; a pixel's step each up to 60 m/s at 1 m and 500 pixels focal length.
-inline constexpr int kMaxDepthLooks = 32;
+inline constexpr int kMaxDepthSamples = 32;
 /// Short beside a hand's reaction (150 ms), long beside a step that is felt (a few ms).
 inline constexpr double kReleaseSeconds = 0.05;
 /// A swap changes the force no faster than this, and what it says of the surface's speed by half as much.

@@ -61,14 +61,14 @@ inline constexpr int kSegmentSamples = 8;
 }
 
 /// Decides the correction from the surface `at` around the HIP. Before any correction it samples the way from
-/// the held place with `look(place)`: if the way leaves a plate's far side and meets another surface beyond,
+/// the held place with `query(place)`: if the way leaves a plate's far side and meets another surface beyond,
 /// the plate holds. `followed`: from follow_outward(), or `held_outward`. `spacing`: of the points around, in
 /// the unit of lengths. `much_nearer`: one of the two shares above.
-template <class Look>
+template <class Query>
 [[nodiscard]] GodObjectVerdict check_god_object(const NearestSurface& at, const Vec3& hip, const Vec3& held,
                                                 const Vec3& held_outward, const Vec3& followed,
                                                 double spacing, double much_nearer,
-                                                const Look& look) noexcept {
+                                                const Query& query) noexcept {
   const double far = (hip - held).norm();
   if (!(far > kAdjacentSpacings * spacing)) return GodObjectVerdict::kKeep;
   if (!at.known || std::abs(at.signed_distance) > much_nearer * far) return GodObjectVerdict::kKeep;
@@ -97,7 +97,7 @@ template <class Look>
   };
   for (int k = 1; k < kSegmentSamples; ++k) {
     const NearestSurface along_segment =
-        look(held + (hip - held) * (static_cast<double>(k) / kSegmentSamples));
+        query(held + (hip - held) * (static_cast<double>(k) / kSegmentSamples));
     if (!along_segment.known) continue;
     if (is_within_last(along_segment, k)) return GodObjectVerdict::kKeep;
     if (!(along_segment.signed_distance > out)) continue;

@@ -174,7 +174,7 @@ SheetSide side_of(const HeightFieldView& sheet, const PlanPoint& p) noexcept {
 }
 
 Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const PlanPoint& b, SheetSide side,
-                       const CellPosition* from_sheet, int& looks) noexcept {
+                       const CellPosition* from_sheet, int& tests_left) noexcept {
   Crossing found;
   found.reached = b;
   double t0 = 0.0, t1 = 1.0;
@@ -191,7 +191,7 @@ Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const P
     walk.row = from_sheet->row;
   }
   while (true) {
-    if (looks-- <= 0) {
+    if (tests_left-- <= 0) {
       found.cut = true;
       found.reached = walk.point(walk.t);
       found.side = side;

@@ -136,9 +136,9 @@ struct Crossing {
 
 /// Tests a -> b for the first crossing from above to below. `side` is that of `a`; a HIP known to be above is
 /// never lost to rounding. With `from_sheet`, `a` is the sheet's point at `*from_sheet` and the segment
-/// leaves upwards. `looks` counts down. Allocates nothing.
+/// leaves upwards. `tests_left` counts down. Allocates nothing.
 Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const PlanPoint& b, SheetSide side,
-                       const CellPosition* from_sheet, int& looks) noexcept;
+                       const CellPosition* from_sheet, int& tests_left) noexcept;
 
 /// The side of a place without history: above, under or nowhere.
 SheetSide side_of(const HeightFieldView& sheet, const PlanPoint& p) noexcept;

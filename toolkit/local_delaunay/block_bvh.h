@@ -63,7 +63,7 @@ class BlockBvh {
     std::array<std::uint32_t, kMaxLevels> node{};
     std::size_t level = levels_.size() - 1;
     const std::size_t top = level;
-    std::uint32_t looked = 1;
+    std::uint32_t visited = 1;
     left[level] = levels_[level][0].meets(query);
     for (;;) {
       if (left[level] == 0) {
@@ -77,7 +77,7 @@ class BlockBvh {
         if (!visit(index, levels_[0][node[0]], child)) return false;
         continue;
       }
-      if (++looked > most) return false;
+      if (++visited > most) return false;
       --level;
       node[level] = index;
       left[level] = levels_[level][index].meets(query);

@@ -61,7 +61,7 @@ bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counte
   if (!(far > geometry::kAdjacentSpacings * edge)) return true;
   SurfacePosition near;
   double near_side = side_;
-  const auto look = [&](const Vec3& at) noexcept -> geometry::NearestSurface {
+  const auto query = [&](const Vec3& at) noexcept -> geometry::NearestSurface {
     if (!find_around(at, geometry::kMuchNearerShare * far, counters, near)) return {};
     const std::uint32_t place = near.facet.place[0];
     const bool closed = mesh_->is_closed(place);
@@ -74,12 +74,12 @@ bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counte
             closed ? mesh_->closed_component(place) + 1 : 0};
   };
   const Vec3 outward = pull_ / far;
-  switch (geometry::check_god_object(look(h), h, h + pull_, outward, outward, edge,
-                                     geometry::kMuchNearerShare, look)) {
+  switch (geometry::check_god_object(query(h), h, h + pull_, outward, outward, edge,
+                                     geometry::kMuchNearerShare, query)) {
     case geometry::GodObjectVerdict::kKeep:
       return true;
     case geometry::GodObjectVerdict::kMove:
-      if (!look(h).known || near.facet.place == position_.facet.place) return true;
+      if (!query(h).known || near.facet.place == position_.facet.place) return true;
       side_ = near_side;
       others_count_ = 0;
       move_to(near.facet, near.closest, h);

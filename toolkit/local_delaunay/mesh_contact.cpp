@@ -264,7 +264,7 @@ bool MeshContact::find_blocks_near(const Vec3& at, const Vec3& step, ContactCoun
   if (tree_->is_none()) return false;  // without a tree no block is remembered: every look is complete
   const double reach = kStepsAhead * step.cwiseAbs().maxCoeff();
   if (!find_blocks(at + kStepsBefore * step, reach, kMaxNodes)) return false;
-  for (int look = 0; look < kFartherLooks && near_count_ == 0; ++look) {
+  for (int query = 0; query < kFartherQueries && near_count_ == 0; ++query) {
     const double known = near_reach_;
     const Vec3 known_at = near_at_;
     if (find_blocks(at, kFarther * known, kMaxFartherNodes)) continue;
@@ -326,9 +326,9 @@ bool MeshContact::first_entry(const Vec3& from, const Vec3& to, const SurfacePos
   std::uint32_t tested = 0;
   const geometry::Aabb around{from.cwiseMin(to), from.cwiseMax(to)};
   const SegmentQuery way{from, to, FloatBox::around(around)};
-  bool near = covers(from, to), looked = false;
+  bool near = covers(from, to), queried = false;
   if (!near)
-    near = looked = find_blocks_near(to, to - from, counters);
+    near = queried = find_blocks_near(to, to - from, counters);
   else if (near_read_ < near_count_)
     tree_->prefetch(*mesh_, near_block_[near_read_++]);
   const auto takes = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
@@ -363,7 +363,7 @@ bool MeshContact::first_entry(const Vec3& from, const Vec3& to, const SurfacePos
   }
   counters.tested += tested;
   // Once per look: near a box the distance would be computed in vain in every frame.
-  if (looked && !met) update_clearance(to);
+  if (queried && !met) update_clearance(to);
   return all;
 }
 

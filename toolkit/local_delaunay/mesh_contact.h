@@ -32,7 +32,7 @@ inline constexpr double kGapEdges = 4.0;
 /// look's total bound. Stars cross steps up to 1:4 in spacing (16:1 in density); random points' triangles do
 /// not reach twice that.
 inline constexpr double kStepEdges = 8.0;
-inline constexpr std::uint32_t kStepLooks = 4;
+inline constexpr std::uint32_t kStepQueries = 4;
 /// Half width of the searched region, as a share of its length: what lies beyond a step lies ahead.
 inline constexpr double kStepWidth = 0.25;
 /// cos^2 of 45 degrees: a surface across a gap must be within this angle of the way ahead. Beside it the
@@ -57,7 +57,7 @@ inline constexpr double kStepsBefore = 6.0;
 inline constexpr double kShallowShare = 0.25;
 /// Growth of an empty search, applied twice: a HIP in free air searches once in 128 steps.
 inline constexpr double kFarther = 4.0;
-inline constexpr int kFartherLooks = 2;
+inline constexpr int kFartherQueries = 2;
 /// Node bound of each such search: four for each of the sixteen blocks.
 inline constexpr std::uint32_t kMaxFartherNodes = 64;
 /// Blocks kept packed: a HIP stays in one for a dozen frames and crosses two or three at a time.

@@ -102,7 +102,7 @@ class HeightFieldSurface {
     const double far = pull.norm(), spacing = std::min(sheet_.step_x, sheet_.step_y);
     if (!(far > geometry::kAdjacentSpacings * spacing)) return false;
     CellPosition under;
-    const auto look = [&](const Vec3& place) noexcept -> geometry::NearestSurface {
+    const auto query = [&](const Vec3& place) noexcept -> geometry::NearestSurface {
       const PlanPoint at = sheet_.plan(place);
       if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < sheet_.last_column && at.y < sheet_.last_row)) return {};
       under = {static_cast<std::int32_t>(at.x), static_cast<std::int32_t>(at.y), at.x - std::floor(at.x),
@@ -114,13 +114,13 @@ class HeightFieldSurface {
       return {patch.exists(), (at.z - patch.height(under.s, under.t)) / size, normal / size};
     };
     const Vec3 outward = pull / far;
-    switch (geometry::check_god_object(look(h), h, h + pull, outward, outward, spacing,
-                                       geometry::kMuchNearerShare, look)) {
+    switch (geometry::check_god_object(query(h), h, h + pull, outward, outward, spacing,
+                                       geometry::kMuchNearerShare, query)) {
       case geometry::GodObjectVerdict::kKeep:
         return false;
       case geometry::GodObjectVerdict::kMove: {
         int moves = kMaxDescentMoves;
-        (void)look(h);
+        (void)query(h);
         position_ = under;
         (void)stay(plan, moves, status, counters);
         return true;
@@ -221,19 +221,19 @@ class HeightFieldSurface {
       start(h);
       return false;
     }
-    int moves = kMaxDescentMoves, looks = kMaxCrossingTests;
+    int moves = kMaxDescentMoves, tests_left = kMaxCrossingTests;
     bool from_sheet = contact_;
     if (contact_ && stay(h, moves, status, counters)) return true;
     for (int entry = 0; entry < kMaxEntries; ++entry) {
       if (from_sheet && side_ == SheetSide::kNowhere) return false;  // past the rim
       const Crossing crossing =
-          find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &position_ : nullptr, looks);
+          find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &position_ : nullptr, tests_left);
       counters.edges += static_cast<std::uint64_t>(crossing.edges);
       tested_to_ = crossing.reached;
       side_ = crossing.side;
       if (crossing.cut) status = FrameStatus::kBoundHit;
       if (!crossing.hit) {
-        counters.cells_visited += static_cast<std::uint64_t>(kMaxCrossingTests - looks);
+        counters.cells_visited += static_cast<std::uint64_t>(kMaxCrossingTests - tests_left);
         return false;
       }
       position_ = crossing.position;

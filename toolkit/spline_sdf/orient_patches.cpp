@@ -40,7 +40,7 @@ constexpr std::size_t kClasses = 64;
 constexpr std::size_t kGrain = 512;
 /// A piece of patches with fewer points, and less than this share of all, is stray: three of the smallest
 /// patches.
-constexpr double kStrayPoints = 45.0, kStrayShare = 0.05;
+constexpr double kOutlierPoints = 45.0, kOutlierShare = 0.05;
 /// Meeting patches within 20 degrees form one face.
 constexpr double kSmoothCosine = 0.94;
 /// Rays start this many spacings or standard deviations above a patch, clear of its points.
@@ -158,7 +158,7 @@ Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patch
       part ? PatchHashGrid(patches, points.box_mm().low_mm - Vec3::Constant(points.spacing_mm()),
                            kLeastOfPart * points.spacing_mm())
            : PatchHashGrid(patches);
-  const auto look = [&](std::size_t begin, std::size_t end, Links& found) {
+  const auto visit = [&](std::size_t begin, std::size_t end, Links& found) {
     std::vector<std::pair<double, Link>> mine;
     for (std::size_t i = begin; i < end; ++i) {
       const QuadricPatch& a = patches[i];
@@ -193,7 +193,7 @@ Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patch
     }
   };
   Links links;
-  for (const Links& f : parallel_parts<Links>(patches.size(), kGrain, threads, look)) {
+  for (const Links& f : parallel_parts<Links>(patches.size(), kGrain, threads, visit)) {
     links.on.insert(links.on.end(), f.on.begin(), f.on.end());
     links.across.insert(links.across.end(), f.across.begin(), f.across.end());
   }
@@ -326,7 +326,7 @@ void drop_small_pieces(std::vector<QuadricPatch>& patches, OrientedPieces& of) {
     points[piece[i]] += patches[i].points;
     all += patches[i].points;
   }
-  const double least = std::min(kStrayPoints, kStrayShare * all);
+  const double least = std::min(kOutlierPoints, kOutlierShare * all);
   std::vector<std::uint32_t> now(patches.size());
   std::uint32_t kept = 0;
   for (std::uint32_t i = 0; i < patches.size(); ++i) {

@@ -52,7 +52,7 @@ double table_bytes_of(double cubes) {
 constexpr double kCubesAskew = 1.5;
 
 /// A point with surroundings this empty, or without area, stands alone: no surface crosses its cube.
-constexpr double kStrayEdges = 3.0;
+constexpr double kOutlierEdges = 3.0;
 
 /// Log2 of the remembered cubes; kPointsPerChunk points are in about that many.
 constexpr int kLastCubeBits = 9;
@@ -86,8 +86,8 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
       stay.points += 1.0;
       if (const double own = points.spacing_near(i) / edge_mm; own != edges) {
         edges = own;
-        share = edges > 0.0 && edges <= kStrayEdges ? 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges))
-                                                    : 0.0;
+        share = edges > 0.0 && edges <= kOutlierEdges ? 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges))
+                                                      : 0.0;
       }
       stay.cubes -= share;
     }
@@ -219,7 +219,7 @@ class CornerValues {
         grid_.low_mm + (Vec3(cube[0], cube[1], cube[2]) + Vec3::Constant(0.5)) * (kBrickCells * voxel_mm);
     double radius = kHalfDiagonal * voxel_mm + reach_;
     // A brick between far points takes the nearest ones.
-    for (int look = 0; near_.empty() && look < kWiderLooks; ++look, radius *= 2.0)
+    for (int query = 0; near_.empty() && query < kWiderQueries; ++query, radius *= 2.0)
       points_.in_ball(middle, radius, [&](std::uint32_t i, const Vec3& d, double) {
         near_.push_back({d, field_.by_point[points_.index(i)]});
       });
@@ -244,7 +244,7 @@ class CornerValues {
 
   /// A coincident point weighs like one at a third of the reach, a spacing.
   static constexpr double kNearest = 1.0 / 9.0;
-  static constexpr int kWiderLooks = 8;
+  static constexpr int kWiderQueries = 8;
   struct Near {
     Vec3 at;
     PointSurface value;

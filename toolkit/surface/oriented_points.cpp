@@ -215,7 +215,7 @@ OrientReport orient_planes(std::span<OrientedPoint> points, std::span<const Neig
     auto& mine = runs[begin / kFirstRoundPoints];
     for (std::size_t i = begin; i < end; ++i) {
       if (points[i].normal == kNoNormal) continue;
-      const auto [root, flipped] = pieces.look(static_cast<std::uint32_t>(i));
+      const auto [root, flipped] = pieces.root_of(static_cast<std::uint32_t>(i));
       if (flipped != 0) points[i].normal = opposite(points[i].normal);
       sums_of(mine, root)
           .add(point_sums(points[i].at(), reach_sq(points, neighbours[i], i),
@@ -247,7 +247,7 @@ OrientReport orient_planes(std::span<OrientedPoint> points, std::span<const Neig
   parallel_chunks(n, kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (points[i].normal == kNoNormal) continue;
-      const std::uint32_t root = pieces.look(static_cast<std::uint32_t>(i)).set;
+      const std::uint32_t root = pieces.root_of(static_cast<std::uint32_t>(i)).set;
       const std::uint8_t how = kind[root];
       if ((how & kClosed) == 0) continue;
       if (!report.closed_component_of.empty())
