@@ -280,7 +280,7 @@ std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels) {
   std::vector<bool> taken(others.size());
   std::size_t left = others.size();
   for (const std::string& label : sorted) {
-    if (left == 0) {  // more than there are looks: some are alike
+    if (left == 0) {  // more than there are styles: some are alike
       taken.assign(others.size(), false);
       left = others.size();
     }

@@ -19,7 +19,8 @@ namespace palpate::render {
 /// Moves of the god object in a frame, each onto the tangent plane of the last. At a depth of a third of the
 /// surface's radius each leaves a third of the error: 12 leave 2e-6.
 inline constexpr int kMaxDepthMoves = 12;
-/// Looks along the HIP's way in a frame; a pixel's step each up to 60 m/s at 1 m and 500 pixels focal length.
+/// Samples along the HIP's way in a frame; a pixel's step each up to 60 m/s at 1 m and 500 pixels focal
+/// length.
 inline constexpr int kMaxDepthSamples = 32;
 /// Short beside a hand's reaction (150 ms), long beside a step that is felt (a few ms).
 inline constexpr double kReleaseSeconds = 0.05;

@@ -37,7 +37,7 @@ inline constexpr double kOutsideSpacings = 0.05;
 inline constexpr double kMoveSpacings = 1.25;
 /// Least cosine between the outward directions of two places on one surface: 135 degrees with the HIP above
 /// it, 120 behind it. The far side of a thin plate fails this, so the plate is not popped through. Around a
-/// tip inside a body the nearest surface turns by less than kFacingBehind per look; through a plate it flips
+/// tip inside a body the nearest surface turns by less than kFacingBehind per query; through a plate it flips
 /// at once.
 inline constexpr double kFacingAbove = -0.7, kFacingBehind = -0.5;
 /// A god object at rest pulls along its normal, within 18 degrees. One that waits at the end of a surface is

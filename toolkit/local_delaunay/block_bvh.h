@@ -19,7 +19,7 @@ namespace palpate::local_delaunay {
 /// Most levels: 8^11 blocks exceed 32 bits.
 inline constexpr int kMaxLevels = 11;
 
-/// Levels prefetched before a look; the third has one node per 4,096 places.
+/// Levels prefetched before a query; the third has one node per 4,096 places.
 inline constexpr std::size_t kLevelsAhead = 2;
 
 /// The slab that holds a block's triangles: along its mean normal, from `low` to `high`. On a smooth surface

@@ -8,10 +8,10 @@
 namespace palpate::local_delaunay {
 namespace {
 
-/// Bounds on nodes and triangles of one look. Each of a few sheets has about thirty triangles within 1.5
+/// Bounds on nodes and triangles of one query. Each of a few sheets has about thirty triangles within 1.5
 /// spacings.
 constexpr std::uint32_t kMaxAroundNodes = 64, kMaxAroundTested = 512;
-/// First radius of a look: this many edges, or this share of the largest. An empty look doubles it, at most
+/// First radius of a query: this many edges, or this share of the largest. An empty query doubles it, at most
 /// seven times, each with the same bound on triangles.
 constexpr double kFirstEdges = 1.0, kFirstShare = 1.0 / 64.0, kWider = 2.0;
 
@@ -49,8 +49,8 @@ bool MeshContact::find_around(const Vec3& h, double most, ContactCounters& count
   }
 }
 
-/// Looks when the pull has grown by two fifths since the last look, and repeatedly while the god object is on
-/// an edge or corner. Inside a facet with the HIP behind it nothing else is nearer.
+/// Queries when the pull has grown by two fifths since the last query, and repeatedly while the god object is
+/// on an edge or corner. Inside a facet with the HIP behind it nothing else is nearer.
 bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counters) noexcept {
   check_above_sq_ = kGrown * position_.closest.distance_sq;
   frames_since_check_ = 0;

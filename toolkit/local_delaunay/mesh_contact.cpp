@@ -261,7 +261,7 @@ bool MeshContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
 
 bool MeshContact::find_blocks_near(const Vec3& at, const Vec3& step, ContactCounters& counters) noexcept {
   ++counters.blocks;
-  if (tree_->is_none()) return false;  // without a tree no block is remembered: every look is complete
+  if (tree_->is_none()) return false;  // without a tree no block is kept: every query is complete
   const double reach = kStepsAhead * step.cwiseAbs().maxCoeff();
   if (!find_blocks(at + kStepsBefore * step, reach, kMaxNodes)) return false;
   for (int query = 0; query < kFartherQueries && near_count_ == 0; ++query) {
@@ -362,7 +362,7 @@ bool MeshContact::first_entry(const Vec3& from, const Vec3& to, const SurfacePos
                             });
   }
   counters.tested += tested;
-  // Once per look: near a box the distance would be computed in vain in every frame.
+  // Once per query: near a box the distance would be computed in vain in every frame.
   if (queried && !met) update_clearance(to);
   return all;
 }

@@ -13,7 +13,7 @@
 
 namespace palpate::local_delaunay {
 
-/// Bounds on tree nodes and triangles of one look; a flight makes up to three. The longest frames found take
+/// Bounds on tree nodes and triangles of one query; a flight makes up to three. The longest frames found take
 /// 2.3 million instructions (docs/explanation/the-frame.md): jumps through a whole model at these bounds.
 inline constexpr std::uint32_t kMaxNodes = 4096;
 inline constexpr std::uint32_t kMaxTestedTriangles = 8192;
@@ -21,7 +21,7 @@ inline constexpr std::uint32_t kMaxTestedTriangles = 8192;
 inline constexpr int kMaxCrossed = 16;
 /// Most times per frame that the HIP leaves a sheet and meets another; the rest waits for the next frame.
 inline constexpr int kMaxFlights = 4;
-/// A frame that exceeds its bound halves the looked-at part of the HIP's way, down to this share: a facet's
+/// A frame that exceeds its bound halves the queried part of the HIP's way, down to this share: a facet's
 /// width on the longest way through a model of a million points.
 inline constexpr double kMinSegmentShare = 0x1p-10;
 /// Widest gap that is bridged, in middle edges of the border facet: a void in random points is two spacings
@@ -29,7 +29,7 @@ inline constexpr double kMinSegmentShare = 0x1p-10;
 inline constexpr double kGapEdges = 4.0;
 /// Density step: where dense points end at a surface this many times as coarse, no triangle joins them, and
 /// the gap is as wide as the coarse edges. The search range grows by kFarther up to 1,024 edges, within one
-/// look's total bound. Stars cross steps up to 1:4 in spacing (16:1 in density); random points' triangles do
+/// query's total bound. Stars cross steps up to 1:4 in spacing (16:1 in density); random points' triangles do
 /// not reach twice that.
 inline constexpr double kStepEdges = 8.0;
 inline constexpr std::uint32_t kStepQueries = 4;
@@ -52,7 +52,7 @@ inline constexpr double kStepsAhead = 8.0;
 /// The searched cube's centre is this many steps ahead: it still contains the last step and lasts for
 /// fourteen.
 inline constexpr double kStepsBefore = 6.0;
-/// For a rising HIP, a god object closer than this share of the last looked-at pull may release within two
+/// For a rising HIP, a god object closer than this share of the last queried pull may release within two
 /// steps.
 inline constexpr double kShallowShare = 0.25;
 /// Growth of an empty search, applied twice: a HIP in free air searches once in 128 steps.

@@ -38,7 +38,7 @@ Vec3 hip_at(const Station& station, double offset_mm, double clearance_mm) {
   return station.point + std::max(offset_mm, clearance_mm - kRise * station.room_mm) * station.normal;
 }
 
-/// A look along the line of sight at one place of the curve.
+/// A sample along the line of sight at one place of the curve.
 struct Sample {
   Vec3 plan = Vec3::Zero();
   std::optional<geometry::SurfacePoint> surface;
@@ -309,7 +309,7 @@ double retreat_from_surface(const Walk& walk, const FitSearch& fitting, double d
 }
 
 /// The start: the outermost point along `outward` around which the points form a surface. A scan's outermost
-/// point may be stray or on a ragged rim without a way on. The HIP beyond it is clear of all points.
+/// point may be an outlier or on a ragged rim without a way on. The HIP beyond it is clear of all points.
 std::optional<PathStart> outermost(const cloud::Cloud& cloud, const FitSearch& fitting, const Vec3& outward,
                                    double clearance_mm) {
   std::vector<std::pair<double, std::uint32_t>> order;

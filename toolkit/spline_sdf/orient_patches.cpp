@@ -38,8 +38,8 @@ constexpr std::size_t kMaxLinks = 24;
 /// Classes of agreement; links are taken best first.
 constexpr std::size_t kClasses = 64;
 constexpr std::size_t kGrain = 512;
-/// A piece of patches with fewer points, and less than this share of all, is stray: three of the smallest
-/// patches.
+/// A piece of patches with fewer points, and less than this share of all, is an outlier: three of the
+/// smallest patches.
 constexpr double kOutlierPoints = 45.0, kOutlierShare = 0.05;
 /// Meeting patches within 20 degrees form one face.
 constexpr double kSmoothCosine = 0.94;
@@ -383,7 +383,7 @@ namespace {
 /// A patch is off another if farther than this many standard deviations or spacings, and unrelated beyond the
 /// largest distance.
 constexpr double kBesideSigmas = 3.5, kBesideSpacings = 0.5, kBesideMost = 12.0;
-/// A patch of points sparser than the other's by this factor is the same surface seen widely from a stray
+/// A patch of points sparser than the other's by this factor is the same surface seen widely from an outlying
 /// point.
 constexpr double kMuchSparser = 2.0;
 constexpr std::size_t kBesideGrain = 256;

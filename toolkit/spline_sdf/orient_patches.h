@@ -24,11 +24,10 @@ struct OrientedPieces {
   return area[axis] < 0.0;
 }
 
-/// Turns the patches' normals outward, and drops stray pieces. `far`: where `points` are a part, a sample of
-/// all for what is far away, kFarReach of its spacings; else null.
-/// Smoothly continuing patches form faces. A face's outer side is the one from which more directions escape
-/// all points; undecided faces follow those they meet. Independent of the number of threads. O(patches x
-/// overlaps).
+/// Turns the patches' normals outward, and drops outlying pieces. `far`: where `points` are a part, a sample
+/// of all for what is far away, kFarReach of its spacings; else null. Smoothly continuing patches form faces.
+/// A face's outer side is the one from which more directions escape all points; undecided faces follow those
+/// they meet. Independent of the number of threads. O(patches x overlaps).
 [[nodiscard]] OrientedPieces orient_outwards(const MortonPoints& points, std::vector<QuadricPatch>& patches,
                                              int threads, const MortonPoints* far = nullptr);
 

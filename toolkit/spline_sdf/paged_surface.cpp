@@ -18,7 +18,7 @@ constexpr microseconds kPause{200};
 /// Times by which the loader looks ahead of the HIP, frames: a tenth of a second, in which an SSD reads 20
 /// MB.
 constexpr std::array<double, 3> kAheadFrames{25.0, 50.0, 100.0};
-/// Tiles loaded between two looks at the hand: some 5 ms of reading.
+/// Tiles loaded between two reads of the hand's place: some 5 ms of reading.
 constexpr int kLoadsPerPoll = 16;
 /// Tiles that are requested to leave at once.
 constexpr std::size_t kMostLeaving = TileWindow::kRing / 2;

@@ -116,7 +116,7 @@ SplineSdfDecision measure(const MortonPoints& points, const SplineSdfOptions& bu
   out.spacing_mm = points.spacing_mm();
   out.noise_mm = noise_mm;
   out.voxel_mm = out.spacing_mm > 0.0 ? build.voxel_spacings * out.spacing_mm : kAnyVoxel;
-  // Far stray points: cubes beyond a code's bits per axis are not estimated.
+  // Far outliers: cubes beyond a code's bits per axis are not estimated.
   constexpr double kMaxCubes = 1 << search::kMortonBits;
   const double edge_mm = kBrickCells * out.voxel_mm;
   if (points.size() > 0 && points.box_mm().extent_mm().maxCoeff() < kMaxCubes * edge_mm)
