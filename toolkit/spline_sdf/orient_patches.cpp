@@ -59,7 +59,7 @@ constexpr double kClearlyOpen = 0.1, kByChance = 1.2;
 /// distance from the middle; a half would reach the sheets themselves.
 constexpr double kFacing = 0.7, kBetween = 0.35;
 constexpr std::size_t kAskGrain = 16;
-/// Least support in spacings that differs from smaller ones where the points are a part of all.
+/// Least support in spacings that is distinguished from smaller ones where the points are a part of all.
 constexpr double kLeastOfPart = 1.0 / 256.0;
 
 /// Farthest that patches of one surface are off each other, mm.

@@ -37,7 +37,7 @@ struct QuadricLanes {
 };
 
 /// The nearest places on a quadric: tangential coordinates (a, b) and height h of the places, (u, v) of their
-/// feet, the height's gradient there, 1 / sqrt(1 + its square), and the signed distance.
+/// closest points, the height's gradient there, 1 / sqrt(1 + its square), and the signed distance.
 struct alignas(kLanesAlignment) QuadricClosest {
   NodeLanes a, b, h, u, v, gu, gv, per_slope, distance;
 };
