@@ -15,7 +15,7 @@
 #include <pcl/pcl_config.h>
 #endif
 
-// What a macro stands for, as a text.
+// Text of a macro's value.
 #define PALPATE_TEXT_OF(macro) #macro
 #define PALPATE_TEXT(macro) PALPATE_TEXT_OF(macro)
 

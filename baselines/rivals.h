@@ -1,4 +1,4 @@
-// The rivals, one function each, which say what the registry must know.
+// The rivals, one function each, for the registry.
 #pragma once
 
 #include <palpate/registry.h>

@@ -19,8 +19,8 @@ StepFunction fill_holes;
 /// An Error if the cloud has fewer than `needed` points.
 [[nodiscard]] Status enough_points(const scene::CleaningStepInput& input, std::size_t needed);
 
-/// Callback for CGAL: shows progress, cancels on request. Must not be a std::function: CGAL 5.5 keeps a
-/// reference to a dead copy of it.
+/// Callback for CGAL: shows progress, cancels on request. It is no std::function: CGAL 5.5 keeps a reference
+/// to a dead copy of it.
 struct Advance {
   Progress* progress;
   const char* what;

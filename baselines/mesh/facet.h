@@ -1,4 +1,4 @@
-// One triangle as mesh renderers and the reference walk it, and its closest points.
+// One triangle of a mesh, and its closest points. Mesh renderers and the reference walk it.
 #pragma once
 
 #include <algorithm>

@@ -175,8 +175,8 @@ std::string percent(double share) {
 
 }  // namespace
 
-std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* report, std::size_t folded,
-                                bool repaired) {
+std::vector<std::string> mesh_warnings(const SurfaceMesh& mesh, const MeshReport* report, std::size_t folded,
+                                       bool repaired) {
   std::vector<std::string> lines;
   const SurfaceMeshCounts& counts = mesh.counts();
   const std::size_t faces = mesh.facets().size();
@@ -218,13 +218,13 @@ using Corners = std::array<std::uint32_t, 3>;
 
 std::size_t turn_to_agree(const SurfaceMesh& mesh, std::vector<Corners>& facets) {
   const Pieces pieces = pieces_across_many(mesh);
-  std::size_t turned = 0;
+  std::size_t flipped = 0;
   for (std::size_t i = 0; i < facets.size(); ++i) {
     if (pieces.side(static_cast<std::uint32_t>(i)) == 0) continue;
     std::swap(facets[i][1], facets[i][2]);
-    ++turned;
+    ++flipped;
   }
-  return turned;
+  return flipped;
 }
 
 /// Adds facets; those that half-edges cannot represent get corners of their own. Returns how many.
@@ -368,7 +368,7 @@ Result<geometry::TriangleMesh> repaired(const geometry::TriangleMesh& mesh, std:
   PALPATE_ASSIGN(Welded welded, weld(mesh));
   r.welded = welded.mesh.counts().welded_vertices;
   r.dropped = welded.mesh.counts().collapsed_facets;
-  r.turned = turn_to_agree(welded.mesh, welded.facets);
+  r.flipped = turn_to_agree(welded.mesh, welded.facets);
   HalfEdges held;
   r.cut = fill(welded.vertices, welded.facets, held);
   fill_holes(held, max_hole_edges, r);

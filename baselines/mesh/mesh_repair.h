@@ -1,6 +1,5 @@
-// Examines meshes with OpenMesh's half-edges, and repairs, smooths and decimates them before rendering. A
-// SurfaceMesh is examined; plain meshes (mm, any frame) are changed: vertices at one place are merged.
-// Deterministic, one thread.
+// Examines, repairs, smooths and decimates meshes, with OpenMesh. A SurfaceMesh is examined; plain meshes
+// (mm, any frame) are changed: vertices at one place are merged. Deterministic, one thread.
 #pragma once
 
 #include <cstddef>
@@ -40,13 +39,13 @@ struct MeshReport {
 
 /// Warnings with remedies for PrepareReport::warnings if forces on a point are unreliable. `report` (or null)
 /// gives shards, `folded` the facets that cross others of their component. `repaired`: do not propose repair.
-[[nodiscard]] std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* report,
-                                              std::size_t folded, bool repaired);
+[[nodiscard]] std::vector<std::string> mesh_warnings(const SurfaceMesh& mesh, const MeshReport* report,
+                                                     std::size_t folded, bool repaired);
 
 struct RepairReport {
   std::size_t welded = 0;   ///< repeated vertices merged
   std::size_t dropped = 0;  ///< facets with two corners at one place
-  std::size_t turned = 0;   ///< facets reoriented to their neighbours
+  std::size_t flipped = 0;  ///< facets reoriented to their neighbours
   std::size_t cut = 0;      ///< facets at complex edges or corners, given corners of their own
   std::size_t filled_holes = 0, filled_facets = 0;
   std::size_t left_loops = 0;  ///< boundary loops too long, or without a valid filling

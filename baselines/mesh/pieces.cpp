@@ -22,7 +22,7 @@ HalfFacet only_neighbour(const SurfaceMesh& mesh, std::uint32_t facet, std::uint
 
 /// A pair of facets in one piece across a chunk border, and whether their orientations differ.
 struct Link {
-  std::uint32_t facet, other, turned;
+  std::uint32_t facet, other, flipped;
 };
 
 /// Joins the facets of one chunk; collects links to earlier chunks.
@@ -52,8 +52,8 @@ std::vector<std::uint32_t> numbered(OrientedDisjointSets& sets, std::size_t memb
 /// Frees arrays that carry no information, as for most meshes; frames then skip the lookup.
 void free_trivial_arrays(Pieces& pieces) {
   if (pieces.count <= 1) std::vector<std::uint32_t>().swap(pieces.number);
-  if (std::find(pieces.turned.begin(), pieces.turned.end(), 1) == pieces.turned.end())
-    std::vector<std::uint8_t>().swap(pieces.turned);
+  if (std::find(pieces.flipped.begin(), pieces.flipped.end(), 1) == pieces.flipped.end())
+    std::vector<std::uint8_t>().swap(pieces.flipped);
 }
 
 }  // namespace
@@ -65,11 +65,11 @@ Pieces pieces_of(const SurfaceMesh& mesh, int threads) {
     join_chunk(mesh, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end), sets, later);
   };
   for (const Link& link : parallel_list<Link>(facets, kFacetsPerChunk, threads, join))
-    sets.join(link.facet, link.other, link.turned);
+    sets.join(link.facet, link.other, link.flipped);
   Pieces pieces;
   pieces.number = numbered(sets, facets, pieces.count);
   for (std::uint32_t i = 0; i < facets; ++i)
-    pieces.turned.push_back(static_cast<std::uint8_t>(sets.find(i).turned));
+    pieces.flipped.push_back(static_cast<std::uint8_t>(sets.find(i).flipped));
   free_trivial_arrays(pieces);
   return pieces;
 }
@@ -78,7 +78,7 @@ Pieces pieces_across_many(const SurfaceMesh& mesh) {
   Pieces pieces;
   const std::size_t facets = mesh.facets().size();
   pieces.number.assign(facets, kNoFacet);
-  pieces.turned.assign(facets, 0);
+  pieces.flipped.assign(facets, 0);
   std::vector<std::uint32_t> open;
   for (std::uint32_t start = 0; start < facets; ++start) {
     if (pieces.number[start] != kNoFacet) continue;
@@ -89,10 +89,10 @@ Pieces pieces_across_many(const SurfaceMesh& mesh) {
       const std::uint32_t facet = open.back();
       open.pop_back();
       for (std::uint32_t e = 0; e < 3; ++e) {
-        const HalfFacet next = mesh.neighbour(half_facet(facet, pieces.turned[facet]), e);
+        const HalfFacet next = mesh.neighbour(half_facet(facet, pieces.flipped[facet]), e);
         if (next == kNoFacet || pieces.number[facet_of(next)] != kNoFacet) continue;
         pieces.number[facet_of(next)] = number;
-        pieces.turned[facet_of(next)] = static_cast<std::uint8_t>(side_of(next));
+        pieces.flipped[facet_of(next)] = static_cast<std::uint8_t>(side_of(next));
         open.push_back(facet_of(next));
       }
     }

@@ -1,4 +1,5 @@
-// Connected pieces of a mesh, the facet sides that agree within each, and from which side each is touched.
+// Connected pieces of a mesh, with their sides. Facet sides agree within a piece, which is touched from one
+// side or both.
 #pragma once
 
 #include <cstddef>
@@ -13,17 +14,17 @@ namespace palpate::baselines {
 struct Pieces {
   std::size_t count = 0;
   std::vector<std::uint32_t> number;  ///< piece of every facet, ordered by first facet; empty: one piece
-  std::vector<std::uint8_t> turned;   ///< 1: opposite to the piece's first facet; empty: none
+  std::vector<std::uint8_t> flipped;  ///< 1: opposite to the piece's first facet; empty: none
 
   [[nodiscard]] std::uint32_t piece_of(std::uint32_t facet) const noexcept {
     return number.empty() ? 0u : number[facet];
   }
   /// The facet's side that agrees with side 0 of its piece's first facet.
   [[nodiscard]] std::uint32_t side(std::uint32_t facet) const noexcept {
-    return turned.empty() ? 0u : turned[facet];
+    return flipped.empty() ? 0u : flipped[facet];
   }
   [[nodiscard]] std::size_t bytes() const noexcept {
-    return number.capacity() * sizeof(std::uint32_t) + turned.capacity();
+    return number.capacity() * sizeof(std::uint32_t) + flipped.capacity();
   }
 };
 

@@ -102,7 +102,7 @@ Vec3 pull_to(const TriangleFan& fan, const Vec3& r) noexcept {
   for (std::size_t i = 0; i < fan.size; ++i) {
     const std::size_t j = fan.after(i);
     const Vec3 n = fan.corner[i].d.cross(fan.corner[j].d);
-    if (!(n.dot(aside[i]) >= 0.0 && n.dot(aside[j]) <= 0.0)) continue;  // the foot is beside the facet
+    if (!(n.dot(aside[i]) >= 0.0 && n.dot(aside[j]) <= 0.0)) continue;  // the projection is beside the facet
     const double height = n.dot(r), area_sq = n.squaredNorm();
     if (!(height * height < least * area_sq)) continue;
     least = height * height / area_sq;
@@ -123,8 +123,8 @@ Vec3 pull_at_crease(const PointModel& model, const WalkResult& end, const Vec3& 
 
 namespace {
 
-/// The local model of `cloud-vertices`: one cloud's contact, read as pull, plane and properties.
-/// Belongs to one thread. Must not be moved once its contact is attached, which refers to the points.
+/// The local model of `cloud-vertices`: one cloud's contact, read as pull, plane and properties. Belongs to
+/// one thread. The model stays where it is once its contact is attached, which refers to the points.
 class VerticesModel {
  public:
   using Memory = WalkResult;
@@ -308,9 +308,10 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
     PALPATE_ASSIGN(const PointModelDecision decided, decide_point_model(input, point_options(), context));
-    return said(input, decided);
+    return decisions_for(input, decided);
   }
-  [[nodiscard]] ModelDecisions said(const ModelInput& input, const PointModelDecision& decided) const {
+  [[nodiscard]] ModelDecisions decisions_for(const ModelInput& input,
+                                             const PointModelDecision& decided) const {
     const PointDecision& points = decided.points;
     ModelDecisions out;
     out.name = input.name;
@@ -331,7 +332,7 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
     const PointModel& points = *made->body.points;
     const PointModelDecision decided = made->body.decided();
     const SpacedShading shading = shading_of(decided);
-    report.decisions.models.push_back(said(input, decided));
+    report.decisions.models.push_back(decisions_for(input, decided));
     if (!shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
     made->shading = shading.shading;
     made->by_spacing = shading.by_spacing;

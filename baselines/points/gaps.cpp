@@ -25,7 +25,7 @@ constexpr double kGapPercentile = 99.0;
 /// samples are even by area, and sparse parts count as dense ones do.
 constexpr double kGapCellSpacings = 2.0;
 /// Points are gathered within so many spacings, and twice as far as long as the gap is open to some side: up
-/// to gaps of twelve spacings. What is wider is a hole or a border.
+/// to gaps of twelve spacings. Wider gaps are holes or borders.
 constexpr double kFirstReach = 3.0, kLastReach = 24.0;
 /// Points are in one line if they spread across it by less than a quarter of what they do along it.
 constexpr double kLineSpread = 1.0 / 16.0;  // of squares
@@ -171,7 +171,7 @@ GapSample gap_at(const PointGrid& points, const Vec3& at, double spacing) {
   return found;
 }
 
-/// One point of each of the cells that are asked, whatever the order of the points.
+/// One point of each of the queried cells, whatever the order of the points.
 std::vector<Vec3> gap_samples(const PointGrid& points) {
   const std::size_t stride = points.grid.occupied_cells() / kGapSamples + 1;
   std::vector<Vec3> samples;
@@ -243,7 +243,8 @@ constexpr double kStillCloses = kEvenGap / 1.5;
 constexpr int kSmoothings = 3;
 
 /// The last dense points before a step of the density have dense neighbours alone; only the sparse ones
-/// beyond the gap know of it. So a point also takes the largest spacing of those whose neighbour it is.
+/// beyond the gap know of it. A point therefore also takes the largest spacing of those whose neighbour it
+/// is.
 std::vector<float> smoothed_spacings(const cloud::Cloud& cloud, const search::NeighbourTable& table,
                                      double spacing_mm, const SpacingRange& range, int threads) {
   const std::size_t n = cloud.size();

@@ -36,7 +36,7 @@ struct Gaps {
 /// threads. O(n).
 [[nodiscard]] Gaps measure_gaps(const cloud::Cloud& cloud, int threads);
 
-/// The same as a timed phase; `out`, if given, is told the spacing and what stands for it.
+/// The same as a timed phase; `out`, if given, gets the spacing and what stands for it.
 [[nodiscard]] Gaps measured_gaps(const cloud::Cloud& cloud, const render::PrepareContext& context,
                                  render::PrepareReport& report, render::ModelDecisions* out = nullptr);
 

@@ -158,10 +158,10 @@ class MlsPenalty : public RivalModel {
       const Fit next = fit(at, like);
       if (!next.usable) break;
       here = next;
-      // The step is almost orthogonal: it takes the HIP's foot on the plane of this place.
-      const Vec3 foot = h - here.normal * here.normal.dot(h - here.mean);
-      const double moved_sq = (foot - at).squaredNorm();
-      at = foot;
+      // The step is almost orthogonal: it takes the HIP's projection on the plane of this place.
+      const Vec3 closest = h - here.normal * here.normal.dot(h - here.mean);
+      const double moved_sq = (closest - at).squaredNorm();
+      at = closest;
       if (moved_sq <= kConvergedShare * kConvergedShare * width_mm_ * width_mm_) break;
     }
     if (!here.usable) return {};

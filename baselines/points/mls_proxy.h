@@ -1,4 +1,4 @@
-// The implicit functions of Leeper, Chan and Salisbury 2012 over points with individual radii.
+// Implicit functions over points with individual radii. Source: Leeper, Chan and Salisbury 2012.
 #pragma once
 
 #include <cstdint>

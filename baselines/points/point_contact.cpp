@@ -80,16 +80,16 @@ void PointContact::stay_on_facet(const Vec3& h, WalkResult& end, FrameCounters& 
   face.set_outward(*model_);
   const Vec3 from = model_->points[face.place].at();
   if (!(height_mm(*model_, sheet, from) < 0.0)) return;  // a groove
-  const Vec3 foot = h - height_mm(*model_, face, h) * face.outward;
-  if (!(height_mm(*model_, sheet, foot) < 0.0)) return;
-  if ((foot - from).squaredNorm() > local_resolution_sq(*model_, face.place)) return;
+  const Vec3 closest = h - height_mm(*model_, face, h) * face.outward;
+  if (!(height_mm(*model_, sheet, closest) < 0.0)) return;
+  if ((closest - from).squaredNorm() > local_resolution_sq(*model_, face.place)) return;
   // The god object moves on along the edge, from point to point of its face.
-  double least = (foot - from).squaredNorm();
+  double least = (closest - from).squaredNorm();
   for (int move = 0; move < kMaxFaceMoves; ++move) {
     const std::uint32_t before = face.place;
     for (const std::uint32_t other : model_->neighbours[before]) {
       const StoredPoint& p = model_->points[other];
-      const double square = distance_sq(p, foot);
+      const double square = distance_sq(p, closest);
       if (!(square < least) || p.normal == surface::kNoNormal ||
           !(face.side * surface::decode_normal(p.normal).dot(face.outward) >= kEdgeCosine))
         continue;

@@ -1,5 +1,5 @@
-// Points in grid order with a search, shared by all point-based rivals, so that none differs in speed by its
-// bookkeeping; and the outward side of their normals.
+// Points in grid order, with a search, for rivals. All share it, so that none differs in speed by its
+// bookkeeping; normals have an outward side.
 #pragma once
 
 #include <cstdint>

@@ -23,7 +23,7 @@ struct RivalAnswer {
   Vec3 force_n = Vec3::Zero();  ///< without a god object
 };
 
-/// What a rival's model is decided and prepared from; notes, bytes and phases go to the report.
+/// Input of a rival's decision and preparation; notes, bytes and phases go to the report.
 struct RivalInput {
   const render::ModelInput& input;
   const Options& options;
@@ -57,7 +57,7 @@ inline OptionSpec offset_spec() {
 inline bool is_offset_kept(const Options& options) {
   return options.text("offset") == "kept";
 }
-inline render::Decision said_offset(bool kept) {
+inline render::Decision offset_decision(bool kept) {
   return kept ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
               : render::Decision{"offset", "removed", "the HIP is a point"};
 }

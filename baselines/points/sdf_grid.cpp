@@ -56,8 +56,8 @@ struct Plane {
 };
 using Planes = std::vector<Plane>;
 
-/// Fills leaves with the signed distances to the planes of the points around. What a leaf can see is gathered
-/// once, then what its eighths can see of that, and theirs again: a voxel looks at some fifty points,
+/// Fills leaves with the signed distances to the planes of the points around. Points that a leaf can see are
+/// gathered once, then those of its eighths among them, and of theirs again: a voxel reads some fifty points,
 /// whatever their number and the size of voxels.
 class LeafFiller {
  public:

@@ -1,4 +1,4 @@
-// A narrow band of signed distances to local planes of points, in an OpenVDB grid.
+// Signed distances to planes of points, in OpenVDB. The grid is a narrow band; the planes are local.
 #pragma once
 
 #include <cstddef>

@@ -156,7 +156,7 @@ inline constexpr double kCreaseSine = 1.0 / 16.0;
   return along * along < (1.0 - kCreaseSine * kCreaseSine) * plane.area_sq;
 }
 
-/// True if the foot of r on a facet's plane is beside the facet, beyond the line to corner b or c; all
+/// True if the projection of r on a facet's plane is beside the facet, beyond the line to corner b or c; all
 /// relative to its first corner.
 [[nodiscard]] inline bool beside(const FacetPlane& plane, const Vec3& b, const Vec3& c,
                                  const Vec3& r) noexcept {

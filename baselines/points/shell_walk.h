@@ -211,7 +211,7 @@ bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexc
   return false;
 }
 
-/// What the rivals on a ShellWalk share.
+/// Base of the rivals on a ShellWalk.
 template <class Grid>
 class ShellRival : public RivalModel {
  public:

@@ -23,8 +23,8 @@ constexpr double kTouchShare = 1e-7;
 constexpr double kRestShare = 2e-5;
 /// Moves end after this share of a radius, and the balls at hand reach so far beyond the proxy.
 constexpr double kStrideShare = 0.5;
-/// What rounding may leave of a push between balls, as a share of the pull: 1e-16 times the square of the
-/// flattest angle that the half spaces are solved at (1 / 128), and a hundred times that again.
+/// Rounding of a push between balls, as a share of the pull: 1e-16 times the square of the flattest angle
+/// that the half spaces are solved at (1 / 128), and a hundred times that again.
 constexpr double kSlackShare = 1e-10;
 /// A touched ball that a unit step goes into by more than this stops it: the slack over the rest's share.
 constexpr double kIntoShare = kSlackShare / kRestShare;
@@ -188,7 +188,7 @@ bool BallWalk::go(const Vec3& goal) noexcept {
     } else {
       return true;
     }
-    // What rounding leaves of a move that goes nowhere is rest.
+    // A move that comes no nearer to its goal is rounding: the proxy rests.
     if (!((goal - at_).squaredNorm() < pull_sq)) {
       at_ = before;
       return true;
@@ -228,7 +228,7 @@ class SphereProxy : public RivalModel {
         {"proxy", fmt::format("ball of {:.4g} mm", radius_mm_),
          given_mm > 0.0 ? "as given" : fmt::format("{:.3g} spacings", options.number("radius")),
          given_mm > 0.0});
-    out.decisions.push_back(said_offset(felt_offset_));
+    out.decisions.push_back(offset_decision(felt_offset_));
     report_grid(*input.cloud, spacing, kCellRadii * radius_mm_, out);
     out.bytes += NearPoints<search::UniformGrid>::bytes_for(false);
     return Done{};

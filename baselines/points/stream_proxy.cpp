@@ -26,7 +26,7 @@ constexpr double kFollowBytes = 9.0;
 /// beyond them would make all cells larger.
 constexpr double kFarthestCells = 1 << 19;
 
-/// True if each point has radii of its own, by the spacing around it; tells `out`.
+/// True if each point has radii of its own, by the spacing around it; reports it to `out`.
 bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
                      render::ModelDecisions& out) {
   const std::string asked = options.text("radii");
@@ -96,7 +96,7 @@ class StreamProxy : public ShellRival<DynamicGrid> {
     out.decisions.push_back(shells_.tapered
                                 ? render::Decision{"weights", "tapered", "points fade in and out"}
                                 : render::Decision{"weights", "equal", "as given: the source's", true});
-    out.decisions.push_back(said_offset(felt_offset_));
+    out.decisions.push_back(offset_decision(felt_offset_));
     report_grid(*input.cloud, spacing, shells_.r3, out);
     // The grid follows points that move. Their places are kept only if some do.
     if (input.camera != nullptr && local_)
@@ -219,8 +219,8 @@ class StreamProxy : public ShellRival<DynamicGrid> {
     made->match_per_depth = kMatchPixels / patch.rays.camera().fx_px;
     return made;
   }
-  /// Takes the newest image's points; true if there are new ones. What is exchanged is freed by the receiving
-  /// thread.
+  /// Takes the newest image's points; true if there are new ones. The receiving thread frees the exchanged
+  /// one.
   bool take_image(const Vec3& h) noexcept {
     if (images_ == nullptr || !images_->take()) return false;
     ImagePoints* const newest = images_->newest();

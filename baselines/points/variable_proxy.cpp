@@ -46,7 +46,7 @@ class VariableProxy : public ShellRival<search::UniformGrid> {
                              fmt::format("{:.4g} to {:.4g} mm", range_.least * radius, range_.most * radius),
                              fmt::format("{:.3g} local spacings, by the {}", options.number("radius"),
                                          gaps_.lines ? "nearest in eight directions" : "eighth neighbour")});
-    out.decisions.push_back(said_offset(felt_offset_));
+    out.decisions.push_back(offset_decision(felt_offset_));
     report_grid(*input.cloud, gaps_.spacing_mm, shells_.r3, out);
     out.bytes += sizeof(float) * out.points + NearPoints<search::UniformGrid>::bytes_for(true);
     return Done{};

@@ -1,4 +1,4 @@
-// A field of vectors to the surface on a voxel grid, in bricks near the surface.
+// Vectors to the surface, on a voxel grid. The grid has bricks near the surface.
 #pragma once
 
 #include <array>

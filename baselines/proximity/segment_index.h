@@ -39,7 +39,7 @@ struct NearFacet {
   std::uint32_t facet = kNoFacet;
 };
 
-/// How much work goes into the tree of a mesh.
+/// Work that goes into the tree of a mesh.
 enum class TreeQuality : std::uint8_t {
   kBest,  ///< for a mesh that stays: by surface area
   kFast,  ///< for a mesh that is replaced soon: along a Morton curve, built 5 times as fast, queries 1.3 as
@@ -61,7 +61,7 @@ class SegmentIndex {
   [[nodiscard]] std::optional<SegmentHit> first_hit(const Vec3& a, const Vec3& b,
                                                     std::uint32_t ignore_around = kNoFacet) const noexcept;
   /// Adds every facet that the segment between two vertices meets or ends within margin_mm() of, except
-  /// facets at these vertices. May allocate; for preparation.
+  /// facets at these vertices. It may allocate; for preparation.
   void all_hits(std::uint32_t from_vertex, std::uint32_t to_vertex, std::vector<std::uint32_t>& facets) const;
   [[nodiscard]] bool within(const Vec3& p, double radius_mm) const noexcept;
   /// The facet nearest to p within max_radius_mm, float accuracy; kNoFacet if none.

@@ -1,4 +1,4 @@
-// Points in the form of CGAL's point set processing, and CGAL's parallel algorithms on a given number of
+// Points as CGAL's point set processing takes them. CGAL's parallel algorithms run on a given number of
 // threads (in units with CGAL_LINKED_WITH_TBB). Only for .cpp files of CGAL units.
 #pragma once
 

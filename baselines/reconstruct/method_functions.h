@@ -1,5 +1,5 @@
-// The reconstruction methods, one function each, and make_mesh(), which runs one in this process without
-// limits or cache. The usual entry is reconstruct.h.
+// The reconstruction methods, one function each. make_mesh() runs one in this process without limits or
+// cache. The usual entry is reconstruct.h.
 #pragma once
 
 #include <cstddef>
@@ -63,7 +63,7 @@ struct PoleLink {
       false;  ///< of one sample, on either side of the surface; otherwise balls that overlap deeply
 };
 
-/// Which of `poles` poles are inside. Labels spread along links from `outside`, most confident first,
+/// Labels of the poles: true inside. Labels spread along links from `outside`, most confident first,
 /// attenuated by each pole's own confidence; unreached poles are outside. O(links log links), deterministic.
 [[nodiscard]] std::vector<bool> label_poles(std::size_t poles, std::span<const PoleLink> links,
                                             std::span<const std::uint32_t> outside);
@@ -97,8 +97,8 @@ struct OrientedPoints {
 [[nodiscard]] OrientedPoints oriented_points(const MethodInput& input, double unit_mm,
                                              render::PreparePhases& phases);
 
-// What a reconstruction library leaves to do on its triangles: one order and orientation whatever its own,
-// and vertices merged that only rounding separates.
+// Work that a reconstruction library leaves on its triangles: one order and orientation whatever its own, and
+// vertices merged that only rounding separates.
 
 /// Rotates triangles to start at their lowest vertex, sorts them, and flips edge-connected pieces so that the
 /// first triangle's second vertex is below its third. Keeps orientedness. For libraries whose result depends

@@ -265,7 +265,7 @@ class Faces {
   [[nodiscard]] std::size_t open_faces() const noexcept { return open_faces_; }
 
  private:
-  void add(const Power::Edge& edge, bool turned) {
+  void add(const Power::Edge& edge, bool flipped) {
     corners_.clear();
     Power::Cell_circulator cell = power_.incident_cells(edge);
     const Power::Cell_circulator start = cell;
@@ -278,7 +278,7 @@ class Faces {
     } while (++cell != start);
     // Cells circle an edge in one direction from its first end, so two faces agree at a common edge;
     // make_mesh() finds the outside.
-    if (turned) std::reverse(corners_.begin(), corners_.end());
+    if (flipped) std::reverse(corners_.begin(), corners_.end());
     for (std::size_t i = 2; i < corners_.size(); ++i)
       mesh_.triangles.push_back({corners_[0], corners_[i - 1], corners_[i]});
   }

@@ -1,4 +1,4 @@
-// A mesh from points by any method, made within limits or taken from the cache of reconstructions.
+// Reconstructs a mesh from points, by any method. It is made within limits or taken from the cache.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// A reconstructed mesh with its costs, and its serialisation, little-endian, for the reconstruction process
-// and the cache.
+// A reconstructed mesh with its costs, and its serialisation. Bytes are little-endian, for the reconstruction
+// process and the cache.
 #pragma once
 
 #include <bit>

@@ -35,22 +35,22 @@ bool send_all(std::string_view bytes) noexcept {
   return true;
 }
 
-void say(WorkerMessage kind, std::string_view bytes) noexcept {
+void send_message(WorkerMessage kind, std::string_view bytes) noexcept {
   std::array<char, kMessageHead> head{static_cast<char>(kind)};
   const std::uint64_t size = bytes.size();
   std::memcpy(head.data() + 1, &size, sizeof size);
   if (send_all({head.data(), head.size()})) send_all(bytes);
 }
 
-/// Must not allocate: memory is exhausted.
+/// This handler allocates nothing: memory is exhausted.
 [[noreturn]] void out_of_memory() {
-  say(WorkerMessage::kNoMemory, {});
+  send_message(WorkerMessage::kNoMemory, {});
   std::_Exit(kExitFailed);
 }
 
 class SendProgress final : public Progress {
  public:
-  void report(std::string_view what, double) override { say(WorkerMessage::kProgress, what); }
+  void report(std::string_view what, double) override { send_message(WorkerMessage::kProgress, what); }
 };
 
 bool read_all(char* to, std::size_t size) {
@@ -129,7 +129,7 @@ int run(int argc, char** argv) {
     write(writer, *made);
   else
     write(writer, made.error());
-  say(made ? WorkerMessage::kResult : WorkerMessage::kError, writer.bytes());
+  send_message(made ? WorkerMessage::kResult : WorkerMessage::kError, writer.bytes());
   std::fflush(nullptr);
   // Skips destructors of hundreds of megabytes.
   std::_Exit(made ? 0 : kExitFailed);

@@ -1,5 +1,5 @@
-// A box tree over facets in double, independent of Embree, and what is asked of it: whether a frictionless
-// proxy may rest where it does, and how far a mesh is from the points it was made from.
+// A box tree over facets, independent of Embree. In double, it answers whether a frictionless proxy may rest
+// where it does, and how far a mesh is from the points it was made from.
 #pragma once
 
 #include <cstddef>

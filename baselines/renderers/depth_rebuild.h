@@ -1,4 +1,4 @@
-// A surface made anew from every depth image, off the servo thread: first from the window around the HIP,
+// Rebuilds a surface from every depth image, off the servo. It is first made from the window around the HIP,
 // which is felt meanwhile, then from the whole. The frame takes the newest finished one by one exchange.
 #pragma once
 

@@ -39,7 +39,7 @@ Decision refine_decision(const MeshDecision& d) {
   return {"facets", std::move(choice), "as given", true};
 }
 
-/// What nobody can do anew for every image.
+/// Refuses options that cannot be repeated for every image.
 Status check_stream(const render::ModelInput& input, const MeshDecision& d) {
   const auto refuse = [&](std::string what, std::string remedy) {
     return Error{fmt::format("model '{}' is a stream: {}", input.name, what), std::move(remedy)};
@@ -87,24 +87,26 @@ render::ModelDecisions explanation(const render::ModelInput& input, const MeshDe
     *out.prepare_ms += kPerMillion * (kind.ms_per_million_facets * facets +
                                       (decision.keeps < 1.0 ? kDecimateMsPerMillion * made : 0.0));
   out.frame_us = kind.frame_us;
-  const auto say = [&out](const char* about, bool given, const char* choice, const char* reason,
-                          const char* usual, const char* because) {
+  const auto add_decision = [&out](const char* about, bool given, const char* choice, const char* reason,
+                                   const char* usual, const char* because) {
     out.decisions.push_back(given ? Decision{about, choice, reason, true} : Decision{about, usual, because});
   };
   out.decisions.push_back(decision.source.explanation);
-  say("repair", decision.repairs, "on", "oriented, cut where too many facets meet, small holes filled",
-      "none", "the mesh is felt as it is");
+  add_decision("repair", decision.repairs, "on",
+               "oriented, cut where too many facets meet, small holes filled", "none",
+               "the mesh is felt as it is");
   out.decisions.push_back(refine_decision(decision));
   out.decisions.push_back(kind.probe);
-  say("frame", decision.frame == MeshFrame::kWorld, "the file's",
-      "as given: far from its origin single precision loses the mesh", "the mesh's own middle",
-      "single precision resolves the mesh wherever it lies");
-  say("check", decision.checks, "pieces and borders", "as given: for people, frames do not read it", "none",
-      "frames do not need it");
-  say("crossing facets", decision.crossings, "found", "as given: where sheets cross, both hold a point",
-      "not looked for",
-      kind.crossings ? "Zilles and Salisbury look for none" : "a sphere rides over folds and gaps");
-  say("shading", decision.normals, "interpolated vertex normals", "as given", "none", "a facet's own plane");
+  add_decision("frame", decision.frame == MeshFrame::kWorld, "the file's",
+               "as given: far from its origin single precision loses the mesh", "the mesh's own middle",
+               "single precision resolves the mesh wherever it lies");
+  add_decision("check", decision.checks, "pieces and borders", "as given: for people, frames do not read it",
+               "none", "frames do not need it");
+  add_decision("crossing facets", decision.crossings, "found",
+               "as given: where sheets cross, both hold a point", "not looked for",
+               kind.crossings ? "Zilles and Salisbury look for none" : "a sphere rides over folds and gaps");
+  add_decision("shading", decision.normals, "interpolated vertex normals", "as given", "none",
+               "a facet's own plane");
   const bool own_vertices = !decision.source.made && input.camera == nullptr;
   render::describe_surface(input, decision.surface, kMeshFeatures,
                            own_vertices ? input.original_mesh->vertices_mm.size() : out.points, out);
@@ -260,7 +262,8 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   }
   // Only for a point: a sphere passes over folds and gaps.
   if (decided.point)
-    for (std::string& line : doubts(made->mesh, seen, made->crossings.folded(), options.flag("repair")))
+    for (std::string& line :
+         mesh_warnings(made->mesh, seen, made->crossings.folded(), options.flag("repair")))
       phases.warn(std::move(line));
   report.bytes += made->bytes();
   return std::shared_ptr<const MeshGeometry>(std::move(made));

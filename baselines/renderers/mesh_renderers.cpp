@@ -41,7 +41,7 @@ std::unique_ptr<render::HapticRenderer> make_point_on_mesh(std::string name, std
       });
 }
 
-/// What all mesh renderers say of themselves.
+/// Information that all mesh renderers share.
 render::RendererInfo mesh_renderer_info(std::string name, std::string summary, std::string source) {
   render::RendererInfo info;
   info.name = std::move(name);

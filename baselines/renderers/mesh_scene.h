@@ -94,8 +94,8 @@ struct MeshSlot {
   }
 
  private:
-  /// Takes the newest image's mesh, with which the probe goes on; true if there was one. What is exchanged is
-  /// freed by the receiving thread.
+  /// Takes the newest image's mesh, with which the probe goes on; true if there was one. The receiving thread
+  /// frees the exchanged one.
   bool take_image([[maybe_unused]] const Vec3& h) noexcept {
     if (images == nullptr || !images->take()) return false;
     const bool was_there = there;

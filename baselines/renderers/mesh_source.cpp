@@ -182,7 +182,7 @@ Status repair(MeshPointer& mesh, const Options& options, render::PreparePhases& 
   phases.note(
       fmt::format("repair: {} vertices welded, {} collapsed facets dropped, {} facets turned, {} cut loose "
                   "where too many meet, {} holes filled with {} facets, {} boundary loops left",
-                  found.welded, found.dropped, found.turned, found.cut, found.filled_holes,
+                  found.welded, found.dropped, found.flipped, found.cut, found.filled_holes,
                   found.filled_facets, found.left_loops));
   return Done{};
 }

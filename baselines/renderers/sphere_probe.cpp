@@ -255,7 +255,7 @@ void SphereProbe::list_near() noexcept {
   list_centre_ = centre_;
   travelled_ = 0.0;
   std::fill_n(planes_.begin(), count, geometry::HalfSpace{Vec3::Zero(), HUGE_VAL});
-  // Which touch is first among equals must not depend on the tree; near facets first shorten the way.
+  // The first touch among equals must not depend on the tree; near facets first shorten the way.
   std::sort(near_.begin(), near_.begin() + static_cast<std::ptrdiff_t>(count),
             [](const NearFacet& a, const NearFacet& b) {
               return a.distance != b.distance ? a.distance < b.distance : a.facet < b.facet;

@@ -1,5 +1,6 @@
-// A sphere outside a mesh that moves as near to the HIP as it can: Ruspini's proxy (Ruspini, Kolarov and
-// Khatib 1997, sections 3 and 4). It needs no sides and no contact state: a body cannot change sides.
+// A sphere that stays outside a mesh: Ruspini's proxy. It moves as near to the HIP as it can (Ruspini,
+// Kolarov and Khatib 1997, sections 3 and 4). It needs no sides and no contact state: a body cannot change
+// sides.
 //
 // The centre moves straight to its goal until the sphere touches a facet. The tangent plane there joins the
 // constraints, and the new goal is the place nearest to the HIP that up to three of them allow; this repeats

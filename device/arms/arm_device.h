@@ -34,7 +34,7 @@ struct ArmCounters {
   std::uint64_t limited = 0;    ///< commands at the current cap
 };
 
-/// What the user must do before the arm knows its position.
+/// Step that the user must take before the arm knows its position.
 enum class ArmStep : std::uint8_t { kNothing, kLieStill, kPressButton, kWait, kSwitchOffAndOn };
 /// Words for a DeviceState::homing_step; empty: nothing to do, or unknown step.
 [[nodiscard]] std::string arm_homing_prompt(std::uint8_t homing_step);
@@ -68,7 +68,7 @@ class ArmDevice final : public Device {
   /// Calibration of counters a, b, c, valid when homed: added to them, it puts the rest pose where the
   /// description has it.
   [[nodiscard]] const std::array<double, 3>& calibration_offset() const noexcept { return offset_; }
-  /// What the user must do now. For the reading thread; others use DeviceState::homing_step.
+  /// The step that the user must take now. For the reading thread; others use DeviceState::homing_step.
   [[nodiscard]] ArmStep step() const noexcept;
 
   static constexpr int kMaxPolls = 16;

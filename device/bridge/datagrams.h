@@ -1,4 +1,4 @@
-// Datagrams of the UDP bridge to a device at another machine, whose driver runs there. Numbers are
+// Datagrams of the UDP bridge to a distant device. The driver runs at the other machine. Numbers are
 // little-endian; docs/reference/documents.md describes them for those who write a far end.
 //
 //   byte   0-3     4        5     6-7    8-15     16-19     20-23    ..       last 4

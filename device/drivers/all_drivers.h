@@ -1,4 +1,4 @@
-// USB ids of haptic devices, and the udev rules that let a local user open them.
+// USB ids and udev rules of haptic devices. The rules let a local user open them.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct UsbId {
 
 [[nodiscard]] const std::vector<UsbId>& known_usb_ids();
 
-/// The udev rule of one entry: MODE 0660 and access for the local user (uaccess). Must not be 0666.
+/// The udev rule of one entry: MODE 0660 and access for the local user (uaccess). The mode is never 0666.
 [[nodiscard]] std::string udev_rule(const UsbId& device);
 /// The same for a found vendor and product, where the table has only the vendor.
 [[nodiscard]] std::string udev_rule(UsbNode node, const std::string& vendor, const std::string& product);

@@ -74,7 +74,7 @@ struct FalconBoot {
   bool event_character = false;
 };
 
-/// What happened, for people and reports.
+/// Result of a boot, for people and reports.
 struct FalconBooted {
   bool was_running = false;  ///< firmware was already running; its version cannot be asked
   std::string firmware;      ///< name of the loaded image

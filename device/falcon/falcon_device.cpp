@@ -42,7 +42,7 @@ constexpr unsigned kZeroWaitMs = 50;
 // Absent for longer than this means unplugged: a device released by a dead program returns to the bus at
 // once.
 constexpr double kAbsentMs = 250.0;
-// What is known of the motors bounds K within a factor of ten.
+// Knowledge of the motors bounds K within a factor of ten.
 constexpr double kMinCounts = 1.0, kMaxCounts = 100.0;
 
 struct FalconRequest {

@@ -15,7 +15,7 @@ using ServiceJson = nlohmann::json;
 
 constexpr double kMmPerM = 1000.0;
 
-/// What stands at a JSON pointer; null if nothing does.
+/// The value at a JSON pointer; null if there is none.
 const ServiceJson* at(const ServiceJson& from, const std::string& pointer) {
   const ServiceJson::json_pointer where(pointer);
   return from.contains(where) ? &from.at(where) : nullptr;
@@ -222,17 +222,17 @@ void Inverse3Device::set_scaling() {
   HttpRequest request{options_.service.host, options_.service.port, "POST",
                       "/inverse3/" + talk.device_id() + "/config/torque_scaling",
                       inverse3_scaling_body(options_.torque_scaling)};
-  const auto told = [&](const char* what) {
+  const auto record_answer = [&](const char* what) {
     const Result<HttpAnswer> answer = options_.http(request);
     facts_.emplace_back(what, answer ? std::to_string(answer->status) + " " + answer->body
                                      : "not answered: " + answer.error().what);
   };
-  told("torque_scaling_answer");
+  record_answer("torque_scaling_answer");
   request.method = "GET";
   request.body.clear();
-  told("torque_scaling_now");
+  record_answer("torque_scaling_now");
   request.path = "/inverse3/" + talk.device_id() + "/config/force_gate?session=:0";
-  told("force_gate_now");
+  record_answer("force_gate_now");
 }
 
 void Inverse3Device::close() noexcept {

@@ -96,7 +96,7 @@ CommandBytes encoded_torques(const std::array<float, 2>& torques_n_m) noexcept {
   return command;
 }
 
-CommandBytes encoded_let_go() noexcept {
+CommandBytes encoded_release() noexcept {
   const CommandBytes zero = encoded_torques({});
   CommandBytes all;
   while (all.size + 1 + zero.size <= CommandBytes::kMost) {
@@ -125,7 +125,7 @@ constexpr useconds_t kPlaneOpenStepUs = 5000, kPlaneSetUpUs = 20000;
 constexpr int kPlaneOpenWakeEvery = 20;  // polls: 0.1 s
 // A board answers within two ms; after a longer quiet everything sent before is answered.
 constexpr useconds_t kPlaneLookUs = 1000;
-constexpr int kPlaneQuietLooks = 5, kPlaneAnswerLooks = 20, kPlaneLetGoRounds = 5;
+constexpr int kPlaneQuietLooks = 5, kPlaneAnswerLooks = 20, kPlaneReleaseRounds = 5;
 // A reply does not name its command: one later than a quiet line allows would confirm a zero not taken by the
 // board.
 constexpr int kPlaneZerosAnswered = 2;
@@ -213,7 +213,7 @@ Result<MadeDevice> make_planar(const DeviceRequest& request, const Clock& clock)
   made.zero = [line = planar.line] {
     TtyLink link(line);
     if (!link.open()) return false;
-    const bool answered = planar_let_go(link);
+    const bool answered = release_plane(link);
     link.close();
     return answered;
   };
@@ -227,10 +227,10 @@ Result<MadeDevice> make_planar(const DeviceRequest& request, const Clock& clock)
 
 }  // namespace
 
-bool planar_let_go(Link& link) noexcept {
-  const CommandBytes release_contact = encoded_let_go(), zero = encoded_torques({});
-  for (int round = 0; round < kPlaneLetGoRounds; ++round) {
-    if (!link.submit(release_contact.span())) return false;
+bool release_plane(Link& link) noexcept {
+  const CommandBytes release = encoded_release(), zero = encoded_torques({});
+  for (int round = 0; round < kPlaneReleaseRounds; ++round) {
+    if (!link.submit(release.span())) return false;
     int answered = 0;
     for (; answered < kPlaneZerosAnswered; ++answered) {
       await_quiet_plane(link);

@@ -69,7 +69,7 @@ inline constexpr std::size_t kPlanarReplyBytes = 9;
 /// command, at most 25 bytes. The first zeros become that rest (below 1e-35 N*m, or a torque already sent).
 /// The board skips bytes that begin no command alone, or each with the next as its address; for that case the
 /// 0 shifts every second zero by one.
-[[nodiscard]] CommandBytes encoded_let_go() noexcept;
+[[nodiscard]] CommandBytes encoded_release() noexcept;
 
 /// Replies: angles 1 and 2 in degrees, two finite and plausible numbers after the board's address.
 struct PlanarFormat {
@@ -90,7 +90,7 @@ struct PlanarOptions {
 /// For a guard process with its own open link: releases the motors whatever partial command the dead program
 /// left in the board. Sends zeros; then, twice, waits for silence and sends a zero that the board must
 /// answer. Otherwise starts again, at most five times: 0.4 s. False: not released.
-[[nodiscard]] bool planar_let_go(Link& link) noexcept;
+[[nodiscard]] bool release_plane(Link& link) noexcept;
 
 /// Keeps references to clock and model.
 class PlanarDevice final : public Device {

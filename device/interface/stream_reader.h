@@ -1,4 +1,4 @@
-// Finds packets of a fixed length and first byte in a split, joined or damaged stream.
+// Finds packets in a split, joined or damaged stream. They have a fixed length and first byte.
 #pragma once
 
 #include <algorithm>

@@ -2,7 +2,7 @@
 // system call a report.
 //
 // Reading never waits. A write blocks in hidraw until the device has taken the report, usually one USB frame
-// (1 ms), up to 5 s if the device hangs. So a separate thread writes, and submit() only stores the newest
+// (1 ms), up to 5 s if the device hangs. A separate thread writes, and submit() only stores the newest
 // command for it (newest_command.h). The servo never waits, and a zero overtakes a force not yet sent. Cost:
 // one thread wake, 10 to 50 us.
 #pragma once

@@ -1,4 +1,4 @@
-// A WebSocket text connection in its own thread, for devices behind a maker's local service. A TextPeer
+// A WebSocket text connection in its own thread. It serves devices behind a maker's local service. A TextPeer
 // handles texts in that thread and may allocate; the servo's thread never touches the socket.
 #pragma once
 

@@ -37,7 +37,7 @@ class TtyLink final : public Link {
   /// Waits up to kDrainMs until the last command is out: a USB board's driver drops the rest.
   void close() noexcept override;
   /// Writes immediately if possible. A partly written command is finished first; of those that arrive
-  /// meanwhile the newest is kept. So commands are whole and the newest is last. Lock-free: a thread already
+  /// meanwhile the newest is kept. Commands are whole, and the newest is last. Lock-free: a thread already
   /// writing sends this command too.
   bool submit(std::span<const std::uint8_t> bytes) noexcept override;
   /// One system call; also finishes a partly written command.

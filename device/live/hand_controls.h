@@ -1,5 +1,5 @@
-// What a hand sets without feeling it: where the scene stands in its device's workspace, the clutch that
-// moves it, and the buttons that switch renderers and hold the clutch.
+// Controls of a hand: clutch, buttons, place of the scene. The clutch moves the scene in the device's
+// workspace; buttons switch renderers and hold the clutch.
 #pragma once
 
 #include <cstdint>

@@ -112,7 +112,7 @@ render::Frame Mixer::step(const Vec3& hip_mm, double t_s) noexcept {
   mixed_.request = {};
   mixed_.decision = MixDecision::kNone;
   mixed_.reason = SwitchReason::kNone;
-  if (std::exchange(aborted_, false)) say(MixDecision::kAborted, SwitchReason::kFault);
+  if (std::exchange(aborted_, false)) report(MixDecision::kAborted, SwitchReason::kFault);
   render::Frame frame;
   frame.god_object_mm = hip_mm;
   if (!is_finite(hip_mm)) {
@@ -183,7 +183,7 @@ void Mixer::watch_pair() noexcept {
   dead_ = true;
   abort();
   aborted_ = false;  // reported in this frame
-  say(MixDecision::kAborted, SwitchReason::kFault);
+  report(MixDecision::kAborted, SwitchReason::kFault);
 }
 
 void Mixer::take_arrival(double t_s) noexcept {
@@ -212,7 +212,8 @@ void Mixer::settle_arrival() noexcept {
   if (at == to_) return;
   const std::size_t old = in_lane(found->lane);
   if (old == kNobody || !found->tracked.healthy()) {
-    say(MixDecision::kRefused, old == kNobody ? SwitchReason::kNoSuchRenderer : SwitchReason::kDisqualified);
+    report(MixDecision::kRefused,
+           old == kNobody ? SwitchReason::kNoSuchRenderer : SwitchReason::kDisqualified);
     retire(at);
     return;
   }
@@ -225,7 +226,7 @@ void Mixer::settle_arrival() noexcept {
   if (!found->tracked.ready()) return;
   retire(old);
   found->arriving = false;
-  say(MixDecision::kReplaced, SwitchReason::kNone);
+  report(MixDecision::kReplaced, SwitchReason::kNone);
 }
 
 void Mixer::retire(std::size_t at) noexcept {
@@ -258,23 +259,23 @@ std::unique_ptr<render::HapticRenderer> Mixer::take_retired() noexcept {
 void Mixer::take_request(double t_s) noexcept {
   if (state_ == MixState::kFading) {
     const bool queued = slot_.peek().kind != SwitchRequest::Kind::kNone;
-    if (queued && !queue_said_) {
+    if (queued && !queue_reported_) {
       mixed_.request = slot_.peek();
-      say(MixDecision::kQueued, SwitchReason::kNone);
+      report(MixDecision::kQueued, SwitchReason::kNone);
     }
-    queue_said_ = queued;
+    queue_reported_ = queued;
     return;
   }
   // One decision per frame: a second would hide the first.
   if (mixed_.decision != MixDecision::kNone) return;
   const SwitchRequest request = slot_.take();
-  queue_said_ = false;
+  queue_reported_ = false;
   if (request.kind == SwitchRequest::Kind::kNone) return;
   mixed_.request = request;
   if (request.kind == SwitchRequest::Kind::kCancel) {
     if (state_ != MixState::kWaiting) return;
     drop_waiting();
-    say(MixDecision::kCancelled, SwitchReason::kOverridden);
+    report(MixDecision::kCancelled, SwitchReason::kOverridden);
     return;
   }
   ask_for(request.kind == SwitchRequest::Kind::kNext ? next_lane() : in_lane(request.lane), t_s);
@@ -292,13 +293,13 @@ void Mixer::ask_for(std::size_t to, double t_s) noexcept {
   if (to == felt_) {
     if (state_ != MixState::kWaiting) return refuse(SwitchReason::kAlreadyFelt);
     drop_waiting();
-    return say(MixDecision::kCancelled, SwitchReason::kOverridden);
+    return report(MixDecision::kCancelled, SwitchReason::kOverridden);
   }
   if (state_ == MixState::kWaiting && to == to_) return;  // it is waited for already
   state_ = MixState::kWaiting;
   to_ = to;
   since_s_ = t_s;
-  waits_for_free_ = bringing_said_ = false;
+  waits_for_free_ = catching_up_reported_ = false;
 }
 
 void Mixer::decide_waiting(const Vec3& hip_mm, double t_s) noexcept {
@@ -308,7 +309,7 @@ void Mixer::decide_waiting(const Vec3& hip_mm, double t_s) noexcept {
     return refuse(SwitchReason::kDisqualified);
   }
   if (to.ready() && places_[felt_].tracked.ready()) return decide_by_rules(hip_mm, t_s);
-  if (!std::exchange(bringing_said_, true)) say(MixDecision::kWaits, SwitchReason::kBringingUp);
+  if (!std::exchange(catching_up_reported_, true)) report(MixDecision::kWaits, SwitchReason::kBringingUp);
 }
 
 void Mixer::decide_by_rules(const Vec3& hip_mm, double t_s) noexcept {
@@ -329,7 +330,7 @@ void Mixer::decide_by_rules(const Vec3& hip_mm, double t_s) noexcept {
       state_ = MixState::kFading;
       since_s_ = t_s;
       weight_ = 0.0;
-      return say(MixDecision::kFadeBegun, SwitchReason::kNone);
+      return report(MixDecision::kFadeBegun, SwitchReason::kNone);
     }
     if (options_.rule == SwitchRule::kContactElseRefuse) {
       drop_waiting();
@@ -337,7 +338,7 @@ void Mixer::decide_by_rules(const Vec3& hip_mm, double t_s) noexcept {
     }
   }
   waits_for_free_ = true;
-  say(MixDecision::kWaits, reason);
+  report(MixDecision::kWaits, reason);
 }
 
 void Mixer::advance_fade(double t_s) noexcept {
@@ -346,7 +347,7 @@ void Mixer::advance_fade(double t_s) noexcept {
     std::swap(felt_, to_);
     since_s_ = t_s - (options_.fade_s - (t_s - since_s_));
     turned_back_ = true;
-    say(MixDecision::kAborted, SwitchReason::kDisqualified);
+    report(MixDecision::kAborted, SwitchReason::kDisqualified);
   }
   const double u = (t_s - since_s_) / options_.fade_s;
   weight_ = raised_cosine(u);
@@ -362,14 +363,14 @@ void Mixer::take_over(MixDecision decision) noexcept {
     places_[felt_].arriving = false;
     retire(old);
   }
-  say(decision, SwitchReason::kNone);
+  report(decision, SwitchReason::kNone);
 }
 
 void Mixer::refuse(SwitchReason reason) noexcept {
-  say(MixDecision::kRefused, reason);
+  report(MixDecision::kRefused, reason);
 }
 
-void Mixer::say(MixDecision decision, SwitchReason reason) noexcept {
+void Mixer::report(MixDecision decision, SwitchReason reason) noexcept {
   mixed_.decision = decision;
   mixed_.reason = reason;
 }

@@ -63,7 +63,7 @@ struct TrackedFrame {
   Disqualified disqualified = Disqualified::kNo;
   render::Frame frame;       ///< world frame
   std::int64_t step_ns = 0;  ///< 0: not stepped
-  /// The renderer, for recorders that know what they gave to the mixer; null if none. Must not be stepped.
+  /// The renderer, for recorders that know what they gave to the mixer; null if none. They must not step it.
   render::HapticRenderer* renderer = nullptr;
   double weight = 0.0;  ///< in the output force; sum 1, or 0 if none is felt
 };
@@ -160,7 +160,7 @@ class Mixer final : public render::HapticRenderer {
   void drop_waiting() noexcept;
   void take_over(MixDecision decision) noexcept;
   void refuse(SwitchReason reason) noexcept;
-  void say(MixDecision decision, SwitchReason reason) noexcept;
+  void report(MixDecision decision, SwitchReason reason) noexcept;
   void abort() noexcept;
   [[nodiscard]] std::size_t in_lane(std::uint8_t lane) const noexcept;
   [[nodiscard]] std::size_t next_lane() const noexcept;
@@ -177,13 +177,13 @@ class Mixer final : public render::HapticRenderer {
   std::uint32_t generations_ = 0;
   std::size_t felt_ = kNobody, to_ = kNobody;
   MixState state_ = MixState::kSteady;
-  double since_s_ = 0.0;         // of waiting or fading
-  double weight_ = 0.0;          // of `to_`
-  bool bringing_said_ = false;   // reported that it waits for the bring-up
-  bool waits_for_free_ = false;  // the rule for contact was tried
-  bool dead_ = false;            // no force until release_contact() or restart()
+  double since_s_ = 0.0;               // of waiting or fading
+  double weight_ = 0.0;                // of `to_`
+  bool catching_up_reported_ = false;  // reported that it waits for the bring-up
+  bool waits_for_free_ = false;        // the rule for contact was tried
+  bool dead_ = false;                  // no force until release_contact() or restart()
   bool half_rate_ = false, odd_frame_ = false;
-  bool queue_said_ = false;
+  bool queue_reported_ = false;
   bool turned_back_ = false;  // the fade is reversed
   bool aborted_ = false;      // to be shown in the next frame
   render::FrameTime time_;

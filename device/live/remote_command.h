@@ -1,4 +1,4 @@
-// Commands from a program or tablet to a live session, in any transport format.
+// Commands to a live session, in any transport format. They come from a program or tablet.
 #pragma once
 
 #include <array>

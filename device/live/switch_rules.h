@@ -1,5 +1,5 @@
-// The rules of switching renderers under a hand, as numbers and pure functions of a frame's data. Lengths and
-// speeds are the device's, which the hand feels.
+// Rules of switching renderers under a hand. They are numbers and pure functions of a frame's data. Lengths
+// and speeds are the device's, which the hand feels.
 //
 //   free space   both without force and contact for 150 ms, and the HIP over 1 mm from the last contact of
 //                either: an immediate swap that is not felt.
@@ -143,7 +143,7 @@ struct SwitchOptions {
 /// bit-identical everywhere, within 1e-15.
 [[nodiscard]] double raised_cosine(double u) noexcept;
 
-/// How long a renderer has been free, and its last contact.
+/// Measures the time that a renderer has been free, and keeps its last contact.
 class FreeWatch {
  public:
   void restart(double t_s) noexcept {

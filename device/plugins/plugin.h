@@ -1,6 +1,5 @@
-// C interface between Palpate and a plug-in for a maker's closed library. Palpate never links such a library:
-// it loads the plug-in at run time, and `palpate list devices` reports missing ones. Plain C, for any
-// compiler and age.
+// C interface to a plug-in for a maker's library. Palpate never links such a library: it loads the plug-in at
+// run time, and `palpate list devices` reports missing ones. Plain C, for any compiler and age.
 //
 // Units: mm, N, s; right-handed device frame. A function may be called once the one before it in this list
 // succeeded; none throws. Texts are UTF-8, zero-terminated, cut to size.
@@ -45,7 +44,7 @@ typedef struct palpate_plugin {  // NOLINT: C
 
   /// Number of connected devices; below 0: the library cannot work here. `text`: which devices, or why not.
   int32_t (*look)(char* text, uint32_t size);
-  /// Opens the device of this index with zero force commanded. Null: `text` says why. May take long.
+  /// Opens the device of this index with zero force commanded. Null: `text` says why. The call may take long.
   void* (*open)(uint32_t index, char* text, uint32_t size);
   /// Commands zero and closes.
   void (*close)(void* device);

@@ -1,5 +1,5 @@
-// Lock-free exchange between a maker's library thread and the servo's thread, for plug-ins. Header only:
-// plug-ins link nothing of Palpate.
+// Lock-free exchange between a plug-in's thread and the servo's. Header only: plug-ins link nothing of
+// Palpate.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Records every servo tick to a file without making the loop wait.
+// Records every servo tick; the loop never waits.
 //
 //   servo thread    took() encodes the tick into a ring of bytes. No allocation, lock or system call; bounded
 //                   by kMaxBytesATick. A full ring loses the tick and counts it.
@@ -26,7 +26,7 @@ namespace palpate::device {
 
 // The append-only output of a recorder: a disk file, or a stand-in in tests.
 
-/// How far a chunk must get before the next is written.
+/// Place that a chunk must reach before the next is written.
 enum class Flush : std::uint8_t {
   kSystem,  ///< in the operating system: survives a crash of the program, not of the machine
   kData,    ///< on the disk (fdatasync): survives both
@@ -40,8 +40,8 @@ class RecordingFile {
   RecordingFile& operator=(const RecordingFile&) = delete;
   virtual ~RecordingFile() = default;
 
-  /// Appends all or nothing: a failed write is undone. May wait for the disk. After an Error the same bytes
-  /// can be tried again.
+  /// Appends all or nothing: a failed write is undone. The call may wait for the disk. After an Error the
+  /// same bytes can be tried again.
   [[nodiscard]] virtual Status append(std::span<const std::byte> bytes) = 0;
   [[nodiscard]] virtual Status flush(Flush how) = 0;
   [[nodiscard]] virtual const std::string& path() const noexcept = 0;
@@ -97,8 +97,8 @@ class Recorder final : public TickObserver {
   /// Servo thread.
   void took(const Tick& tick) noexcept override;
 
-  /// For virtual time only: waits until the ring is half empty or writing fails. Must not be called in a
-  /// real-time servo.
+  /// For virtual time only: waits until the ring is half empty or writing fails. A real-time servo must not
+  /// call it.
   void wait_for_room() const;
 
   /// Writes the rest and the reason of the end, and closes. No tick may follow. An Error says how much was

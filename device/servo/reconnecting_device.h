@@ -1,6 +1,6 @@
-// Wraps a device that may be unplugged and return while a servo runs. The servo keeps ticking without force
-// while another thread reopens the device, which may take seconds. It arms nothing: force returns only with
-// an explicit re-arm and its soft start.
+// Wraps a device that may be unplugged and return. The servo keeps ticking without force while another thread
+// reopens the device, which may take seconds. It arms nothing: force returns only with an explicit re-arm and
+// its soft start.
 #pragma once
 
 #include <atomic>

@@ -86,7 +86,7 @@ void pin(const SchedulingOptions& options, SchedulingMode& mode) {
                                 std::to_string(mode.cpus) + " that may be used");
 }
 
-void say_kernel(SchedulingMode& mode) {
+void describe_kernel(SchedulingMode& mode) {
   mode.kernel = kernel_kind();
   utsname names{};
   if (::uname(&names) == 0) mode.kernel_release = names.release;
@@ -191,7 +191,7 @@ std::string SchedulingMode::text() const {
 }
 
 ProcessRealTime::ProcessRealTime(const SchedulingOptions& options, SchedulingMode& mode) {
-  say_kernel(mode);
+  describe_kernel(mode);
   if (options.lock_memory) {
     const std::lock_guard lock(held().mutex);
     // Under a limit later memory must not be locked: allocations beyond it would fail.
@@ -221,7 +221,7 @@ ProcessRealTime::~ProcessRealTime() {
 }
 
 void enter_real_time(const SchedulingOptions& options, SchedulingMode& mode) {
-  if (mode.kernel_release.empty()) say_kernel(mode);
+  if (mode.kernel_release.empty()) describe_kernel(mode);
   // The default environment, independent of the starting thread: rounding, masks, denormals kept.
   std::fesetenv(FE_DFL_ENV);
   mode.denormals_flushed = flushes_denormals();

@@ -1,4 +1,4 @@
-// Runs a renderer under a simulated hand with servo, governor, device and clock, for the length of a script.
+// Runs a renderer under a simulated hand. Servo, governor, device and clock run for the length of a script.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ struct LoopOptions {
   double soft_start_s = 0.05;    ///< of the governor: ends before a scripted hand arrives
   /// Above 0: stops simulating once nothing has changed bitwise for this long (and for kMinStillTicks, with
   /// the device at rest). The remaining ticks copy the last one and are not counted in `slewed` and
-  /// `clamped`. Gives the same run for renderers that from then on answer a HIP at rest identically. Must
-  /// exceed the device's delay.
+  /// `clamped`. Gives the same run for renderers that from then on answer a HIP at rest identically. The time
+  /// must exceed the device's delay.
   double still_s = 0.0;
   geometry::RigidTransform world_from_device;
 };

@@ -13,7 +13,7 @@ constexpr double kPressS = 4.3;  // long enough to see whether a swing dies: swi
 constexpr double kSlideS = 1.2;
 constexpr double kTapS = 0.2;
 constexpr int kTaps = 5;
-constexpr double kLetGoS = 1.0, kAfterLettingGoS = 1.5;
+constexpr double kReleaseS = 1.0, kAfterReleaseS = 1.5;
 
 /// Makes the script of a task from waypoints valid by construction.
 HandScript scripted(std::string name, std::vector<double> t_s, std::vector<Vec3> goal_mm) {
@@ -109,8 +109,8 @@ HandScript tap(const TaskPlace& place, const TaskSizes& sizes) {
 HandScript release_contact(const TaskPlace& place, const TaskSizes& sizes) {
   const Vec3 above = place.point_mm + sizes.above_mm * place.normal;
   const Vec3 below = place.point_mm - sizes.depth_mm * place.normal;
-  HandScript script = scripted("let-go", {0.0, kReachS, kAfterLettingGoS}, {above, below, below});
-  script.release_s = kLetGoS;
+  HandScript script = scripted("let-go", {0.0, kReachS, kAfterReleaseS}, {above, below, below});
+  script.release_s = kReleaseS;
   return script;
 }
 

@@ -12,7 +12,7 @@
 
 namespace palpate::device {
 
-/// What a maker's data sheet says.
+/// Numbers of a maker's data sheet.
 struct PacketDeviceOptions {
   double mm_per_count = 0.01;
   double n_per_count = 0.001;

@@ -1,6 +1,7 @@
-// Simulated devices held by a hand, with true position, shown force and energy. An impedance device: an arm
-// with mass, damping, Coulomb friction, encoders and motors, held by a hand with mass, damping and a spring
-// to a goal; position out, force in. An admittance device. And the parameters of known ones.
+// Simulated devices held by a hand, with known truth. They give true position, shown force and energy. The
+// impedance device is an arm with mass, damping, Coulomb friction, encoders and motors, held by a hand with
+// mass, damping and a spring to a goal; position out, force in. An admittance device and the parameters of
+// known devices are here too.
 #pragma once
 
 #include <memory>

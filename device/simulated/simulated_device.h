@@ -1,4 +1,5 @@
-// A simulated device that plays a recorded path on the servo's clock, records commands, and fails on request.
+// A simulated device that plays a recorded path. It runs on the servo's clock, records commands, and fails on
+// request.
 #pragma once
 
 #include <vector>

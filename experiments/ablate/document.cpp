@@ -24,7 +24,7 @@ std::optional<double> saved(const std::optional<T>& whole, const std::optional<T
   return static_cast<double>(*whole) - static_cast<double>(*rest);
 }
 
-/// What follows from a row and the whole scene's.
+/// Conclusions from a row and the whole scene's.
 DocumentJson conclusions_of(const AblateRow& row, const AblateRow& whole) {
   return {{"stage", text_or_null(row.stage)},
           {"status", row.reason.empty() ? "ok" : "failed"},
@@ -107,9 +107,9 @@ Table ablate_table(const AblateDocument& document) {
 }
 
 Page ablate_page(const AblateDocument& document) {
-  Page page = begin_page("What the scene requires", document.head);
+  Page page = begin_page("Stages that the scene requires", document.head);
   add_known(page, Known{{}, document.warnings, document.notes});
-  HeadlineGroup group{"What each stage costs, and what is lost without it", {}};
+  HeadlineGroup group{"Cost of each stage, and loss without it", {}};
   for (std::size_t i = 1; i < document.rows.size(); ++i)
     group.lines.push_back(ablate_headline(document.rows[i], document.rows.front()));
   if (group.lines.empty())

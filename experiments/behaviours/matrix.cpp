@@ -135,7 +135,8 @@ Table matrix_table(const BehaviourMatrix& matrix) {
   Table table;
   table.title = "Behaviour: what goes wrong, counted";
   table.caption =
-      "What each column counts stands with its picture in the report. A dash: the renderer does not take the "
+      "Each column's count is explained with its picture in the report. A dash: the renderer does not take "
+      "the "
       "scene.";
   table.best_means = "nothing went wrong";
   table.bad_means = "more than 1 % of what there is";

@@ -1,4 +1,4 @@
-// The behaviour suite as a command, and run with several renderers: a matrix and a picture per behaviour.
+// The behaviour suite, as a command for several renderers: a matrix and a picture per behaviour.
 #pragma once
 
 #include <string>

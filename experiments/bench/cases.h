@@ -17,7 +17,7 @@ namespace palpate::experiments {
 /// Rises when any case, score or rule changes: results of two versions are not compared.
 inline constexpr int kBenchVersion = 1;
 
-/// What the cases are drawn from. Its text is never written anywhere; its hash is.
+/// Seed from which the cases are drawn. Its text is never written anywhere; its hash is.
 struct BenchSeed {
   std::string name;      ///< "public", "nominal" or "secret"
   std::string sha256;    ///< of version and text
@@ -43,7 +43,7 @@ struct BenchCase {
 [[nodiscard]] Result<Stage> bench_stage(const BenchCase& one, const OutputFolder& folder, int threads,
                                         Progress& progress);
 
-/// What a case is, for others to check: hashes of its points, its path and the truth along it.
+/// Identity of a case, for others to check: hashes of its points, its path and the truth along it.
 struct CaseInputs {
   std::string name, shape;
   std::uint64_t points = 0, frames = 0;

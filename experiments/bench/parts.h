@@ -46,7 +46,7 @@ struct BenchPart {
 /// sines of two machines differ, and a hand's path with them.
 [[nodiscard]] geometry::TriangleMesh make_part(const BenchPart& part, Dimensions dimensions);
 
-/// What keeps triangles from being a closed surface seen from outside ("2 edges without a twin"); empty where
+/// The reason why triangles are no closed surface seen from outside ("2 edges without a twin"); empty where
 /// every edge is passed once each way, every face has area and the volume is positive.
 [[nodiscard]] std::string faults_of(const geometry::TriangleMesh& mesh);
 

@@ -1,4 +1,4 @@
-// What the bench has measured, as a document that others can check, and who stands where.
+// The bench's document and ranking, for others to check.
 #pragma once
 
 #include <optional>
@@ -19,7 +19,7 @@ namespace palpate::experiments {
 inline constexpr const char* kBenchSchema = "palpate-bench/1";
 inline constexpr const char* kBenchFile = "bench.json";
 
-/// What takes part.
+/// A participant.
 struct BenchEntry {
   std::string label;
   std::string kind;     ///< "renderer" of the registry, plug-ins among them, or "traces"
@@ -67,8 +67,8 @@ struct BenchStanding {
 
 /// A table for each group, the smallest of its first median on top; last of all every case.
 [[nodiscard]] std::vector<Table> bench_tables(const BenchDocument& document);
-/// What each entry has less of in `document` than in `other`, another seed's, case by case: tuning to the
-/// cases of one seed shows here.
+/// Losses of each entry in `document` against `other`, another seed's, case by case: tuning to the cases of
+/// one seed shows here.
 [[nodiscard]] Table tuning_table(const BenchDocument& document, const BenchDocument& other);
 
 [[nodiscard]] std::string to_json(const BenchDocument& document);

@@ -1,4 +1,4 @@
-// Ends a whole program under force, to test the guard process.
+// Ends a program under force, to test the guard.
 #pragma once
 
 #include <cstdint>

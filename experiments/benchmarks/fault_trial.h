@@ -1,4 +1,5 @@
-// One fault in the whole chain of hand, link, device, renderer, governor and watchdog, up to motor release.
+// One fault in the chain from hand to motors. The chain is hand, link, device, renderer, governor and
+// watchdog, up to motor release.
 #pragma once
 
 #include <cstdint>

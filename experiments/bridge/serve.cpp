@@ -127,7 +127,7 @@ Status serve_device(const BridgeArguments& arguments) {
   });
   device::Watchdog watchdog(device, heart);
   PALPATE_TRY(watchdog.start());
-  session.say_unproven();
+  session.report_unproven();
   if (!arguments.json) {
     fmt::print("{} at {}: forces up to {:.2f} N, zero after {:.0f} ms without a command\n", device.name(),
                port.address().text(), far.governor()->limit_n(), arguments.watchdog_ms);

@@ -85,7 +85,7 @@ std::string renew_options(Words& words) {
   return fmt::format("--traj-columns is now part of the path: --path {}", words.back());
 }
 
-/// Today's words for those of the former version. What was changed is returned; empty: nothing.
+/// Today's words for those of the former version. Returns the changes; empty: none.
 std::string renew(Words& words) {
   const auto others = [&] {
     return std::any_of(words.begin() + 1, words.end(), [](const std::string& w) { return w != "--json"; });
@@ -200,7 +200,7 @@ std::string manual() {
   return page + ".fi\n";
 }
 
-/// What needs no subcommand; empty: something else is asked for.
+/// Answers that need no subcommand; empty: the words name one.
 std::string answer_of(const Words& words) {
   const std::string& first = words.front();
   if (first == "--help" || first == "-h" || first == "--help-all") return program_help();
@@ -238,7 +238,7 @@ bool asks_for_help(const Words& words, bool& all) {
   return false;
 }
 
-/// Which cases are measured here, by --emit, --engine and --case.
+/// The cases that are measured here, by --emit, --engine and --case.
 CaseSelection selection_of(const CLI::App& app, Words words) {
   const auto given = [&](const char* name) {
     const CLI::Option* option = app.get_option_no_throw(name);

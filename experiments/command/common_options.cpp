@@ -153,7 +153,7 @@ const char* kind_name(OptionKind kind) {
   return "text";
 }
 
-/// With what else the option acts; empty: always.
+/// Options with which the option acts; empty: always.
 std::string conditions(const OptionSpec& spec) {
   std::string all;
   for (const OptionCondition& condition : spec.only_with)

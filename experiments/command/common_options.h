@@ -1,5 +1,4 @@
-// Options that several subcommands take, and lists of things with options that several print: renderers,
-// cleaning steps, path generators.
+// Options and lists that several subcommands share: renderers, cleaning steps, path generators.
 #pragma once
 
 #include <span>
@@ -36,7 +35,7 @@ void declare_required_out(const Declaration& declare, std::string& out);
 /// --renderers; `usual`: those that are taken where none is given.
 void declare_renderers(const Declaration& declare, std::string& renderers, const std::string& usual);
 void declare_renderer(const Declaration& declare, std::string& renderer);
-/// How models are read.
+/// Options of reading models.
 void declare_model(const Declaration& declare, ModelArguments& load);
 /// SCENE, which --stream may replace, and --stream.
 void declare_scene_or_stream(const Declaration& declare, RunArguments& run);

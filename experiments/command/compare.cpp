@@ -61,8 +61,8 @@ void declare_compare(const Declaration& declare, CompareArguments& a) {
 
 /// Compares what was just written with the earlier run. The text to print, with `whole` every number;
 /// `status` is raised where something became worse.
-Result<std::string> say_against(const metrics::ResultDocument& before, const OutputFolder& folder, bool whole,
-                                int& status) {
+Result<std::string> describe_against(const metrics::ResultDocument& before, const OutputFolder& folder,
+                                     bool whole, int& status) {
   PALPATE_ASSIGN(const metrics::ResultDocument after, read_earlier(folder.path().string()));
   const Result<Changes> changes = changes_between(before, after);
   if (!changes) {
@@ -97,13 +97,13 @@ Result<int> run_compare(const CompareArguments& arguments, Context& context) {
     context.progress.clear();
     path = folder.path().string();
     if (before) {
-      PALPATE_ASSIGN(text, say_against(*before, folder, context.verbose, against));
+      PALPATE_ASSIGN(text, describe_against(*before, folder, context.verbose, against));
     }
     return text + fmt::format("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   };
   PALPATE_ASSIGN(const int status, run_study(run, context, finish));
   if (status != kExitOk || !context.cases.all()) return status;
-  // What one renderer answers now, beside what it answered when it was recorded.
+  // Compares one renderer's answers now with its recorded ones.
   if (recorded && run.stream.empty() && !run.renderers.empty() &&
       run.renderers.find(',') == std::string::npos)
     against = std::max(against, check_recording(run, path, context));

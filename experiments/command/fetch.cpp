@@ -57,8 +57,7 @@ void print_list() {
   }
 }
 
-/// The scan with one source instead of its own: a mirror, or a file at hand. Which checksum holds goes by the
-/// name.
+/// The scan with one source instead of its own: a mirror, or a file at hand. The name decides the checksum.
 Scan from_address(Scan scan, const std::string& address) {
   const auto ends = [&](std::string_view tail) {
     return address.size() >= tail.size() && address.ends_with(tail);

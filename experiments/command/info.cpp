@@ -274,7 +274,7 @@ Result<int> run_info(const InfoArguments& arguments, Context& context) {
     else
       print_text(info);
   }
-  for (const std::string& doubt : doubts_about_models(loaded)) tell("palpate: warning: {}\n", doubt);
+  for (const std::string& warning : warnings_about_models(loaded)) tell("palpate: warning: {}\n", warning);
   if (arguments.json) fmt::print("{}\n", (list.size() == 1 ? list.front() : list).dump(2));
   return kExitOk;
 }

@@ -1,4 +1,4 @@
-// What can be named: renderers and paths.
+// Lists of names: renderers and paths.
 #include <fmt/format.h>
 
 #include <palpate/paths.h>

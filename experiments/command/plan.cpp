@@ -86,7 +86,7 @@ void declare_plan(const Declaration& declare, PlanArguments& a) {
   declare_model(declare, a.load);
 }
 
-/// What was expected, and what it came to.
+/// Expected values beside the measured ones.
 struct Checked {
   plan::SceneRun flight;
   std::uint64_t bytes_expected = 0;
@@ -143,7 +143,7 @@ Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, i
   return Checked{flight, plan.decided.bytes, plan.decided.frame_us};
 }
 
-/// What a frame takes here: of renderers on points and heights, whose cut-outs are prepared in no time.
+/// Time of a frame here: of renderers on points and heights, whose cut-outs are prepared in no time.
 void expect_here(const PlanArguments& arguments, const render::SceneInput& scene,
                  const render::Registry& registry, Context& context, plan::Plan& plan) {
   const render::Role role = registry.find(plan.renderer.name)->role;
@@ -155,7 +155,7 @@ void expect_here(const PlanArguments& arguments, const render::SceneInput& scene
   plan::estimate_on_machine(plan, scene, registry, path, std::move(machine));
 }
 
-/// What the arguments name, loaded.
+/// Scene and path of the arguments, loaded.
 struct PlannedScene {
   scene::LoadedScene loaded;
   std::optional<NamedOptions> wanted;  ///< the renderer that is named, or none
@@ -195,7 +195,7 @@ std::vector<std::string> warnings_of(const PlannedScene& planned, const plan::Pl
   warnings.insert(warnings.end(), plan.warnings.begin(), plan.warnings.end());
   for (const scene::Provenance& p : planned.loaded.provenance)
     warnings.insert(warnings.end(), p.warnings.begin(), p.warnings.end());
-  for (std::string& doubt : doubts_about_models(planned.loaded)) warnings.push_back(std::move(doubt));
+  for (std::string& warning : warnings_about_models(planned.loaded)) warnings.push_back(std::move(warning));
   for (std::string& text :
        render::unsupported_features(*registry.find(plan.renderer.name), planned.loaded.input))
     warnings.push_back(std::move(text));

@@ -15,7 +15,7 @@
 namespace {
 
 /// Standard streams that are closed would be the next files that are opened, and results, messages and data
-/// would mix. What is put in their place refuses to be written.
+/// would mix. The streams put in their place refuse to be written.
 void hold_standard_streams() {
   for (const int stream : {0, 1, 2})
     if (::fcntl(stream, F_GETFD) < 0 && ::openat(AT_FDCWD, "/dev/null", O_RDONLY) != stream) return;
@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
   try {
     palpate::experiments::stop_on_signals();
     const int status = palpate::experiments::run_command_line(argc, argv);
-    // What did not fit into the buffer failed before.
+    // Text that did not fit into the buffer failed before.
     if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return status;
     if (errno == EPIPE) end_by_pipe();
     palpate::tell("palpate: error: standard output cannot be written: {}\n", std::strerror(errno));

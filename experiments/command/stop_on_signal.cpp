@@ -38,7 +38,7 @@ extern "C" void on_stop(int number) {
   }
 }
 
-/// What cannot be said at once is not said: nobody may be reading.
+/// A text that cannot be written at once is dropped: nobody may be reading.
 void say(const std::string& text) {
   pollfd out{STDERR_FILENO, POLLOUT, 0};
   if (::poll(&out, 1, 0) == 1 && (out.revents & POLLOUT) != 0)

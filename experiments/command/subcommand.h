@@ -21,7 +21,7 @@ namespace palpate::experiments {
 /// alone.
 enum class HelpGroup { kOwn, kShared, kRare };
 
-/// Options of one subcommand, put where their values go. What is not given stays as it is.
+/// Options of one subcommand, put where their values go. Arguments that are not given stay as they are.
 class Declaration {
  public:
   explicit Declaration(CLI::App& command, HelpGroup group = HelpGroup::kOwn)
@@ -66,7 +66,7 @@ class Declaration {
   HelpGroup group_;
 };
 
-/// What a subcommand does with the arguments that were read. The exit status.
+/// The work of a subcommand with the arguments that were read. The exit status.
 using RunSubcommand = std::function<int(Context& context)>;
 
 struct Subcommand {

@@ -127,8 +127,8 @@ resources:
   - timing=1000
 latency-wait: 60
 )";
-// Times of files decide alone what is to be done again. What says that a job has ended is whole where it is
-// there: a Snakemake that was killed finds its jobs in the queue again.
+// Times of files decide alone what is to be done again. The mark of an ended job is whole where it exists: a
+// Snakemake that was killed finds its jobs in the queue again.
 constexpr const char* kEveryProfile = R"(rerun-triggers: mtime
 ignore-incomplete: true
 keep-going: true

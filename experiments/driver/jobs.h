@@ -1,6 +1,6 @@
-// The cases of a command as jobs of a workflow engine: a table, a Snakefile, and profiles for this machine
-// and for a Slurm cluster. A job is this program with the same command line and --case; the last one is the
-// command itself, which finds every case kept.
+// A command's cases as jobs of a workflow engine: a table, a Snakefile, and profiles for this machine and for
+// a Slurm cluster. A job is this program with the same command line and --case; the last one is the command
+// itself, which finds every case kept.
 //
 //   OUT/jobs/jobs.tsv        a row for each case
 //   OUT/jobs/Snakefile       prepare, case, merge, report

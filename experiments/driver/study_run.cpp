@@ -42,8 +42,8 @@ bool is_there(const std::string& file) {
   return file.empty() || std::filesystem::exists(file, code);
 }
 
-/// The renderers, one after the other. What is finished is kept at once, and result.json says at every moment
-/// what is not.
+/// The renderers, one after the other. Finished results are kept at once, and result.json names the open ones
+/// at every moment.
 class OneByOne {
  public:
   OneByOne(StagedStudy& study, const std::vector<RendererRequest>& requests, const render::Registry& registry,
@@ -153,8 +153,8 @@ Status OneByOne::write_result() {
 }
 
 /// The renderers, the path and the folder, where the user has left any of them open.
-void say_what_is_run(const RunArguments& arguments, const std::vector<RendererRequest>& renderers,
-                     const StagedStudy& study, const OutputFolder& folder, ProgressBar& progress) {
+void report_runs(const RunArguments& arguments, const std::vector<RendererRequest>& renderers,
+                 const StagedStudy& study, const OutputFolder& folder, ProgressBar& progress) {
   if (!arguments.renderers.empty() && !arguments.path.empty() && !arguments.out.empty()) return;
   std::string labels;
   for (const RendererRequest& request : renderers) labels += (labels.empty() ? "" : ", ") + request.label;
@@ -333,7 +333,7 @@ Result<int> run_study(const RunArguments& arguments, Context& context, const Aft
   options.save_mesh = arguments.save_mesh;
   options.save_edited = arguments.save_edited;
   PALPATE_TRY(suite.begin(key_of(arguments, prepared.stage)));
-  say_what_is_run(arguments, prepared.renderers, study, suite.folder(), context.progress);
+  report_runs(arguments, prepared.renderers, study, suite.folder(), context.progress);
   OneByOne run(study, prepared.renderers, registry, options, suite);
   PALPATE_TRY(run.begin());
   PALPATE_TRY(run.run_the_rest());

@@ -1,4 +1,4 @@
-// A run of renderers along one path, as compare makes it.
+// A run of renderers along one path, for compare.
 #pragma once
 
 #include <functional>
@@ -32,7 +32,7 @@ struct RunArguments {
   bool json = false;
 };
 
-/// What the arguments name.
+/// Stage and renderers of the arguments.
 struct CheckedRun {
   StageRequest stage;
   std::vector<RendererRequest> renderers;  ///< that were named
@@ -50,7 +50,7 @@ struct CheckedRun {
 [[nodiscard]] Status open_folder(const RunArguments& arguments, const char* command,
                                  const StageRequest& stage, Suite& suite);
 
-/// What was left open is chosen now that the models are known (choices.h), `one` or several; notes say why.
+/// Open arguments are chosen now that the models are known (choices.h), `one` or several; notes say why.
 /// Error: one lacks what the scene asks for.
 [[nodiscard]] Status choose_renderers(bool one, const render::Registry& registry,
                                       const render::SceneInput& scene, CheckedRun& checked,
@@ -63,7 +63,7 @@ struct CheckedRun {
 using AfterStudy = std::function<Result<std::string>(const OutputFolder& folder)>;
 
 /// Checks every argument before any work, runs the renderers, writes the files, prints a summary. The exit
-/// status. What the arguments leave open is chosen by the model (choices.h), and said before it is run.
+/// status. Open arguments are chosen by the model (choices.h), and reported before the run.
 [[nodiscard]] Result<int> run_study(const RunArguments& arguments, Context& context, const AfterStudy& after);
 
 }  // namespace palpate::experiments

@@ -20,7 +20,7 @@
 
 namespace palpate::experiments {
 
-/// What a suite leaves and prints.
+/// Results that a suite leaves and prints.
 struct SuiteResults {
   std::string file;                     ///< of the document
   std::string json;                     ///< its text

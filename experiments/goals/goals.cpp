@@ -57,7 +57,7 @@ DocumentJson finding_json(const Finding& finding) {
 
 Table findings_table(const Goal& goal) {
   Table table;
-  table.title = "What decides";
+  table.title = "Measures that decide";
   table.columns = {"measured", "value", "asked", "because", "mesh"};
   for (const Finding& finding : goal.findings) {
     table.rows.push_back(

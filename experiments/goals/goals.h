@@ -1,4 +1,4 @@
-// A goal of the thesis's section 1.4 with its measurements, and all of them as a command.
+// Goals of the thesis's section 1.4, with measurements. All of them are a command.
 #pragma once
 
 #include <optional>

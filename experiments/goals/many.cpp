@@ -164,8 +164,8 @@ Chart many_chart(const std::vector<ManyRow>& rows) {
 }
 
 /// Reports a frame longer than a tick and its position.
-void say_long_frame(const std::vector<ManyRow>& rows, const std::string& label, std::size_t count,
-                    Goal& goal) {
+void describe_long_frame(const std::vector<ManyRow>& rows, const std::string& label, std::size_t count,
+                         Goal& goal) {
   const ManyRow* row = row_of(rows, label, count);
   if (row == nullptr || !row->longest_us || *row->longest_us <= kTickUs) return;
   goal.short_of.push_back(
@@ -236,7 +236,7 @@ Goal many_models_goal(const GoalBench& bench) {
     goal.findings.push_back({fmt::format("{}, god object off the crease of two balls", judged),
                              off_crease_mm(bench, judged, false, goal), "mm", kCreaseMm, true,
                              "held by both at once", mesh_crease});
-    say_long_frame(rows, judged, most, goal);
+    describe_long_frame(rows, judged, most, goal);
   }
   goal.tables.push_back(many_table(rows));
   goal.figures.push_back(draw(many_chart(rows), bench.figures));

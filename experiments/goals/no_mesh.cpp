@@ -20,7 +20,7 @@ std::optional<double> not_as_points(const std::vector<GoalRuns>& shapes, const s
 }
 
 /// Reports stored data beyond the points themselves.
-void say_kept(const std::vector<GoalRuns>& shapes, const std::string& label, Goal& goal) {
+void describe_kept(const std::vector<GoalRuns>& shapes, const std::string& label, Goal& goal) {
   // Three floats.
   constexpr double kPointBytes = 12.0;
   double most = 0.0;
@@ -57,7 +57,7 @@ Shares worst_shares(const std::vector<GoalRuns>& shapes, const std::string& labe
 
 Table phases_table(const GoalRuns& runs) {
   Table table;
-  table.title = "What is made before the first frame: " + runs.name;
+  table.title = "Preparation before the first frame: " + runs.name;
   table.columns = {"renderer", "ready after", "bytes a point", "phases"};
   for (const metrics::RendererResult& result : runs.results) {
     if (result.status != metrics::RunStatus::kOk || !result.prepare) continue;
@@ -96,7 +96,7 @@ Goal no_mesh_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) {
                              "what makes no mesh should not take longer", kAllPercent});
     goal.findings.push_back({fmt::format("{}, memory, of the mesh's, at worst", judged),
                              worst.largest_percent, "%", kAllPercent, true, "nor hold more", kAllPercent});
-    say_kept(shapes, judged, goal);
+    describe_kept(shapes, judged, goal);
   }
   if (!shapes.empty()) {
     for (const metrics::RendererResult& result : shapes.front().results)

@@ -146,7 +146,7 @@ std::string picture_html(const std::vector<PinnedRow>& rows) {
       base64(png));
 }
 
-void say_scheduling(const std::vector<PinnedRow>& rows, Goal& goal) {
+void describe_scheduling(const std::vector<PinnedRow>& rows, Goal& goal) {
   if (rows.empty()) return;
   const PinnedRun& run = rows.front().run;
   goal.notes.push_back(run.cpu >= 0 ? fmt::format("Both threads ran on core {}.", run.cpu)
@@ -190,7 +190,7 @@ Goal one_machine_goal(const GoalBench& bench) {
                              "a second", kLeastImages, false, "a picture that follows the hand",
                              drawing(kMeshLabel, images_per_s)});
   }
-  say_scheduling(all, goal);
+  describe_scheduling(all, goal);
   goal.tables.push_back(pinned_table(all));
   goal.figures.push_back(draw(late_chart(all), bench.figures));
   goal.picture = picture_html(all);

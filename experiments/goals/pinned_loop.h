@@ -1,5 +1,5 @@
-// A servo loop and a drawing thread on one shared core, as without a core to spare. Measures tick lateness,
-// step times and pictures; these come from a software point renderer with depth.
+// A servo loop and a drawing thread on one core. No core is spare. Measures tick lateness, step times and
+// pictures; these come from a software point renderer with depth.
 #pragma once
 
 #include <cstdint>

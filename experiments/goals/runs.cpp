@@ -130,10 +130,10 @@ std::string number_or_dash(const std::optional<double>& value) {
 }
 
 std::vector<Series> lines_of(const std::vector<std::string>& labels) {
-  const std::vector<Look> looks = looks_of(labels);
+  const std::vector<LineStyle> styles = line_styles_of(labels);
   std::vector<Series> lines;
   for (std::size_t i = 0; i < labels.size(); ++i)
-    lines.push_back({labels[i], looks[i].colour, {}, {}, looks[i].dash});
+    lines.push_back({labels[i], styles[i].colour, {}, {}, styles[i].dash});
   return lines;
 }
 

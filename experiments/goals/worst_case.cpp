@@ -34,7 +34,7 @@ std::optional<double> misses(const std::vector<const GoalRuns*>& all, const std:
 
 /// A single reading above a tick that does not repeat is due to the machine, but the servo still misses that
 /// tick.
-void say_longest_reading(const std::vector<const GoalRuns*>& all, const std::string& label, Goal& goal) {
+void describe_longest_reading(const std::vector<const GoalRuns*>& all, const std::string& label, Goal& goal) {
   const std::optional<double> longest = largest_over(all, label, &trace::FrameStatistics::worst_us);
   if (longest && *longest > kTickUs)
     goal.short_of.push_back(fmt::format(
@@ -114,7 +114,7 @@ Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes
   goal.figures.push_back(draw(
       bar_chart("goal-worst-case", "The longest frames over all models", "µs", "A tick has 1,000 µs.", bars),
       bench.figures));
-  for (const char* const judged : kJudged) say_longest_reading(all, judged, goal);
+  for (const char* const judged : kJudged) describe_longest_reading(all, judged, goal);
   goal.notes.emplace_back(
       "This page measures usual paths. The worst frame in instructions is hunted by `palpate test hunt`.");
   return goal;

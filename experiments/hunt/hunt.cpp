@@ -150,7 +150,7 @@ class Hunt {
   [[nodiscard]] double seconds_of_each() const {
     return arguments_.minutes * kSecondsAMinute / static_cast<double>(quests_.size());
   }
-  /// How much of its trials or time the quest has had.
+  /// Share of its trials or time that the quest has had.
   [[nodiscard]] double share(std::size_t q) const {
     if (arguments_.trials == 0) return quests_[q].spent_s / seconds_of_each();
     return trials_of(q) == 0 ? 1.0
@@ -282,7 +282,7 @@ Result<int> hunt(const HuntArguments& arguments, Context& context) {
   PALPATE_ASSIGN(results.json, write_found(suite.folder(), quests, arguments.seed, head));
   Page page = begin_page("The worst that a random search found", head);
   add_known(page, {{}, results.faults, {}});
-  page.sections.push_back({"hunt", "What was found", {}, {}, results.tables, {}, {}});
+  page.sections.push_back({"hunt", "Findings", {}, {}, results.tables, {}, {}});
   PALPATE_TRY(suite.publish(results, page, arguments.json));
   for (const Quest& quest : quests)
     if (quest.faulty > 0) return kExitFellShort;

@@ -1,5 +1,5 @@
-// Adversarial random search over models, edits, options and paths for a renderer's worst behaviour; its
-// results are replayable cases and a document.
+// Random search for a renderer's worst behaviour. It varies models, edits, options and paths; its results are
+// replayable cases and a document.
 #pragma once
 
 #include <array>

@@ -82,19 +82,19 @@ constexpr double kTryEveryS = 0.5;
 constexpr double kSettledAfterS = 1.0;
 
 /// A thread that polls until this object is destroyed, which joins it.
-class LookingThread {
+class PollingThread {
  public:
-  template <class Look>
-  explicit LookingThread(Look look)
-      : thread_([this, look = std::move(look)] {
+  template <class Poll>
+  explicit PollingThread(Poll poll)
+      : thread_([this, poll = std::move(poll)] {
           while (!ending_.load(std::memory_order_acquire)) {
-            look();
+            poll();
             std::this_thread::sleep_for(kLookEvery);
           }
         }) {}
-  LookingThread(const LookingThread&) = delete;
-  LookingThread& operator=(const LookingThread&) = delete;
-  ~LookingThread() {
+  PollingThread(const PollingThread&) = delete;
+  PollingThread& operator=(const PollingThread&) = delete;
+  ~PollingThread() {
     ending_.store(true, std::memory_order_release);
     thread_.join();
   }
@@ -164,23 +164,23 @@ bool Assembly::request_rearm() noexcept {
 void Assembly::mark(const std::string& text) {
   const double t_s = now_s();
   {
-    const std::lock_guard lock(said_mutex_);
+    const std::lock_guard lock(reports_mutex_);
     marks_.push_back({t_s, text});
   }
   // The recording counts write errors itself.
   if (recorder_ != nullptr) (void)recorder_->note("mark: " + text);
 }
 
-void Assembly::say(std::string sentence) {
-  const std::lock_guard lock(said_mutex_);
-  said_.push_back(std::move(sentence));
+void Assembly::announce(std::string sentence) {
+  const std::lock_guard lock(reports_mutex_);
+  reports_.push_back(std::move(sentence));
 }
 
-void Assembly::show_said(ProgressBar& progress) {
+void Assembly::show_reports(ProgressBar& progress) {
   std::vector<std::string> sentences;
   {
-    const std::lock_guard lock(said_mutex_);
-    sentences.swap(said_);
+    const std::lock_guard lock(reports_mutex_);
+    sentences.swap(reports_);
   }
   if (sentences.empty()) return;
   progress.clear();
@@ -194,17 +194,17 @@ const char* Assembly::armed_by() const noexcept {
 /// Reopens a lost device outside the servo's thread.
 void Assembly::replug(double now_s) {
   if (!device_.device().lost() || now_s < next_try_s_) return;
-  if (not_open_.empty()) say(device_.device().name() + " is gone; plug it in again");
+  if (not_open_.empty()) announce(device_.device().name() + " is gone; plug it in again");
   next_try_s_ = now_s + kTryEveryS;
   const Status opened = device_.device().reopen();
   if (!opened) {
     // Reports each reason once: first that the device is missing, then any other error.
-    if (std::exchange(not_open_, opened.error().message()) != opened.error().message()) say(not_open_);
+    if (std::exchange(not_open_, opened.error().message()) != opened.error().message()) announce(not_open_);
     return;
   }
   if (!device_.device().here()) return;
   not_open_.clear();
-  say(device_.device().name() + " is back; no force until it is armed again" + armed_by());
+  announce(device_.device().name() + " is back; no force until it is armed again" + armed_by());
 }
 
 void Assembly::work(SessionTasks& tasks, double now_s) {
@@ -215,10 +215,11 @@ void Assembly::work(SessionTasks& tasks, double now_s) {
 /// Tells the person at the device what to do.
 void Assembly::prompt() {
   const device::Fault fault = watch_.fault();
-  if (fault != fault_said_ && fault != device::Fault::kNone)
-    say(fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
-  fault_said_ = fault;
-  if (std::optional<std::string> news = homing_.news()) say(*std::move(news));
+  if (fault != fault_reported_ && fault != device::Fault::kNone)
+    announce(
+        fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
+  fault_reported_ = fault;
+  if (std::optional<std::string> news = homing_.news()) announce(*std::move(news));
 }
 
 void Assembly::note_scheduling(const std::string& scheduling) {
@@ -232,7 +233,7 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
   end.replugged = device_.device().times_back();
   end.faulted = watch_.fault() != device::Fault::kNone;
   end.settled_bytes = settled_bytes_ != 0 ? settled_bytes_ : resident_bytes();
-  const std::lock_guard lock(said_mutex_);
+  const std::lock_guard lock(reports_mutex_);
   end.marks = marks_;
   return end;
 }
@@ -245,7 +246,7 @@ Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
     for (const auto& [key, value] : at_opening)
       (void)recorder_->note(fmt::format("device at the opening: {}: {}", key, value));
   Result<SessionEnd> end = clock_.accelerated() ? run_fast(tasks, progress) : run_real(tasks, progress);
-  show_said(progress);
+  show_reports(progress);
   // Counters include the whole session; a closed device may report nothing more.
   DeviceFactTexts facts = facts_of(device_);
   facts.insert(at_opening.begin(), at_opening.end());
@@ -274,7 +275,7 @@ Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress
     if (asked++ % report_every == 0) {
       note_settled();
       prompt();
-      show_said(progress);
+      show_reports(progress);
       progress.report(settings_.label + ", accelerated", now_s() / settings_.seconds);
     }
     return !stopping_.load(std::memory_order_acquire);
@@ -297,14 +298,14 @@ void Assembly::show_going_on(ProgressBar& progress) {
                   -1.0);
 }
 
-void Assembly::look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread,
-                            ProgressBar& progress) {
+void Assembly::poll_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread,
+                         ProgressBar& progress) {
   Keys keys;
   while (thread.running() && now_s() < until_s && !stopping_.load(std::memory_order_acquire)) {
     std::this_thread::sleep_for(kLookEvery);
     note_settled();
     prompt();
-    show_said(progress);
+    show_reports(progress);
     show_going_on(progress);
     while (const std::optional<char> key = keys.next()) {
       if (*key == 'q')
@@ -333,8 +334,8 @@ Result<SessionEnd> Assembly::run_real(SessionTasks& tasks, ProgressBar& progress
   begun_ns_ = clock_.clock().now_ns();  // opening time does not count
   note_scheduling(thread->mode().text());
   {
-    const LookingThread worker([&] { work(tasks, now_s()); });
-    look_at_keys(tasks, settings_.seconds, *thread, progress);
+    const PollingThread worker([&] { work(tasks, now_s()); });
+    poll_keys(tasks, settings_.seconds, *thread, progress);
     tasks.ending();
     // Stops the force before waiting for the worker, which may be preparing a renderer.
     thread->stop();

@@ -159,12 +159,12 @@ class Assembly {
   /// Any thread but the servo's. Also writes to the recording, so it may wait for the disk.
   void mark(const std::string& text);
   /// Any thread but the servo's: shown at the next poll.
-  void say(std::string sentence);
+  void announce(std::string sentence);
 
  private:
   [[nodiscard]] Result<SessionEnd> run_fast(SessionTasks& tasks, ProgressBar& progress);
   [[nodiscard]] Result<SessionEnd> run_real(SessionTasks& tasks, ProgressBar& progress);
-  void look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread, ProgressBar& progress);
+  void poll_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread, ProgressBar& progress);
   void work(SessionTasks& tasks, double now_s);
   /// Measures the session's memory once, after it has settled.
   void note_settled();
@@ -172,7 +172,7 @@ class Assembly {
   void prompt();
   void show_going_on(ProgressBar& progress);
   [[nodiscard]] const char* armed_by() const noexcept;
-  void show_said(ProgressBar& progress);
+  void show_reports(ProgressBar& progress);
   void note_scheduling(const std::string& scheduling);
   [[nodiscard]] SessionEnd ended(const device::LoopHistograms& histograms);
   [[nodiscard]] double now_s() const noexcept;
@@ -190,12 +190,12 @@ class Assembly {
   double next_try_s_ = 0.0;
   std::string not_open_;  // why reopening failed; empty: present
   // Used by the main thread only.
-  device::Fault fault_said_ = device::Fault::kNone;
+  device::Fault fault_reported_ = device::Fault::kNone;
   std::uint64_t settled_bytes_ = 0;
   HomingTeller homing_;
   double force_full_n_ = 0.0;  // full scale of the shown force
-  std::mutex said_mutex_;
-  std::vector<std::string> said_;
+  std::mutex reports_mutex_;
+  std::vector<std::string> reports_;
   std::vector<SessionMark> marks_;
 };
 

@@ -1,5 +1,5 @@
-// Creates the renderers of a live session at its start and after each parameter change, and the coarse one
-// that stands in while they are made.
+// Creates the renderers of a live session. It does so at the start and after each parameter change, with a
+// coarse one that stands in meanwhile.
 #pragma once
 
 #include <cstddef>
@@ -54,7 +54,7 @@ struct MadeRenderer {
 [[nodiscard]] Result<MadeRenderer> make_live(Workshop& workshop, const LiveSetting& setting,
                                              Progress& progress);
 
-/// Who takes a stream's images, by lane. Error: one takes none.
+/// Receivers of a stream's images, by lane. Error: one takes none.
 [[nodiscard]] Result<std::vector<stream::DepthReceiver*>> receivers_of(const std::vector<MadeRenderer>& made);
 
 /// Replaces a lane's renderer at `at_s` of the session.

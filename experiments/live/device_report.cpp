@@ -118,7 +118,7 @@ FactsJson facts_connected() {
 }
 
 /// Runs frames at a fixed rate in a thread with the priority that the system grants.
-void look_for(DeviceLooker& looker, const MonotonicClock& clock, const ReportOptions& options,
+void look_for(DeviceObserver& observer, const MonotonicClock& clock, const ReportOptions& options,
               device::Heartbeat& heart, device::SchedulingMode& mode) {
   device::enter_real_time({}, mode);
   device::DueTimes due(std::llround(options.rate_hz));
@@ -129,15 +129,14 @@ void look_for(DeviceLooker& looker, const MonotonicClock& clock, const ReportOpt
     facts_sleep_to(clock.start_ns() + due_ns);
     static_cast<void>(due.take(clock.now_ns()));
     heart.beat();
-    looker.frame(due_ns);
+    observer.frame(due_ns);
   }
   heart.rest();
 }
 
 /// Watches in a thread of its own and tells the person what homing needs. Returns what was told.
-std::vector<std::string> look_and_tell(DeviceLooker& looker, SessionDevice& device,
-                                       const MonotonicClock& clock, const ReportOptions& options,
-                                       device::SchedulingMode& mode) {
+std::vector<std::string> observe(DeviceObserver& observer, SessionDevice& device, const MonotonicClock& clock,
+                                 const ReportOptions& options, device::SchedulingMode& mode) {
   constexpr std::chrono::milliseconds kTellEvery{20};  // below what a person notices
   std::vector<std::string> told;
   HomingTeller teller(device, "");
@@ -149,7 +148,7 @@ std::vector<std::string> look_and_tell(DeviceLooker& looker, SessionDevice& devi
   };
   std::atomic<bool> over{false};
   std::thread loop([&] {
-    look_for(looker, clock, options, device.heart(), mode);
+    look_for(observer, clock, options, device.heart(), mode);
     over.store(true);
   });
   while (!over.load()) {
@@ -174,18 +173,18 @@ Status look_at(SessionDevice& session, const MonotonicClock& clock, const Report
     return {};
   });
   device::SchedulingMode mode;
-  const auto looker = std::make_unique<DeviceLooker>(device, governor, clock);
+  const auto observer = std::make_unique<DeviceObserver>(device, governor, clock);
   std::vector<std::string> told;
   {
     const device::ProcessRealTime process({}, mode);
     device::Watchdog watchdog(device, session.heart());
     PALPATE_TRY(watchdog.start());
-    told = look_and_tell(*looker, session, clock, options, mode);
+    told = observe(*observer, session, clock, options, mode);
     watchdog.stop();
   }
   document["limits"] = facts_limits(device.limits());
   document["scheduling"] = mode.text();
-  add_watch(document, looker->watch());
+  add_watch(document, observer->watch());
   document["homing"]["told"] = told;
   FactsJson facts = FactsJson::object();
   for (const auto& [key, value] : session.facts()) facts[key] = value;
@@ -202,7 +201,7 @@ void PowerBins::count(std::int64_t ns) noexcept {
   ++counts[std::min(width, kBins - 1)];
 }
 
-void DeviceLooker::frame(std::int64_t due_ns) noexcept {
+void DeviceObserver::frame(std::int64_t due_ns) noexcept {
   const std::int64_t began_ns = clock_.now_ns();
   const device::DeviceState state = device_.read();
   device_.send(governor_.zero());
@@ -220,7 +219,7 @@ void DeviceLooker::frame(std::int64_t due_ns) noexcept {
   took(state, now_ns);
 }
 
-void DeviceLooker::took(const device::DeviceState& state, std::int64_t now_ns) noexcept {
+void DeviceObserver::took(const device::DeviceState& state, std::int64_t now_ns) noexcept {
   watch_.longest_gap_ns = std::max(watch_.longest_gap_ns, now_ns - fresh_ns_);
   switch (state.status) {
     case device::ReadStatus::kNothingNew:

@@ -50,9 +50,9 @@ struct DeviceWatch {
 };
 
 /// Observes an open device in the calling thread. `frame` commands zero force.
-class DeviceLooker {
+class DeviceObserver {
  public:
-  DeviceLooker(device::Device& device, device::ForceGovernor& governor, const Clock& clock)
+  DeviceObserver(device::Device& device, device::ForceGovernor& governor, const Clock& clock)
       : device_(device), governor_(governor), clock_(clock) {}
   /// Runs one frame. Does not allocate.
   void frame(std::int64_t due_ns) noexcept;

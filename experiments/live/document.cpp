@@ -216,9 +216,9 @@ Chart force_chart(const LiveDocument& document) {
   chart.wide = true;
   std::vector<std::string> labels;
   for (const LiveRenderer& r : document.renderers) labels.push_back(r.label);
-  const std::vector<Look> looks = looks_of(labels);
+  const std::vector<LineStyle> styles = line_styles_of(labels);
   for (std::size_t i = 0; i < labels.size(); ++i) {
-    Series line{labels[i], looks[i].colour, {}, {}, looks[i].dash};
+    Series line{labels[i], styles[i].colour, {}, {}, styles[i].dash};
     for (const LiveSample& sample : document.samples) {
       line.x.push_back(sample.t_s);
       line.y.push_back(sample.each_n[i]);

@@ -1,4 +1,4 @@
-// The simulated hand's goals in a live session over any scene.
+// Goals of the simulated hand in a live session. The scene may be any.
 #pragma once
 
 #include <memory>

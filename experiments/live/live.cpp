@@ -75,7 +75,7 @@ Result<SessionDevice> make_device(const DeviceChoice& choice, const LiveArgument
   PALPATE_ASSIGN(SessionDevice device, SessionDevice::make(choice, clock.clock(), 1.0 / arguments.rate_hz));
   document.guarded = device.guarded();
   document.unproven = device.unproven();
-  device.say_unproven();
+  device.report_unproven();
   return device;
 }
 

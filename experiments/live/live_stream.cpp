@@ -19,7 +19,8 @@ constexpr double kStreamNsPerMs = 1e6, kStreamMsPerS = 1e3, kStreamSPerNs = 1e-9
 // A thread that waits for an arrival looks this often whether the session ends: a twentieth of the time that
 // an image at 30 Hz may take until it is felt.
 constexpr std::chrono::microseconds kArrivalNap{500};
-// What takes over this share of a period to be read would gain less time by being left out than it took.
+// An image that takes over this share of a period to be read would gain less time by being left out than it
+// took.
 constexpr double kSlowToRead = 0.5;
 // Files that give nothing but errors for so long are at their end.
 constexpr std::uint64_t kMostUnreadableLive = 10'000;
@@ -28,7 +29,7 @@ void count_ms(device::DurationHistogram& times, double ms) noexcept {
   times.count(std::llround(ms * kStreamNsPerMs));
 }
 
-void tell_ms(const device::DurationHistogram& times, std::optional<double>& p50, std::optional<double>& p99) {
+void set_ms(const device::DurationHistogram& times, std::optional<double>& p50, std::optional<double>& p99) {
   const device::DurationStatistics found = times.statistics();
   if (found.count == 0) return;
   p50 = static_cast<double>(found.p50_ns) / kStreamNsPerMs;
@@ -107,7 +108,7 @@ double LiveStream::now_s() const {
          static_cast<double>(monotonic_ns() - tick_ns_.load(std::memory_order_relaxed)) * kStreamSPerNs;
 }
 
-/// What goes wrong here, such as memory that ends, must not end the session with a hand on the device.
+/// Errors here, such as exhausted memory, must not end the session with a hand on the device.
 void LiveStream::run() {
   try {
     while (!ending_.load(std::memory_order_acquire)) {
@@ -202,7 +203,7 @@ std::string LiveStream::work() {
     return {};
   }
   if (ended_.load(std::memory_order_acquire))
-    return std::exchange(end_said_, true)
+    return std::exchange(end_reported_, true)
                ? std::string()
                : fmt::format("the stream has ended{}: its last surface stays under the hand", why_ended_);
   const double still_s = now_s() - given_s_.load(std::memory_order_relaxed);
@@ -217,9 +218,9 @@ LiveStreamFacts LiveStream::facts() const {
   LiveStreamFacts facts = facts_;
   facts.silences = silences_;
   facts.ended = ended_.load(std::memory_order_acquire);
-  tell_ms(window_, facts.window_p50_ms, facts.window_p99_ms);
-  tell_ms(whole_, facts.whole_p50_ms, facts.whole_p99_ms);
-  tell_ms(light_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
+  set_ms(window_, facts.window_p50_ms, facts.window_p99_ms);
+  set_ms(whole_, facts.whole_p50_ms, facts.whole_p99_ms);
+  set_ms(light_, facts.light_to_touch_p50_ms, facts.light_to_touch_p99_ms);
   return facts;
 }
 

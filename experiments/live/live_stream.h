@@ -68,7 +68,7 @@ class LiveStream final : public device::TickObserver {
 
   /// Servo thread.
   void took(const device::Tick& tick) noexcept override;
-  /// The session's worker. What is to be said of the stream, if anything new.
+  /// The session's worker. News of the stream, if any.
   [[nodiscard]] std::string work();
   /// After end().
   [[nodiscard]] LiveStreamFacts facts() const;
@@ -104,7 +104,7 @@ class LiveStream final : public device::TickObserver {
   LiveStreamFacts facts_;
   device::DurationHistogram window_, whole_, light_;
   // Used by the worker.
-  bool silent_ = false, end_said_ = false;
+  bool silent_ = false, end_reported_ = false;
   std::uint64_t silences_ = 0;
   std::thread thread_;
 };

@@ -56,7 +56,7 @@ Status check_export(const ExportArguments& a) {
   return Done{};
 }
 
-void say(const ExportArguments& a, const device::Recording& recording, std::uint64_t rows) {
+void announce(const ExportArguments& a, const device::Recording& recording, std::uint64_t rows) {
   const device::RecordingEnd& end = recording.end();
   std::vector<std::string> labels;
   for (const device::RecordedRenderer& one : recording.renderers()) labels.push_back(one.label);
@@ -132,7 +132,7 @@ Result<int> run_export(const ExportArguments& arguments, Context& context) {
                      : export_motion_bids(recording, arguments.out, arguments.subject, arguments.task));
   context.progress.clear();
   for (const std::string& warning : recording.end().warnings()) tell("palpate: warning: {}\n", warning);
-  say(arguments, recording, rows);
+  announce(arguments, recording, rows);
   return kExitOk;
 }
 

@@ -1,4 +1,4 @@
-// A recording's contents for `palpate info`, counted tick by tick without a replay.
+// A recording's contents for `palpate info`. They are counted tick by tick without a replay.
 #pragma once
 
 #include <cstdint>

@@ -186,7 +186,7 @@ Result<int> record(const RecordArguments& arguments, const device::Drivers& driv
   SessionClock clock(arguments.accelerated);
   // The guard is forked, so it comes before threads and a large scene.
   PALPATE_ASSIGN(SessionDevice device, SessionDevice::make(choice, clock.clock(), 1.0 / arguments.rate_hz));
-  device.say_unproven();
+  device.report_unproven();
   // Generated paths have 1000 samples a second, enough to move until the end.
   constexpr double kSamplesPerS = 1000.0;
   checked.stage.usual_frames = static_cast<int>(std::ceil(arguments.seconds * kSamplesPerS)) + 1;

@@ -192,8 +192,8 @@ device::SwitchOptions switch_options(const LiveArguments& arguments, const LiveP
   return options;
 }
 
-void say_mapping(const geometry::Aabb& box, const device::DeviceMap& map, const device::DeviceLimits& limits,
-                 LiveDocument& document) {
+void describe_mapping(const geometry::Aabb& box, const device::DeviceMap& map,
+                      const device::DeviceLimits& limits, LiveDocument& document) {
   document.world_per_device = map.world_per_device;
   document.felt_stiffness_n_per_mm = document.stiffness_n_per_mm * map.world_per_device;
   const Vec3 needed = 0.5 * box.extent_mm() / map.world_per_device, reach = device::reachable_half_mm(limits);
@@ -327,14 +327,14 @@ Result<SessionEnd> run_heard(const LivePlan& plan, Assembly& session, LiveTasks&
                  RemoteListener::start(*plan.listen, [&](const device::RemoteCommand& command) {
                    return tasks.act(command, session);
                  }));
-  session.say("listening on " + listener->where());
+  session.announce("listening on " + listener->where());
   Result<SessionEnd> end = session.run(tasks, progress);
   document.remote.where = listener->where();
   document.remote.counts = listener->counts();
   return end;
 }
 
-void tell_end(const SessionEnd& end, LiveDocument& document) {
+void report_end(const SessionEnd& end, LiveDocument& document) {
   document.loop = end.loop;
   document.lateness = end.lateness;
   document.scheduling = end.scheduling;
@@ -358,7 +358,7 @@ Result<Seat> take_seat(const LiveArguments& arguments, const LivePlan& plan, con
   const geometry::Aabb box = render::box_of(stage.scene.input.models);
   PALPATE_ASSIGN(seat.limits, device.limits());
   PALPATE_ASSIGN(seat.map, device::map_for(box, seat.limits, plan.workspace));
-  say_mapping(box, seat.map, seat.limits, document);
+  describe_mapping(box, seat.map, seat.limits, document);
   // Has the same limits as the servo's governor, which is made after the device opens.
   PALPATE_ASSIGN(
       const device::ForceGovernor governor,
@@ -458,7 +458,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
                            std::move(shown));
   if (streamed) {
     tasks.beside([&] {
-      if (std::string news = streamed->work(); !news.empty()) session.say(std::move(news));
+      if (std::string news = streamed->work(); !news.empty()) session.announce(std::move(news));
     });
     streamed->begin();
   }
@@ -475,7 +475,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   }
   document.resident_after_bytes = resident_bytes();
   document.resident_before_bytes = end->settled_bytes;
-  tell_end(*end, document);
+  report_end(*end, document);
   watch.tell(document);
   for (std::size_t i = 0; i < document.renderers.size(); ++i) {
     const render::FrameCounters counted = felt.mixer->counters_of(static_cast<std::uint8_t>(i));
@@ -483,8 +483,8 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
     document.renderers[i].coarse_frames = counted.coarse_frames;
     document.renderers[i].swaps = counted.swaps;
     document.renderers[i].stalled_frames = counted.stalled_frames;
-    for (const std::string& doubt : doubts_about_tiles(counted))
-      document.warnings.push_back(document.renderers[i].label + ": " + doubt);
+    for (const std::string& warning : warnings_about_tiles(counted))
+      document.warnings.push_back(document.renderers[i].label + ": " + warning);
   }
   if (notes) notes->tell(document);
   if (recorded) end_recording(arguments.record, *felt.recording.recorder(), document);

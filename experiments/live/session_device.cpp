@@ -134,7 +134,7 @@ SessionDevice::~SessionDevice() {
   if (device_) device_->close();
 }
 
-void SessionDevice::say_unproven() const {
+void SessionDevice::report_unproven() const {
   for (const std::string& what : unproven_) tell("palpate: not confirmed by hardware: {}\n", what);
 }
 
@@ -174,10 +174,10 @@ void SessionDevice::roam() {
 
 std::optional<std::string> HomingTeller::news() {
   std::string now = device_.homing_prompt();
-  if (now == told_) return std::nullopt;
-  told_ = std::move(now);
-  if (told_.empty()) return "the device knows its zero" + then_;
-  return "the device does not know its zero yet, and shows no force. " + told_ + ".";
+  if (now == reported_) return std::nullopt;
+  reported_ = std::move(now);
+  if (reported_.empty()) return "the device knows its zero" + then_;
+  return "the device does not know its zero yet, and shows no force. " + reported_ + ".";
 }
 
 }  // namespace palpate::experiments

@@ -84,7 +84,7 @@ class SessionDevice {
   /// Properties unproven on hardware, to be shown before any force.
   [[nodiscard]] const std::vector<std::string>& unproven() const noexcept { return unproven_; }
   /// Prints them on standard error.
-  void say_unproven() const;
+  void report_unproven() const;
   /// The device's key-value facts: own filters, calibration, serial number. Call when it is open and no servo
   /// uses it.
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> facts() const;
@@ -136,7 +136,7 @@ class HomingTeller {
 
  private:
   const SessionDevice& device_;
-  std::string then_, told_;  // the present instruction
+  std::string then_, reported_;  // the present instruction
 };
 
 }  // namespace palpate::experiments

@@ -89,14 +89,14 @@ class WaitingTimes {
   void begin() { touchable_ = felt_ = false; }
   void look(const SessionLink::View& view) {
     if (!touchable_ && view.touchable_s >= 0.0)
-      say(fmt::format("seen after {:.2f} s, touchable after {:.2f} s", view.shown_s, view.touchable_s));
+      announce(fmt::format("seen after {:.2f} s, touchable after {:.2f} s", view.shown_s, view.touchable_s));
     touchable_ = view.touchable_s >= 0.0;
-    if (!felt_ && view.felt_s >= 0.0) say(fmt::format("first touch after {:.2f} s", view.felt_s));
+    if (!felt_ && view.felt_s >= 0.0) announce(fmt::format("first touch after {:.2f} s", view.felt_s));
     felt_ = view.felt_s >= 0.0;
   }
 
  private:
-  void say(const std::string& what) {
+  void announce(const std::string& what) {
     context_.progress.clear();
     tell("palpate: {}\n", what);
   }

@@ -1,4 +1,5 @@
-// Builds a plan's scenes, its renderers by letter and level, and the simulated hand's tasks.
+// Builds a plan's scenes, renderers and tasks. Renderers go by letter and level; tasks are the simulated
+// hand's.
 #pragma once
 
 #include <map>

@@ -63,7 +63,7 @@ Status check_use(const BlindedArguments& arguments, const ObserverSpec& observer
   return Done{};
 }
 
-/// What the folder holds of the study: trials.csv is the suite's record, the present session's included once
+/// Files of the study in the folder: trials.csv is the suite's record, the present session's included once
 /// over.
 struct Held {
   std::vector<Row> rows{};
@@ -121,7 +121,7 @@ Result<Feeling> feeling_for(const BlindedArguments& arguments, const Plan& plan,
     PALPATE_ASSIGN(SessionDevice made,
                    SessionDevice::make(device, feeling.clock->clock(), 1.0 / arguments.rate_hz));
     feeling.device.emplace(std::move(made));
-    feeling.device->say_unproven();
+    feeling.device->report_unproven();
   }
   PALPATE_ASSIGN(feeling.bench, Bench::make(plan,
                                             {observer.hand, observer.depth_mm, arguments.rate_hz,
@@ -240,7 +240,7 @@ Status finish(const BlindedArguments& arguments, ObservedDocument& document, con
   return Done{};
 }
 
-const char* told_of(ObserverKind kind) {
+const char* note_on_observer(ObserverKind kind) {
   switch (kind) {
     case ObserverKind::kSimulated:
       return "A simulated observer answered, of known sensitivity: no renderer was run, no device moved, and "
@@ -290,7 +290,7 @@ Status run_checked(const BlindedArguments& arguments, Plan plan, const ObserverS
   document.device = observer.kind == ObserverKind::kSimulated ? "" : device.name();
   document.rows = std::move(held.rows);
   document.sessions = std::move(held.sessions);
-  document.notes.insert(document.notes.begin(), told_of(observer.kind));
+  document.notes.insert(document.notes.begin(), note_on_observer(observer.kind));
   return finish(arguments, document, suite);
 }
 

@@ -1,4 +1,4 @@
-// Takes one hand through a trial's intervals in the servo thread.
+// Takes a hand through a trial, in the servo thread. A trial has intervals.
 //
 //  idle -> [no force] -> interval 1 -> lift off -> [no force] -> interval 2 -> .. -> done
 //

@@ -1,4 +1,4 @@
-// Haptic cues of a force trace, on scales of just noticeable differences.
+// Haptic cues of a force trace, in just noticeable differences.
 //
 // A cue of size x with Weber fraction w and absolute threshold f has the scale
 //

@@ -28,7 +28,7 @@ inline constexpr std::array kTasks = {Task::kAbx, Task::kSameDifferent, Task::kT
 /// Felt intervals in a trial: 3, 2, 2, 1.
 [[nodiscard]] std::size_t intervals_of(Task task) noexcept;
 
-/// How an observer compares sensations. Two-interval choice and yes-no have only one strategy.
+/// Rule by which an observer compares sensations. Two-interval choice and yes-no have only one strategy.
 enum class Strategy : std::uint8_t {
   kDifferencing,  ///< compares differences of sensations, as people do where places vary
   kIndependent    ///< judges each sensation by itself: optimal

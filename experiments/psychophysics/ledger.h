@@ -1,6 +1,6 @@
-// What is kept of a study while it goes on. Rows as they arrive: each is in the file before the next
-// question. Sessions at the device, their scheduling and timing: sessions.jsonl has a line per session, for
-// studies of several sessions.
+// The record of a study while it goes on. Rows as they arrive: each is in the file before the next question.
+// Sessions at the device, their scheduling and timing: sessions.jsonl has a line per session, for studies of
+// several sessions.
 #pragma once
 
 #include <cstdint>

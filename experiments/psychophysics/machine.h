@@ -1,5 +1,5 @@
-// The machine observer predicts answers from a simulated hand's forces and published thresholds. Predictions
-// can be registered before people are asked.
+// The machine observer, which predicts answers. It takes a simulated hand's forces and published thresholds.
+// Predictions can be registered before people are asked.
 //
 // It first feels the pair of catch and practice trials once, as people do in practice, to learn each cue's
 // direction. In a trial the cue that separates the intervals most decides, on its scale of just noticeable

@@ -325,7 +325,7 @@ Page observed_page(const ObservedDocument& document, const OutputFolder& folder)
   add_known(page, {{}, document.analysis.warnings, document.notes});
   Section section;
   section.id = "found";
-  section.title = "What was found";
+  section.title = "Findings";
   section.paragraphs.push_back(described(document));
   section.tables = observed_tables(document);
   section.tables.push_back(power_table(document.plan));

@@ -151,7 +151,7 @@ class PersonTasks final : public SessionTasks {
   void end(const std::string& why);
   void mark(const std::string& what, double servo_s);
   char pressed();
-  void say(std::string text) { rig_.assembly().say(std::move(text)); }
+  void announce(std::string text) { rig_.assembly().announce(std::move(text)); }
 
   const Plan& plan_;
   Bench& bench_;
@@ -166,9 +166,9 @@ class PersonTasks final : public SessionTasks {
   Trial trial_;
   double level_ = 0.0;
   std::unique_ptr<render::HapticRenderer> offered_;
-  std::uint32_t interval_said_ = 0;
-  Passage passage_said_ = Passage::kIdle;
-  double said_s_ = 0.0, asked_s_ = 0.0;
+  std::uint32_t interval_announced_ = 0;
+  Passage passage_announced_ = Passage::kIdle;
+  double announced_s_ = 0.0, asked_s_ = 0.0;
   FeltTrial felt_;
   bool ended_ = false;
   Error failed_{};
@@ -186,7 +186,7 @@ char PersonTasks::pressed() {
 
 void PersonTasks::end(const std::string& why) {
   ended_ = true;
-  say(why);
+  announce(why);
   rig_.assembly().request_stop();
 }
 
@@ -203,7 +203,7 @@ Status PersonTasks::take_next() {
     return Done{};
   }
   trial_ = *next;
-  if (trial_.break_before) say("a break: rest as long as you like, then press space");
+  if (trial_.break_before) announce("a break: rest as long as you like, then press space");
   step_ = trial_.break_before ? Step::kBreak : Step::kPrepare;
   return Done{};
 }
@@ -224,11 +224,11 @@ Status PersonTasks::prepare() {
 
 void PersonTasks::begin(double now_s) {
   if (!rig_.conductor().calm()) {
-    if (now_s - said_s_ > kAskAgainS) say("lift off, please"), said_s_ = now_s;
+    if (now_s - announced_s_ > kAskAgainS) announce("lift off, please"), announced_s_ = now_s;
     return;
   }
-  interval_said_ = 0;
-  passage_said_ = Passage::kIdle;
+  interval_announced_ = 0;
+  passage_announced_ = Passage::kIdle;
   rig_.conductor().begin(bench_.passes(trial_));
   mark("begins", static_cast<double>(clock_.now_ns()) / kServoNsPerS);
   step_ = Step::kFelt;
@@ -239,21 +239,21 @@ Status PersonTasks::follow(double now_s) {
   Conductor& conductor = rig_.conductor();
   const Passage passage = conductor.passage();
   const std::uint32_t interval = conductor.interval();
-  if (interval != interval_said_) {
-    interval_said_ = interval;
+  if (interval != interval_announced_) {
+    interval_announced_ = interval;
     mark(fmt::format("interval {}", interval), conductor.since_s());
-    say(fmt::format("trial {}: touch {} of {}", trial_.number, interval, trial_.shown.size()));
+    announce(fmt::format("trial {}: touch {} of {}", trial_.number, interval, trial_.shown.size()));
   }
-  if (passage == Passage::kLeaving && (passage_said_ != passage || now_s - said_s_ > kAskAgainS)) {
-    say("lift off");
-    said_s_ = now_s;
+  if (passage == Passage::kLeaving && (passage_announced_ != passage || now_s - announced_s_ > kAskAgainS)) {
+    announce("lift off");
+    announced_s_ = now_s;
   }
-  passage_said_ = passage;
+  passage_announced_ = passage;
   if (passage == Passage::kStuck)
     return Error{"a renderer of this plan cannot be felt any more: it took too long, or answered no number",
                  "look at it with `palpate live`; the same command goes on from here", plan_.name};
   if (passage == Passage::kBroken) {
-    say("a fault stopped the trial; it begins anew");
+    announce("a fault stopped the trial; it begins anew");
     ++session_.record.begun_again;
     step_ = Step::kBegin;
   }
@@ -261,7 +261,7 @@ Status PersonTasks::follow(double now_s) {
   mark("ends", conductor.since_s());
   felt_ = conductor.take();
   PALPATE_TRY(write_trace(folder_, trial_.number, felt_));
-  say(question_of(plan_));
+  announce(question_of(plan_));
   key_.store(0, std::memory_order_release);  // drops keys pressed during the trial
   asked_s_ = now_s;
   step_ = Step::kAsk;
@@ -316,7 +316,7 @@ Status PersonTasks::go_on(double now_s) {
   return Done{};
 }
 
-void tell_loop(const SessionEnd& end, bool real_time, double rate_hz, SessionRecord& record) {
+void report_loop(const SessionEnd& end, bool real_time, double rate_hz, SessionRecord& record) {
   record.real_time = real_time;
   record.scheduling = end.scheduling;
   record.notes = end.notes;
@@ -373,7 +373,7 @@ Result<PersonSession> ask_person(const Plan& plan, Bench& bench, SessionClock& c
   PersonSession session = tasks.session();
   session.sat = true;
   session.record.started_utc = started_utc;
-  tell_loop(end, !clock.accelerated(), bench.options().rate_hz, session.record);
+  report_loop(end, !clock.accelerated(), bench.options().rate_hz, session.record);
   return session;
 }
 

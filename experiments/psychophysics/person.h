@@ -1,5 +1,5 @@
-// Runs trials with a person who answers by keys, on a device or watching a simulated hand. Time markers tell
-// external recorders when something happened, never which renderer was felt.
+// Runs trials with a person who answers by keys. The person holds a device or watches a simulated hand. Time
+// markers tell external recorders when something happened, never which renderer was felt.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// Adaptive procedures for the next difference, and balanced random orders for the rest. Deterministic in seed
-// and answers, so a study can resume from its answers.
+// Adaptive procedures for differences, and balanced random orders. Deterministic in seed and answers, so a
+// study can resume from its answers.
 //
 // Sources: Levitt, Transformed up-down methods in psychoacoustics, JASA 49 (1971); Kaernbach, Simple adaptive
 // testing with the weighted up-down method, Perception & Psychophysics 49 (1991); Kontsevich and Tyler,

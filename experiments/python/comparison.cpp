@@ -79,7 +79,7 @@ std::string scores_of(const Truth& truth, const Trace& trace) {
   return metrics::to_json(document);
 }
 
-/// What is compared: names with options, prepared renderers by their options, classes of Python.
+/// Renderers to compare: names with options, prepared renderers by their options, classes of Python.
 struct PALPATE_HIDDEN Entries {
   std::vector<ex::RendererRequest> requests;
   render::Registry registry = our_renderers();

@@ -239,7 +239,7 @@ PyObject* floats(const Vec3& v) {
 }  // namespace
 
 void add_frame_type(py::module_& module) {
-  PyStructSequence_Desc description = {"palpate.Frame", "What a renderer answers to one place of the HIP.",
+  PyStructSequence_Desc description = {"palpate.Frame", "The answer of a renderer to one place of the HIP.",
                                        frame_fields.data(), 5};
   frame_type = PyStructSequence_NewType(&description);
   if (frame_type == nullptr) throw py::error_already_set();

@@ -1,4 +1,4 @@
-// What crosses between Python and the toolkit: errors as exceptions, work without the interpreter's lock,
+// Conversions between Python and the toolkit: errors as exceptions, work without the interpreter's lock,
 // places, and arrays of numpy that look at the toolkit's memory.
 #pragma once
 

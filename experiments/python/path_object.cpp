@@ -44,7 +44,7 @@ py::tuple read_trace(const py::object& file) {
       [name = py::str(file).cast<std::string>()](Progress&) { return trace::read_trace_csv(name); }));
 }
 
-/// What another process makes the same object of.
+/// Data from which another process makes the same object.
 py::tuple copies_of(const py::object& self, std::initializer_list<const char*> members) {
   py::list all;
   for (const char* const member : members) {
@@ -136,7 +136,7 @@ void add_paths(py::module_& module) {
 
   py::class_<Trace> trace(
       module, "Trace",
-      "What a renderer answered, one frame for each sample of a path.\n\n"
+      "The answers of a renderer, one frame for each sample of a path.\n\n"
       "force_n, god_object_mm: (n, 3), N and mm, world frame. contact. model: -1 when free.\n"
       "status: 0 ok, 1 bound-hit, 2 non-finite. frame_ns: ns, empty where untimed.\n"
       "seconds: that a replay took. hash: of all answers. write(path, file): as CSV.");

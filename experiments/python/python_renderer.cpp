@@ -181,7 +181,7 @@ void add_python_renderer(render::Registry& registry, const PythonClassPtr& pytho
   info.name = python->name();
   info.summary = "a renderer written in Python";
   info.role = render::Role::kRival;
-  // What it leaves out only its author knows.
+  // Only its author knows the features that it leaves out.
   info.supports = render::kAllOfRigidSurfaces | render::Feature::kDent | render::Feature::kMovedPoints;
   info.make = [python, scene = std::move(scene)](const Options&) {
     return std::make_unique<PythonRenderer>(python, scene);

@@ -1,4 +1,4 @@
-// A renderer written in Python, as any other of the registry.
+// A renderer written in Python, for the registry.
 #pragma once
 
 #include <memory>

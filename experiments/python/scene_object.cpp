@@ -139,7 +139,8 @@ py::array_t<double> all_points(const Cloud& cloud) {
   return rows;
 }
 
-/// What another process makes the same scene of: the points of an array, or a source and how it was read.
+/// Data from which another process makes the same scene: the points of an array, or a source and how it was
+/// read.
 py::tuple state_of(const Scene& scene) {
   if (!scene.read_by)
     raise(

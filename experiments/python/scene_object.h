@@ -21,7 +21,8 @@ struct Scene {
   /// A replay without the interpreter's lock moves the models: nobody else may. Read and written with the
   /// lock. Scenes that differ in their surfaces alone share the models' motion, and this.
   std::shared_ptr<bool> moving = std::make_shared<bool>(false);
-  /// How `name` was read; empty where the scene was changed since: another process cannot make it then.
+  /// Options with which `name` was read; empty where the scene was changed since: another process cannot make
+  /// it then.
   std::optional<experiments::ModelArguments> read_by{};
 };
 using ScenePtr = std::shared_ptr<const Scene>;
@@ -55,7 +56,7 @@ struct Path {
   ScenePtr scene;  ///< or null
 };
 
-/// What a renderer answered along a path.
+/// Answers of a renderer along a path.
 struct Trace {
   std::shared_ptr<const trace::ForceTrace> trace;
   double seconds = 0.0;  ///< that its frames took, all together; 0: not replayed here

@@ -1,4 +1,4 @@
-// What is drawn of a study. Series are thinned to what a page can show; the traces beside hold everything.
+// Figures of a study. Series are thinned to what a page can show; the traces beside hold everything.
 #include "experiments/report/figures.h"
 
 #include <fmt/format.h>
@@ -36,10 +36,10 @@ Chart begin(const std::string& prefix, const std::string& name, std::string titl
 std::vector<Series> series_of(const Study& study) {
   std::vector<std::string> labels;
   for (const metrics::RendererResult& r : study.document.renderers) labels.push_back(r.label);
-  const std::vector<Look> looks = looks_of(labels);
+  const std::vector<LineStyle> styles = line_styles_of(labels);
   std::vector<Series> all;
   for (std::size_t i = 0; i < labels.size(); ++i)
-    all.push_back({labels[i], looks[i].colour, {}, {}, looks[i].dash});
+    all.push_back({labels[i], styles[i].colour, {}, {}, styles[i].dash});
   return all;
 }
 
@@ -137,7 +137,7 @@ bool forces_comparable(const Study& study) {
   return study.document.scoring && study.document.scoring->forces_comparable;
 }
 
-std::string said_of_truth(const Study& study) {
+std::string describe_truth(const Study& study) {
   if (!study.reference) return "there is no ground truth here.";
   return forces_comparable(study)
              ? "the wide grey line is the ground truth (" + study.reference->name + ")."
@@ -147,7 +147,7 @@ std::string said_of_truth(const Study& study) {
 
 Chart force_excerpt(const Study& study, const std::string& prefix) {
   Chart chart = begin(prefix, "force", "Force over time, first touch",
-                      "Magnitude of the force around the first entry and exit; " + said_of_truth(study));
+                      "Magnitude of the force around the first entry and exit; " + describe_truth(study));
   chart.x_label = "time, s";
   chart.y_label = "force, N";
   chart.wide = true;

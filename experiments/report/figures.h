@@ -18,23 +18,23 @@ struct Figure {
   bool wide = false;  ///< takes the whole width
 };
 
-/// How a line is drawn.
-struct Look {
+/// Style of a line.
+struct LineStyle {
   std::string colour;
   std::string dash;  ///< of gnuplot's `dt`; empty: solid
 };
-/// One look for each label, no two alike: colours that the colour-blind tell apart (Okabe and Ito's palette
+/// One style for each label, no two alike: colours that the colour-blind tell apart (Okabe and Ito's palette
 /// and a few more), then the same in dashes. It is chosen by the label, whatever the order and whoever else
 /// is there (but for two labels that would share one: the later in the alphabet takes the next). The truth is
 /// grey and not among them.
-[[nodiscard]] std::vector<Look> looks_of(const std::vector<std::string>& labels);
+[[nodiscard]] std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels);
 
 /// One line of a chart.
 struct Series {
   std::string label;
   std::string colour;
   std::vector<double> x, y;  ///< a y that is not finite interrupts the line
-  std::string dash{};        ///< as in Look
+  std::string dash{};        ///< as in LineStyle
   bool is_truth = false;     ///< drawn wide, behind the others
   /// Of kMarks: the ends of x and of y of each point, drawn as thin bars; a series without is a line of steps
   /// that has no name in the legend.
@@ -44,7 +44,7 @@ struct Series {
   std::vector<Bars> bars{};
 };
 
-/// What gnuplot is told about a chart.
+/// Description of a chart for gnuplot.
 struct Chart {
   std::string name, title, caption;
   std::string x_label, y_label;

@@ -35,7 +35,7 @@ std::vector<std::pair<std::string, std::vector<std::string>>> by_text(
 }
 
 /// "cloud 0.21 µs, mesh-godobject 0.40 µs (1.9 times)", the lowest first; of many the first ones and the
-/// last. Whose interval overlaps that of the first is no worse: "(no difference)".
+/// last. A renderer whose interval overlaps that of the first is no worse: "(no difference)".
 std::string ranked(const metrics::ResultDocument& document, const ScoreGet& value,
                    const std::function<std::string(double)>& show, const HeadlineInterval& interval = {}) {
   constexpr std::size_t kMany = 7, kFirst = 5;
@@ -65,8 +65,8 @@ std::optional<double> force_rms(const RendererResult& r) {
   return settled_score(r, &metrics::Accuracy::force_rms_percent);
 }
 
-/// Who keeps contact right, and who does not: what a hand notices first. Renderers with the same contact are
-/// named together.
+/// Renderers that keep contact right, and those that do not: a hand notices this first. Renderers with the
+/// same contact are named together.
 std::string contact_verdict(const metrics::ResultDocument& document) {
   std::vector<std::pair<std::string, std::string>> faults;
   for (const RendererResult& r : document.renderers)
@@ -85,7 +85,7 @@ const char* status_text(const RendererResult& r) {
   return r.status == metrics::RunStatus::kFailed ? "failed" : "did not finish";
 }
 
-/// What a renderer is, in a word or two.
+/// Kind of a renderer, in a word or two.
 std::string role_text(const RendererResult& r) {
   const std::string what = r.role == render::Role::kOurs           ? "ours"
                            : r.role == render::Role::kLiteral      ? "as printed"
@@ -215,7 +215,7 @@ std::vector<Headline> headlines_of(const metrics::ResultDocument& document) {
   std::vector<std::string> cached;
   for (const RendererResult& r : document.renderers)
     if (competes(r) && prepared_from_cache(r)) cached.push_back(r.label);
-  // What came from a cache was measured on another day, perhaps on another machine.
+  // Values from a cache were measured on another day, perhaps on another machine.
   add("Preparation",
       ranked(
           document,

@@ -1,6 +1,6 @@
-// What a result says, before any table: what a person must know first, whom to take, and who is right, exact,
-// fast and ready soon; and the report card of a renderer: every threshold that the literature gives, and
-// whether it is kept. Pure functions of the document.
+// Findings of a result, which stand before any table: warnings, the recommended renderer, and the ranks by
+// contact, error, time and preparation; and the report card of a renderer: every threshold that the
+// literature gives, and whether it is kept. Pure functions of the document.
 #pragma once
 
 #include <string>
@@ -22,17 +22,18 @@ struct Headline {
 /// warnings_of() and the notes of scene and path, a line each: "palpate: warning: ...", "palpate: note: ...".
 [[nodiscard]] std::string findings_text(const metrics::ResultDocument& document);
 
-/// What the contact of a renderer with a truth gets wrong: "1,234 frames of false contact"; empty: nothing.
+/// Errors of a renderer's contact against the truth: "1,234 frames of false contact"; empty: none.
 [[nodiscard]] std::string contact_faults(const metrics::RendererResult& result);
 
-/// Whom to take: whose contact is right and whose force error no other's is told to be below; of these the
+/// The recommended renderer: its contact is right and no other's force error is surely lower; of these the
 /// fastest. `label` is empty where none is right, the whole where there is no choice.
 struct Choice {
   std::string label, text;
 };
 [[nodiscard]] Choice choice_of(const metrics::ResultDocument& document);
 
-/// Who fell short, whom to take, who keeps contact right, and the ranks by error, time and preparation.
+/// Renderers that fell short, the recommended one, those that keep contact right, and the ranks by error,
+/// time and preparation.
 [[nodiscard]] std::vector<Headline> headlines_of(const metrics::ResultDocument& document);
 
 /// The sentence that answers: "Take cloud: contact right, ..", or the first other finding.

@@ -40,18 +40,18 @@ std::string numbers_beside(const std::vector<FrontPoint>& front) {
   return commands;
 }
 
-struct KindLook {
+struct KindStyle {
   Kind kind;
   const char *label, *beaten, *colour, *pale, *dash;  ///< the dash stands for a shape
 };
-constexpr KindLook kKindLooks[] = {
+constexpr KindStyle kKindStyles[] = {
     {Kind::kPoints, "points: best of", "other points", "#0072b2", "#b9d7ea", ""},
     {Kind::kMesh, "meshes: best of", "other meshes", "#d55e00", "#f3cfb5", "(10,5)"},
     {Kind::kField, "distance grids: best of", "other distance grids", "#009e73", "#b5e2d4", "(3,4)"},
     {Kind::kHeights, "height fields: best of", "other height fields", "#555555", "#cccccc", "(1,1)"},
 };
 
-/// What nothing of its kind beats in both numbers, the most accurate first.
+/// Settings that nothing of their kind beats in both numbers, the most accurate first.
 std::vector<FrontPoint> front_of(std::vector<FrontPoint> points) {
   for (FrontPoint& point : points)
     point.on_front = std::none_of(points.begin(), points.end(), [&](const FrontPoint& other) {
@@ -183,10 +183,10 @@ Chart kinds_chart(const std::string& name, const std::string& title, const std::
       "kind that no other of its kind beats; the pale ones are beaten.";
   std::vector<std::vector<FrontPoint>> fronts;
   std::vector<Series> above;
-  for (const KindLook& look : kKindLooks) {
+  for (const KindStyle& drawn : kKindStyles) {
     std::vector<FrontPoint> of_kind;
     for (const KindPoint& one : points)
-      if (one.kind == look.kind) of_kind.push_back(one.point);
+      if (one.kind == drawn.kind) of_kind.push_back(one.point);
     if (of_kind.empty()) continue;
     const std::vector<FrontPoint> front = front_of(of_kind);
     std::erase_if(of_kind, [&](const FrontPoint& point) {
@@ -194,11 +194,13 @@ Chart kinds_chart(const std::string& name, const std::string& title, const std::
                          [&](const FrontPoint& best) { return best.setting == point.setting; });
     });
     const std::size_t count = front.size() + of_kind.size();
-    if (!of_kind.empty()) chart.series.push_back(marks_of(of_kind, look.beaten, look.pale, look.dash, false));
+    if (!of_kind.empty())
+      chart.series.push_back(marks_of(of_kind, drawn.beaten, drawn.pale, drawn.dash, false));
     Series line = line_of(front);
-    line.colour = look.colour;
+    line.colour = drawn.colour;
     above.push_back(std::move(line));
-    above.push_back(marks_of(front, fmt::format("{} {}", look.label, count), look.colour, look.dash, true));
+    above.push_back(
+        marks_of(front, fmt::format("{} {}", drawn.label, count), drawn.colour, drawn.dash, true));
     fronts.push_back(front);
   }
   chart.series.insert(chart.series.end(), above.begin(), above.end());
@@ -279,11 +281,11 @@ Chart front_chart(const std::string& name, const std::string& title, const std::
   }
   std::vector<std::string> labels;
   for (const auto& [label, series] : groups) labels.push_back(label);
-  const std::vector<Look> looks = looks_of(labels);
+  const std::vector<LineStyle> styles = line_styles_of(labels);
   std::size_t at = 0;
   for (auto& [label, series] : groups) {
-    series.colour = looks[at].colour;
-    series.dash = looks[at++].dash;
+    series.colour = styles[at].colour;
+    series.dash = styles[at++].dash;
     chart.series.push_back(std::move(series));
   }
   return chart;

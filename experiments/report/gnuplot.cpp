@@ -232,33 +232,33 @@ std::string for_page(std::string svg, const std::string& name) {
 }
 
 /// The renderers' own names: the best known in solid lines.
-const std::map<std::string, Look>& known_looks() {
-  static const std::map<std::string, Look> kKnown = {{"cloud", {"#0072b2", ""}},
-                                                     {"cloud-literal", {"#d55e00", ""}},
-                                                     {"mesh-godobject", {"#009e73", ""}},
-                                                     {"brute-force", {"#cc79a7", ""}},
-                                                     {"analytic", {"#56b4e9", ""}},
-                                                     {"heightfield", {"#e69f00", ""}},
-                                                     {"mls-proxy", {"#7f3fbf", ""}},
-                                                     {"mesh-proxy", {"#8c6d31", ""}},
-                                                     {"sphere-proxy", {"#222222", ""}},
-                                                     {"heightfield-literal", {"#e69f00", "(10,5)"}},
-                                                     {"mls-penalty", {"#7f3fbf", "(10,5)"}},
-                                                     {"penalty-grid", {"#d55e00", "(10,5)"}},
-                                                     {"stream-proxy", {"#56b4e9", "(10,5)"}},
-                                                     {"vector-field", {"#cc79a7", "(10,5)"}},
-                                                     {"vgraph", {"#009e73", "(10,5)"}}};
+const std::map<std::string, LineStyle>& known_styles() {
+  static const std::map<std::string, LineStyle> kKnown = {{"cloud", {"#0072b2", ""}},
+                                                          {"cloud-literal", {"#d55e00", ""}},
+                                                          {"mesh-godobject", {"#009e73", ""}},
+                                                          {"brute-force", {"#cc79a7", ""}},
+                                                          {"analytic", {"#56b4e9", ""}},
+                                                          {"heightfield", {"#e69f00", ""}},
+                                                          {"mls-proxy", {"#7f3fbf", ""}},
+                                                          {"mesh-proxy", {"#8c6d31", ""}},
+                                                          {"sphere-proxy", {"#222222", ""}},
+                                                          {"heightfield-literal", {"#e69f00", "(10,5)"}},
+                                                          {"mls-penalty", {"#7f3fbf", "(10,5)"}},
+                                                          {"penalty-grid", {"#d55e00", "(10,5)"}},
+                                                          {"stream-proxy", {"#56b4e9", "(10,5)"}},
+                                                          {"vector-field", {"#cc79a7", "(10,5)"}},
+                                                          {"vgraph", {"#009e73", "(10,5)"}}};
   return kKnown;
 }
 
-/// What is left for other labels: the colours in dashes that no known renderer has.
-const std::vector<Look>& other_looks() {
-  static const std::vector<Look> kOthers = [] {
-    std::vector<Look> all;
+/// Styles left for other labels: the colours in dashes that no known renderer has.
+const std::vector<LineStyle>& other_styles() {
+  static const std::vector<LineStyle> kOthers = [] {
+    std::vector<LineStyle> all;
     for (const char* dash : {"(10,5)", "(3,4)", "(12,4,3,4)", "(6,3,2,3,2,3)"})
       for (const char* colour : {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf",
                                  "#8c6d31", "#222222"})
-        if (std::none_of(known_looks().begin(), known_looks().end(), [&](const auto& known) {
+        if (std::none_of(known_styles().begin(), known_styles().end(), [&](const auto& known) {
               return known.second.colour == colour && known.second.dash == dash;
             }))
           all.push_back({colour, dash});
@@ -269,18 +269,18 @@ const std::vector<Look>& other_looks() {
 
 }  // namespace
 
-std::vector<Look> looks_of(const std::vector<std::string>& labels) {
-  const auto& known = known_looks();
-  const std::vector<Look>& others = other_looks();
+std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels) {
+  const auto& known = known_styles();
+  const std::vector<LineStyle>& others = other_styles();
   // In the order of the labels' letters, so that theirs in the document changes nothing.
   std::set<std::string> sorted;
   for (const std::string& label : labels)
     if (!known.contains(label)) sorted.insert(label);
-  std::map<std::string, Look> given = known;
+  std::map<std::string, LineStyle> given = known;
   std::vector<bool> taken(others.size());
   std::size_t left = others.size();
   for (const std::string& label : sorted) {
-    if (left == 0) {  // more than there are looks: some are alike
+    if (left == 0) {  // more than there are styles: some are alike
       taken.assign(others.size(), false);
       left = others.size();
     }
@@ -292,9 +292,9 @@ std::vector<Look> looks_of(const std::vector<std::string>& labels) {
     --left;
     given[label] = others[at];
   }
-  std::vector<Look> looks;
-  for (const std::string& label : labels) looks.push_back(given.at(label));
-  return looks;
+  std::vector<LineStyle> styles;
+  for (const std::string& label : labels) styles.push_back(given.at(label));
+  return styles;
 }
 
 double tic_step(double extent, double tics) {

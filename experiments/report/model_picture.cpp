@@ -123,7 +123,7 @@ constexpr int kImagePerUnit = 2;             // pixels of the image a unit of th
 constexpr std::size_t kPathVertices = 2500;  // a weave keeps its curves
 constexpr double kTenths = 10.0;             // places are written to a tenth of a unit
 
-/// What a piece of the path is drawn as, the worst last.
+/// Kinds of a drawn piece of the path, the worst last.
 struct Level {
   const char* colour;
   double width;
@@ -187,7 +187,7 @@ std::string stroke(const std::string& d, const Level& level) {
                                  level.width);
 }
 
-/// What counts as the smallest force that a device shows; all renderers have the same.
+/// The smallest force that a device shows; all renderers have the same.
 double floor_of(const Study& study) {
   double floor = 0.0;
   for (const metrics::RendererResult& r : study.document.renderers)
@@ -275,7 +275,7 @@ struct Panel {
   std::string title, lines;
 };
 
-/// What stands in all of them: the shaded models and the thin path.
+/// Parts that all of them share: the shaded models and the thin path.
 std::string shared_parts(const Study& study, const ModelView& view, const std::string& id) {
   geometry::Aabb box = box_of(study);
   const ModelView fine(box, kImagePerUnit * view.width(), kImagePerUnit * view.height());

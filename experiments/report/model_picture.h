@@ -1,4 +1,4 @@
-// What a model looks like: its points as shaded discs, seen from above and from one side.
+// Picture of a model: its points as shaded discs, seen from above and from one side.
 #pragma once
 
 #include <vector>

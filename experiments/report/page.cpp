@@ -173,7 +173,7 @@ std::vector<Fact> facts_of(const Study& study) {
   return facts;
 }
 
-/// How much of the path touches, in truth.
+/// Share of the path that touches, in truth.
 std::string contact_of_path(const Study& study) {
   if (!study.reference) return {};
   const auto& frames = study.reference->frames;

@@ -14,7 +14,7 @@ struct HeadlineGroup {
   std::string title;
   std::vector<Headline> lines;
 };
-/// What a reader must know: warnings, and notes of scene and path.
+/// Known facts for a reader: warnings, and notes of scene and path.
 struct Known {
   std::string about;  ///< the study; may be empty where there is one only
   std::vector<std::string> warnings, notes;

@@ -54,7 +54,7 @@ std::vector<Key> keys_of(const std::string& path) {
   return keys;
 }
 
-/// What an entry of a list is known by.
+/// Key of an entry of a list.
 const char* name_of_entry(const Json& entry) {
   return entry.contains("label") ? "label" : "model";
 }

@@ -75,7 +75,7 @@ Layout lay_out(const Table& table, std::size_t columns) {
       const std::string text = marked(row[i], layout.marks[i]);
       cells[i] = std::max(cells[i], text_width(text));
       least[i] = std::max(least[i], longest_word(text) + (layout.marks[i] ? 1 : 0));
-      // What a row is about is not broken into scraps: rather fewer columns.
+      // A row's subject is not broken into scraps: rather fewer columns.
       if (i == 0) least[i] = std::max(least[i], std::min(text_width(text), kNameColumns));
     }
     cells[i] = std::max(cells[i], least[i]);

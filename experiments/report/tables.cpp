@@ -21,7 +21,7 @@ enum class Better { kLower, kHigher, kNeither };
 constexpr double kNsPerUs = 1e3, kPercent = 100.0;
 constexpr double kDegPerRad = 57.295779513082320877;  // 180 / pi
 
-/// Which of `values` is the best of a row; nothing where nobody is.
+/// Index of the best of `values` in a row; nothing where none is.
 std::optional<std::size_t> best_of(const std::vector<Value>& values, const metrics::ResultDocument& document,
                                    Better better, const Ranks& ranks) {
   std::optional<std::size_t> best;
@@ -61,7 +61,7 @@ class Scores {
     }
     if (std::none_of(values.begin(), values.end(), [](const Value& v) { return v.has_value(); })) return;
     std::vector<Cell> row = score_row(std::move(name), values, show);
-    // What reads the same is as good; where all are, nobody is marked.
+    // Values that read the same are as good; where all are, none is marked.
     const std::optional<std::size_t> best = best_of(values, document_, better, ranks);
     const auto is_best = [&](std::size_t i) {
       if (!best || !values[i] || !ranks(document_.renderers[i])) return false;
@@ -177,7 +177,7 @@ void add_costs(Scores& t, const metrics::ResultDocument& d) {
   t.fewer("missed 1 ms deadlines", frame_count(&Result_::frame_all, &F::deadline_misses_1khz));
   t.fewer("missed 0.2 ms deadlines (5 kHz)", frame_count(&Result_::frame_all, &F::deadline_misses_5khz));
   t.fewer("missed 0.1 ms deadlines (10 kHz)", frame_count(&Result_::frame_all, &F::deadline_misses_10khz));
-  t.heading("How it was timed");
+  t.heading("Timing");
   t.add("passes of each kind", frame_count(&Result_::frame_all, &F::passes), Better::kNeither, Show::kCounts);
   t.add("episodes of contact", frame_count(&Result_::frame, &F::episodes), Better::kNeither, Show::kCounts);
   t.add(
@@ -194,7 +194,7 @@ void add_scores(Scores& t) {
   const auto accuracy_interval = [](std::optional<Interval> A::*member) {
     return [member](const Result_& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
   };
-  t.heading("What a hand feels as wrong");
+  t.heading("Errors that a hand feels");
   t.add("largest force, N", accuracy_score(&A::force_peak_n), Better::kNeither, Show::kNumbers);
   t.lower("above the truth's largest, %", accuracy_score(&A::force_peak_excess_percent));
   t.fewer("caught, times", accuracy_score(&A::caught));

@@ -54,7 +54,7 @@ struct Table {
 [[nodiscard]] std::vector<Table> turned(const Table& table);
 /// The columns from `begin` to `end` behind the first one; legend, caption and notes stay with the whole.
 [[nodiscard]] Table part_of(const Table& table, std::size_t begin, std::size_t end);
-/// What the marks say that stand in the table: *, !, the dash. One line each, in one text.
+/// Meanings of the marks that stand in the table: *, !, the dash. One line each, in one text.
 [[nodiscard]] std::vector<std::string> legend_of(const Table& table, bool is_turned);
 
 /// Aligned, for a terminal of so many columns: headings and texts are wrapped, a table that may be turned is
@@ -66,8 +66,8 @@ struct Table {
 /// The truth and the oracle of tests are shown beside the renderers but win nothing.
 [[nodiscard]] bool competes(const metrics::RendererResult& result);
 
-/// What rounding alone makes of a score (see metrics::Accuracy::rounding_n), and the score, or 0 where it is
-/// no more than that.
+/// Rounding of a score (see metrics::Accuracy::rounding_n), and the score, or 0 where it is no more than
+/// that.
 [[nodiscard]] double rounding_of(const metrics::RendererResult& result,
                                  std::optional<double> metrics::Accuracy::*score);
 [[nodiscard]] std::optional<double> settled_score(const metrics::RendererResult& result,
@@ -98,7 +98,7 @@ template <class Count>  // std::uint64_t or double, or an optional one
 [[nodiscard]] std::optional<double> prepare_ms(const metrics::RendererResult& result);
 [[nodiscard]] std::optional<double> bytes_a_point(const metrics::RendererResult& result);
 
-/// How a row's numbers are written.
+/// Notation of a row's numbers.
 enum class Show { kNumbers, kCounts, kTimes };
 /// A name and the values of every renderer, written alike; of times the name says the unit. A value that is
 /// not finite is none.
@@ -111,7 +111,7 @@ enum class Show { kNumbers, kCounts, kTimes };
 /// "of 50,000" where all renderers have run as many frames, else nothing.
 [[nodiscard]] std::string frames_text(const metrics::ResultDocument& document);
 
-/// What missed, false and stuck contact mean, a sentence each.
+/// Meanings of missed, false and stuck contact, a sentence each.
 [[nodiscard]] const std::vector<std::string>& contact_words();
 
 /// & < > " ' replaced.

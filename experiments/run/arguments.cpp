@@ -170,7 +170,7 @@ Result<trace::ProbePath> open_path(const std::string& argument, const paths::Pat
 namespace {
 
 constexpr std::uint64_t kBytesASample = sizeof(double) + sizeof(Vec3);
-// What a place that is let go at is before the first step, where nothing is before it: a frame at 1 kHz.
+// Time from a release before the first step to that step, where nothing is before it: a frame at 1 kHz.
 constexpr double kBeforeS = 1e-3;
 
 class WayOfCalls {
@@ -181,10 +181,10 @@ class WayOfCalls {
     if (!is_finite(call.hip_mm)) return;
     if (call.kind == device::RendererCall::Kind::kReleaseContact) {
       free_mm_ = call.hip_mm;
-      let_go_ = true;
+      released_ = true;
       return;
     }
-    if (std::exchange(let_go_, false)) {
+    if (std::exchange(released_, false)) {
       const double before_s = path_.size() > 0 ? path_.t_s.back() : call.t_s - 2.0 * kBeforeS;
       push(free_mm_, 0.5 * (before_s + call.t_s));
     }
@@ -199,7 +199,7 @@ class WayOfCalls {
   }
   trace::ProbePath& path_;
   Vec3 free_mm_ = Vec3::Zero();  // where it let go, and did not step since
-  bool let_go_ = false;
+  bool released_ = false;
 };
 
 }  // namespace

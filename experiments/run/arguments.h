@@ -1,4 +1,4 @@
-// What the command line calls PATH and RENDERERS, turned into what the toolkit takes.
+// PATH and RENDERERS of the command line, as toolkit types.
 #pragma once
 
 #include <cstdint>
@@ -71,7 +71,7 @@ struct SurfaceArguments {
   [[nodiscard]] bool any() const { return !(stiffness.empty() && friction.empty() && deformation.empty()); }
 };
 
-/// What is said of the values that were put in.
+/// Notes on the values that were put in.
 struct SurfaceReport {
   std::vector<std::string> notes;     ///< what holds now
   std::vector<std::string> warnings;  ///< where it does not hold
@@ -92,7 +92,7 @@ struct OutputFile {
 
 /// Errors: the ending stands for no format that is written; the folder is missing; `path` is no plain file
 /// (whatever `force` says); it is one of the files `read` by the command, under whatever name; it is there
-/// and Palpate did not write it. What Palpate wrote is replaced.
+/// and Palpate did not write it. A file that Palpate wrote is replaced.
 [[nodiscard]] Status check_output(const OutputFile& file, std::span<const std::string> read);
 
 }  // namespace palpate::experiments

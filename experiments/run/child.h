@@ -1,5 +1,5 @@
-// A forked copy of this process that does tasks when asked, one after the other: what it leaves in memory,
-// threads and caches ends with it, and its crash or hang is an Error here.
+// A forked copy of this process that does tasks: what it leaves in memory, threads and caches ends with it,
+// and its crash or hang is an Error here.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +21,8 @@ class Child {
  public:
   using Work = std::function<Result<std::string>(std::uint64_t task, Progress& progress)>;
 
-  /// `apart`: in a process of its own, where one can be forked; else the tasks are done in this one. What
-  /// `work` refers to must outlive the child.
+  /// `apart`: in a process of its own, where one can be forked; else the tasks are done in this one. Objects
+  /// that `work` refers to must outlive the child.
   Child(Work work, bool apart, const ChildLimits& limits = {});
   ~Child();  ///< ends the process and what it started; so does a stop of this program
   Child(const Child&) = delete;

@@ -1,4 +1,4 @@
-// What is taken where a user names nothing but a model: renderers to compare, a path, a folder.
+// Defaults for a user who names a model alone: renderers to compare, a path, a folder.
 #pragma once
 
 #include <filesystem>
@@ -20,7 +20,7 @@ namespace palpate::experiments {
 inline constexpr int kUsualFrames = 20'000;  ///< twenty seconds
 [[nodiscard]] std::string usual_path(const paths::PathTarget& target, int frames = kUsualFrames);
 
-/// What a hand would say of a model of this size, a whole sentence with a remedy; empty where it fits a hand.
+/// Warning about a model's size for a hand, a whole sentence with a remedy; empty where it fits.
 [[nodiscard]] std::string size_hint(const geometry::Aabb& box_mm);
 
 /// Of the points without faces so many are meshed: a quarter of a minute at the 46 µs a point that advancing

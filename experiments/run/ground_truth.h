@@ -18,7 +18,7 @@ struct GroundTruth {
   std::unique_ptr<metrics::TruthSurface> surface;
 };
 
-/// Which of the two references the scores are against; the other one says where history decides.
+/// Choice among the two references for the scores; the other one shows where history decides.
 enum class TruthKind {
   kFollowed,  ///< the god object that came along the path
   kClosest,   ///< the closest point of the whole surface
@@ -35,7 +35,7 @@ enum class TruthKind {
                                                           const trace::ProbePath& path, double force_limit_n,
                                                           TruthKind kind, Progress& progress);
 
-// What a simulated hand feels of a scene while its path is made.
+// Surface that a simulated hand feels while its path is made.
 
 enum class FeltKind { kFormula, kFaces, kPoints };
 

@@ -107,26 +107,26 @@ Status check_surfaces(const scene::LoadedScene& scene) {
   return Done{};
 }
 
-std::vector<std::string> doubts_about_tiles(const render::FrameCounters& counted) {
-  std::vector<std::string> doubts;
+std::vector<std::string> warnings_about_tiles(const render::FrameCounters& counted) {
+  std::vector<std::string> warnings;
   if (counted.damaged_tiles > 0)
-    doubts.push_back(
+    warnings.push_back(
         fmt::format("{} tile{} of the prepared file {} damaged, the first number {}: felt as absent. Prepare "
                     "the scan again.",
                     counted.damaged_tiles, counted.damaged_tiles == 1 ? "" : "s",
                     counted.damaged_tiles == 1 ? "is" : "are", counted.damaged_tile));
   if (counted.coarse_frames > 0)
-    doubts.push_back(
+    warnings.push_back(
         fmt::format("{} frames looked for a part of the prepared surface that was not in memory; a coarser "
                     "one answered {} frames. Give more by resident_mb.",
                     counted.late_frames, counted.coarse_frames));
-  return doubts;
+  return warnings;
 }
 
-std::vector<std::string> doubts_about_models(const scene::LoadedScene& scene) {
-  std::vector<std::string> doubts;
+std::vector<std::string> warnings_about_models(const scene::LoadedScene& scene) {
+  std::vector<std::string> warnings;
   const std::vector<render::ModelInput>& models = scene.input.models;
-  if (models.size() < 2) return doubts;
+  if (models.size() < 2) return warnings;
   std::vector<geometry::Aabb> boxes;
   for (const render::ModelInput& model : models) boxes.push_back(world_box(model));
   const auto by_size = [](const geometry::Aabb& a, const geometry::Aabb& b) {
@@ -139,23 +139,23 @@ std::vector<std::string> doubts_about_models(const scene::LoadedScene& scene) {
     for (std::size_t j = 0; j < models.size(); ++j)
       if (j != i) nearest = std::min(nearest, gap_mm(boxes[i], boxes[j]));
     if (nearest > kFarApart * size)
-      doubts.push_back(fmt::format(
+      warnings.push_back(fmt::format(
           "'{}' stands {} mm from the nearest other model, {} times the size of the largest: check "
           "position_mm, unit and scale.",
           models[i].name, format_number(nearest), format_number(nearest / size)));
     const double own = diagonal_mm(boxes[i]);
     if (own * kOtherScale < size)
-      doubts.push_back(fmt::format("'{}' is {} mm across, '{}' {} mm: is one of them in another unit?{}",
-                                   models[i].name, format_number(own),
-                                   models[static_cast<std::size_t>(largest - boxes.begin())].name,
-                                   format_number(size), unit_hint(size / own)));
+      warnings.push_back(fmt::format("'{}' is {} mm across, '{}' {} mm: is one of them in another unit?{}",
+                                     models[i].name, format_number(own),
+                                     models[static_cast<std::size_t>(largest - boxes.begin())].name,
+                                     format_number(size), unit_hint(size / own)));
   }
-  return doubts;
+  return warnings;
 }
 
-Result<std::vector<std::string>> doubts_about_reference(const geometry::TriangleMesh& truth,
-                                                        const render::ModelInput& model,
-                                                        const std::string& file) {
+Result<std::vector<std::string>> warnings_about_reference(const geometry::TriangleMesh& truth,
+                                                          const render::ModelInput& model,
+                                                          const std::string& file) {
   const geometry::Aabb own = model.cloud->box_mm();
   geometry::Aabb box;
   for (const auto& triangle : truth.triangles)
@@ -166,14 +166,14 @@ Result<std::vector<std::string>> doubts_about_reference(const geometry::Triangle
   if (!box.overlaps(own.grown(kBoxSlack * diagonal_mm(own))))
     return Error{"the reference stands elsewhere than the model: " + boxes,
                  "the reference must be in the model's frame, unit and scale, before the scene's pose", file};
-  std::vector<std::string> doubts;
+  std::vector<std::string> warnings;
   if (ratio > kOtherReference || ratio < 1.0 / kOtherReference)
-    doubts.push_back(fmt::format("The reference is {} times as large as the model: {}.{}",
-                                 format_number(ratio), boxes, unit_hint(ratio)));
-  return doubts;
+    warnings.push_back(fmt::format("The reference is {} times as large as the model: {}.{}",
+                                   format_number(ratio), boxes, unit_hint(ratio)));
+  return warnings;
 }
 
-std::vector<std::string> doubts_about_alignment(const Stage& stage) {
+std::vector<std::string> warnings_about_alignment(const Stage& stage) {
   if (stage.truth == nullptr) return {};
   const render::ModelInput& model = stage.scene.input.models.front();
   const cloud::Cloud& cloud = *model.cloud;
@@ -192,7 +192,7 @@ std::vector<std::string> doubts_about_alignment(const Stage& stage) {
 
 namespace {
 
-/// How much of the contact depends on the way that was taken.
+/// Share of the contact that depends on the way taken.
 std::vector<std::string> remarks_on_history(const StagedStudy& study) {
   if (!study.stage.reference || !study.stage.reference->compared) return {};
   std::size_t undecided = 0, contact = 0;
@@ -228,9 +228,9 @@ std::vector<std::string> remarks_on_reference(const StagedStudy& study) {
   return remarks;
 }
 
-std::vector<std::string> doubts_about_contact(const StagedStudy& study) {
-  std::vector<std::string> doubts;
-  if (study.stage.path.size() == 0) return doubts;
+std::vector<std::string> warnings_about_contact(const StagedStudy& study) {
+  std::vector<std::string> warnings;
+  if (study.stage.path.size() == 0) return warnings;
   std::size_t truth = 0, most = 0;
   if (study.stage.reference)
     for (const trace::TruthFrame& frame : study.stage.reference->frames) truth += frame.frame.contact;
@@ -243,25 +243,25 @@ std::vector<std::string> doubts_about_contact(const StagedStudy& study) {
     most = std::max(most, frames);
     if (frames == 0) felt_nothing.push_back(&run);
   }
-  if (!any_ran) return doubts;
+  if (!any_ran) return warnings;
   if (study.stage.reference ? truth == 0 : most == 0) {
-    doubts.push_back(never_touches(study));
-    return doubts;
+    warnings.push_back(never_touches(study));
+    return warnings;
   }
   for (const Run* run : felt_nothing)
-    doubts.push_back(
+    warnings.push_back(
         study.stage.reference
             ? fmt::format("{} never feels the model; the truth does in {} frames.", run->result.label, truth)
             : fmt::format("{} never feels the model; another renderer does in up to {} frames.",
                           run->result.label, most));
-  return doubts;
+  return warnings;
 }
 
 namespace {
 
 constexpr std::size_t kShownStretches = 3;
 
-/// Who is apart in a frame.
+/// Renderers apart from the others in a frame.
 enum Apart : int { kAgree = -2, kNobodyAlone = -1 };  // else the number of the run that stands alone
 
 struct Stretch {

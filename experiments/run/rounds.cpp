@@ -49,7 +49,9 @@ class Rounds {
   Status first_times(Sitting& one);
   void note_times(Sitting& one, const char* contact_of);
   void give_up(const Sitting& one, const Error& error);
-  Status say(std::size_t index) { return news_ ? news_(requests_[index], runs_[index]) : Status(Done{}); }
+  Status announce(std::size_t index) {
+    return news_ ? news_(requests_[index], runs_[index]) : Status(Done{});
+  }
   void choose_contact(const char*& whose);
 
   const Stage& stage_;
@@ -77,26 +79,26 @@ Status Rounds::sit_down(std::size_t index) {
     if (!prepared.error().file.empty()) return prepared.error();
     runs_[index].result = begin_result(stage_, requests_[index], registry_, options_.threads);
     give_up(one, prepared.error());
-    return say(index);
+    return announce(index);
   }
   PALPATE_ASSIGN(runs_[index], run_of(*prepared));
   Run& run = runs_[index];
   saved_mesh_ = saved_mesh_ || run.saved_mesh;
-  if (run.result.status != metrics::RunStatus::kOk) return say(index);
+  if (run.result.status != metrics::RunStatus::kOk) return announce(index);
   const Answers& answers = one.seat->answers();
   run.trace.label = requests_[index].label;
   run.trace.frames.assign(answers.frames.begin(), answers.frames.end());
   run.result.trace_hash = trace::trace_hash(run.trace);
   if (const Status timed = first_times(one); !timed) {
     give_up(one, timed.error());
-    return say(index);
+    return announce(index);
   }
   progress_.report("scoring " + run.result.label, -1.0);
   if (const Status scored = score_run(stage_, run); !scored) {
     give_up(one, scored.error());
-    return say(index);
+    return announce(index);
   }
-  PALPATE_TRY(say(index));
+  PALPATE_TRY(announce(index));
   sitting_.push_back(std::move(one));
   return Done{};
 }
@@ -212,7 +214,7 @@ Status Rounds::take_turns() {
                         [&](const Sitting& other) { return &other != &one && other.rounds > 0; }));
       note_times(one, whose);
     }
-    if (one.rounds > 0) PALPATE_TRY(say(one.index));
+    if (one.rounds > 0) PALPATE_TRY(announce(one.index));
   }
   sitting_.clear();
   return Done{};

@@ -13,7 +13,7 @@
 namespace palpate::experiments {
 namespace {
 
-/// What each model feels like once its uniform deformation and a coupling have softened it.
+/// Stiffness of each model once its uniform deformation and a coupling have softened it.
 std::vector<double> felt_stiffness(const scene::LoadedScene& scene) {
   std::vector<double> felt;
   for (const render::ModelInput& model : scene.input.models) {
@@ -27,7 +27,7 @@ std::vector<double> felt_stiffness(const scene::LoadedScene& scene) {
   return felt;
 }
 
-/// What the stage's scores are made with.
+/// Input of the stage's scores.
 metrics::ScoreBasis score_basis(const Stage& stage) {
   const render::ModelInput& first = stage.scene.input.models.front();
   metrics::ScoreBasis basis;
@@ -48,7 +48,7 @@ metrics::ScoreBasis score_basis(const Stage& stage) {
 Status score_run(const Stage& stage, Run& run) {
   const metrics::ScoreBasis basis = score_basis(stage);
   const metrics::AccuracyOptions options = options_of(basis);
-  // What control makes of a force (a filter's tail, a ramp) leaves the renderer's flag as it is.
+  // Control's changes of a force (a filter's tail, a ramp) leave the renderer's flag as it is.
   if (!stage.scene.control.any()) PALPATE_TRY(metrics::check_contact_flags(stage.path, run.trace, options));
   return score_trace(stage.path, run.trace,
                      {stage.reference ? &*stage.reference : nullptr, stage.truth.get(), nullptr}, basis,
@@ -60,7 +60,8 @@ void finish_document(StagedStudy& study) {
   study.document.path = study.stage.path.name;
   study.document.path_hash = trace::path_hash(study.stage.path);
   study.document.warnings = study.stage.warnings;
-  for (std::string& doubt : doubts_about_contact(study)) study.document.warnings.push_back(std::move(doubt));
+  for (std::string& warning : warnings_about_contact(study))
+    study.document.warnings.push_back(std::move(warning));
   for (std::string& apart : disagreements(study)) study.document.warnings.push_back(std::move(apart));
   study.document.notes = study.stage.notes;
   for (std::string& remark : remarks_on_reference(study)) study.document.notes.push_back(std::move(remark));

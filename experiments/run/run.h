@@ -72,7 +72,7 @@ struct StagedStudy {
   std::vector<Run> runs;
 };
 
-/// What stands in a document for a renderer that has not run to its end yet.
+/// Entry in a document of a renderer that has not run to its end yet.
 [[nodiscard]] metrics::RendererResult unfinished(const Stage& stage, const RendererRequest& request,
                                                  const render::Registry& registry, int threads);
 

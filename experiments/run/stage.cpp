@@ -94,7 +94,7 @@ Result<std::optional<cloud::Cloud>> corners_of_truth(const render::ModelInput& t
   return std::optional<cloud::Cloud>(std::move(corners));
 }
 
-/// Which reference `choice` means for this scene, or an Error where it cannot be had.
+/// The reference that `choice` means for this scene, or an Error where it cannot be had.
 Result<ReferenceChoice> resolve(ReferenceChoice choice, const scene::LoadedScene& loaded,
                                 std::vector<std::string>& notes) {
   const render::SceneInput& scene = loaded.input;
@@ -143,9 +143,9 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequ
   if (got.mesh == nullptr || got.mesh->empty())
     return Error{"has no faces, so it cannot be the truth", "give a mesh, or --reference none",
                  request.reference_file};
-  PALPATE_ASSIGN(const std::vector<std::string> doubts,
-                 doubts_about_reference(*got.mesh, loaded.input.models.front(), request.reference_file));
-  add(warnings, doubts);
+  PALPATE_ASSIGN(const std::vector<std::string> of_reference,
+                 warnings_about_reference(*got.mesh, loaded.input.models.front(), request.reference_file));
+  add(warnings, of_reference);
   return std::shared_ptr<const geometry::TriangleMesh>(std::move(got.mesh));
 }
 
@@ -260,7 +260,7 @@ Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> 
     for (const std::string& warning : p.warnings) stage.warnings.push_back(warning);
   PALPATE_TRY(check_surfaces(stage.scene));
   add(stage.warnings, request.surfaces.warnings);
-  add(stage.warnings, doubts_about_models(stage.scene));
+  add(stage.warnings, warnings_about_models(stage.scene));
   add(stage.notes, request.surfaces.notes);
   PALPATE_ASSIGN(const ReferenceChoice choice, resolve(request.reference, stage.scene, stage.notes));
   render::ModelInput model = with_truth(stage.scene);
@@ -323,7 +323,7 @@ Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> 
         "with it, forces are not.");
   if (choice != ReferenceChoice::kNone) PALPATE_TRY(add_reference(stage, model, choice, nearest, progress));
   if (felt_the_truth && choice != ReferenceChoice::kClosest) keep_history_of_hand(stage);
-  if (choice == ReferenceChoice::kMeshFile) add(stage.warnings, doubts_about_alignment(stage));
+  if (choice == ReferenceChoice::kMeshFile) add(stage.warnings, warnings_about_alignment(stage));
   cut(stage, request.contact_frames);
   return stage;
 }

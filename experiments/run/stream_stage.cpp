@@ -54,7 +54,7 @@ Result<std::unique_ptr<render::HapticRenderer>> prepared(const char* name, const
   return made;
 }
 
-/// What a simulated camera sees, as stiff as the stage's model.
+/// Scene of a simulated camera, as stiff as the stage's model.
 render::SceneInput true_scene(const Stage& stage) {
   render::SceneInput scene = stage.stream->open.known->scene;
   const double stiffness = stage.scene.input.models.front().surface.stiffness_n_per_mm;

@@ -58,7 +58,7 @@ class TimeLimit final : public Progress {
   Stopwatch watch_;
 };
 
-/// What cleaning took stands before the renderer's own phases: it is needed as well before the first frame.
+/// The time of cleaning stands before the renderer's own phases: it is needed as well before the first frame.
 void put_before(const std::vector<render::PreparePhase>& phases, const std::vector<std::string>& notes,
                 render::PrepareReport& report) {
   report.phases.insert(report.phases.begin(), phases.begin(), phases.end());
@@ -231,7 +231,7 @@ Result<std::string> Work::prepare(Progress& progress) {
   run.result.prepare = *std::move(prepared);
   run.result.prepare_clock = clock;
   if (cleaned) put_before(cleaned->phases, cleaned->notes, *run.result.prepare);
-  // What the clock says, not the renderer; from a cache, the day it was made is what counts.
+  // The clock's values, not the renderer's; from a cache, those of the day it was made count.
   if (!clock.from_cache) run.result.prepare->total_ms = clock.wall_ms;
   for (const scene::Provenance& p : stage_.scene.provenance)
     put_before(p.cleaning, p.cleaned, *run.result.prepare);
@@ -264,7 +264,7 @@ Status Work::replay(Run& run) {
                   "Nothing is felt under the surface after a border or a hole until the HIP has been above "
                   "again: it came there {} time{}.",
                   edges, edges == 1 ? "" : "s"));
-  for (const std::string& doubt : doubts_about_tiles(renderer_->counters())) warn(run, doubt);
+  for (const std::string& warning : warnings_about_tiles(renderer_->counters())) warn(run, warning);
   if (!stage_.starts_free && trace.frames.front().contact)
     warn(run,
          "It is in contact at the path's first position already: it feels the surface from so far away, or "

@@ -1,5 +1,5 @@
-// A renderer at work on a stage: prepared, replayed, timed. What it answers stands in memory that another
-// process may read: a seat is such a process.
+// A renderer at work on a stage: prepared, replayed, timed. Its answers stand in memory that another process
+// may read: a seat is such a process.
 #pragma once
 
 #include <memory>
@@ -21,7 +21,7 @@ struct Answers {
   std::span<trace::PacedStatistics, 2> paced;     ///< plain, evicted
 };
 
-/// What is asked for, in this order: prepare, then any of the others.
+/// Tasks, in this order: prepare, then any of the others.
 enum class Task : char {
   kPrepare = 'p',  ///< and the untimed pass; the answer is the run without its trace
   kPasses = 't',   ///< warm-up, then one pass of each kind
@@ -70,7 +70,7 @@ class Work {
 
 class Seat {
  public:
-  /// `apart`: in a process of its own, where that can be had. What is referred to must outlive the seat.
+  /// `apart`: in a process of its own, where that can be had. Objects referred to must outlive the seat.
   Seat(const Stage& stage, const RendererRequest& request, const render::Registry& registry,
        const RunOptions& options, bool apart);
   ~Seat();  ///< ends the process

@@ -1,6 +1,5 @@
-// What the rooms that do a whole command share: exit statuses, registries filled with everything there is,
-// arguments turned into options, the head of every document, and what the results of a run depend on, as one
-// word.
+// Helpers of whole commands: exit statuses, full registries, options, document heads. Arguments become
+// options; the dependencies of a run's results become one word.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +37,7 @@ class RunKey {
   Hash64 hash_;
 };
 
-/// What the results of one renderer depend on besides.
+/// Further dependencies of one renderer's results.
 [[nodiscard]] std::string key_of(const RendererRequest& request);
 
 /// A word of a command line, quoted where a shell needs it.
@@ -59,7 +58,7 @@ struct Case {
 /// Of a renderer whose answers are counted and not timed.
 [[nodiscard]] Case untimed(const RendererRequest& request);
 
-/// Which cases of a command this process measures: all, none (they are listed), or one.
+/// Choice of a command's cases that this process measures: all, none (they are listed), or one.
 struct CaseSelection {
   bool list = false;       ///< --emit, --engine
   bool run = false;        ///< --engine: what is listed is run
@@ -72,7 +71,7 @@ struct CaseSelection {
   [[nodiscard]] bool all() const { return !list && only.empty(); }
 };
 
-/// What every command gets.
+/// Context of every command.
 struct Context {
   ProgressBar& progress;
   std::string command_line;  ///< as typed, quoted where needed
@@ -87,7 +86,7 @@ int fail(const Error& error, int status, ProgressBar* progress = nullptr);
 /// A command's exit status. Its Error is told: kExitBadInput, or kExitFellShort once it was working.
 [[nodiscard]] int exit_status(const Result<int>& status, Context& context);
 
-/// What all commands that load a model take.
+/// Arguments of all commands that load a model.
 struct ModelArguments {
   std::string unit;              ///< empty: as the file says
   double scale = 0.0;            ///< 0: as the scene says

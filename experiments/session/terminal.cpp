@@ -33,7 +33,7 @@ void print_tables(const std::vector<Table>& tables, bool whole) {
   std::string text;
   for (const Table& table : tables) text += to_text(table, terminal_columns(STDOUT_FILENO)) + "\n";
   if (whole || tables.empty()) return fmt::print("{}", text);
-  // What stands below a table explains it: in the report it does too.
+  // Text below a table explains it: in the report it does too.
   const std::size_t lines = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
   text.erase(0, text.find_first_not_of('\n'));
   std::size_t at = 0, kept = 0;

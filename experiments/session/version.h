@@ -1,4 +1,4 @@
-// What was built, from which commit.
+// Version and commit of the build.
 #pragma once
 
 #include <string>

@@ -12,18 +12,18 @@ namespace {
 
 constexpr const char* kCrossed = "cross";
 
-struct ControlLook {
+struct ControlStyle {
   const char *name, *words, *colour;  // colours of Okabe and Ito
 };
-constexpr std::array<ControlLook, 3> kControlLooks = {{{"none", "no control", "#0072b2"},
-                                                       {"coupling", "passive coupling", "#009e73"},
-                                                       {"passivity", "passivity controller", "#d55e00"}}};
+constexpr std::array<ControlStyle, 3> kControlStyles = {{{"none", "no control", "#0072b2"},
+                                                         {"coupling", "passive coupling", "#009e73"},
+                                                         {"passivity", "passivity controller", "#d55e00"}}};
 constexpr std::array<const char*, 5> kDelayDashes = {"", "(10,5)", "(3,4)", "(12,4,3,4)", "(6,3,2,3,2,3)"};
 
-const ControlLook& look_of(const std::string& control) {
-  const auto at = std::find_if(kControlLooks.begin(), kControlLooks.end(),
-                               [&](const ControlLook& look) { return control == look.name; });
-  return at == kControlLooks.end() ? kControlLooks.front() : *at;
+const ControlStyle& style_of(const std::string& control) {
+  const auto at = std::find_if(kControlStyles.begin(), kControlStyles.end(),
+                               [&](const ControlStyle& drawn) { return control == drawn.name; });
+  return at == kControlStyles.end() ? kControlStyles.front() : *at;
 }
 
 /// Distinct values in order of appearance.
@@ -67,7 +67,7 @@ Table cross_table(const StabilityDocument& document, const CrossedAxes& axes, co
   for (const std::string& hand : axes.hands)
     for (const std::string& control : axes.controls)
       for (const double delay : axes.delays) {
-        std::vector<Cell> row = {{fmt::format("{}, {}, {:g} ms", hand, look_of(control).words, delay)}};
+        std::vector<Cell> row = {{fmt::format("{}, {}, {:g} ms", hand, style_of(control).words, delay)}};
         for (const StabilityPoint* const point : along_rates(document, renderer, hand, control, delay))
           row.push_back({limit_text(*point)});
         table.rows.push_back(std::move(row));
@@ -100,9 +100,9 @@ Chart cross_chart(const StabilityDocument& document, const CrossedAxes& axes, co
       "wall that was tried is stable.";
   for (const std::string& control : axes.controls)
     for (std::size_t d = 0; d < axes.delays.size(); ++d) {
-      const ControlLook& look = look_of(control);
-      Series line{fmt::format("{}, {:g} ms", look.words, axes.delays[d]),
-                  look.colour,
+      const ControlStyle& drawn = style_of(control);
+      Series line{fmt::format("{}, {:g} ms", drawn.words, axes.delays[d]),
+                  drawn.colour,
                   {},
                   {},
                   kDelayDashes[d % kDelayDashes.size()]};

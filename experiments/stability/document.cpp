@@ -155,11 +155,11 @@ Chart limit_chart(const StabilityDocument& document, const std::string& varied, 
   }
   if (!theory.x.empty()) chart.series.push_back(std::move(theory));
   for (const auto& [label, line] : lines) labels.push_back(label);
-  const std::vector<Look> looks = looks_of(labels);
+  const std::vector<LineStyle> styles = line_styles_of(labels);
   std::size_t at = 0;
   for (auto& [label, line] : lines) {
-    line.colour = looks[at].colour;
-    line.dash = looks[at++].dash;
+    line.colour = styles[at].colour;
+    line.dash = styles[at++].dash;
     chart.series.push_back(std::move(line));
   }
   return chart;

@@ -81,7 +81,7 @@ bool can_undo_lens(const stream::DepthCamera& camera) {
   return true;
 }
 
-/// What a simulated camera sees: a stock scene or a scene file. Models and motions are new in every call.
+/// Scene of a simulated camera: a stock scene or a scene file. Models and motions are new in every call.
 Result<stream::StockScene> simulated_scene(const std::string& name, const io::Readers& readers) {
   const std::string file = simulated_file(name);
   if (file.empty()) return stream::stock_scene(name);

@@ -1,4 +1,4 @@
-// What `palpate info` says of a stream of depth images.
+// Facts of a stream of depth images, for `palpate info`.
 #pragma once
 
 #include <string>

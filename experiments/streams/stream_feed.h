@@ -14,7 +14,7 @@
 
 namespace palpate::experiments {
 
-/// How long after an image's arrival ticks feel it.
+/// Delay from an image's arrival to ticks that feel it.
 struct StreamDelay {
   /// The time of B in one frame's budget of 33 ms that a window of 128 x 128 pixels is allowed: the same for
   /// every renderer, so that a replay is the same every time.

@@ -131,7 +131,7 @@ void add_surfaces(CaseGroup surfaces) {
     return waved([=](StressSetup& setup) {
       setup.scene.models.front().surface = surface;
       ticks(dt_s)(setup);
-      // What is deep now may be free then.
+      // A deep place may be free then.
       if (surface.dent.any()) let_nothing_be_due(setup);
     });
   };

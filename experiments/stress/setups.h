@@ -12,7 +12,7 @@ namespace palpate::experiments {
 
 using Points = std::vector<Vec3>;
 using MakeSetup = std::function<Result<StressSetup>()>;
-/// What a case does with the model's setup: path, surface, options.
+/// Changes of a case to the model's setup: path, surface, options.
 using Change = std::function<void(StressSetup&)>;
 
 /// Adds cases of one group to the matrix.

@@ -1,4 +1,4 @@
-// The stress matrix as a command, table, picture, document and page. Its hashes are compared with another
+// The stress matrix: command, table, picture, document and page. Its hashes are compared with another
 // stress.json's: other compilers, processors, libraries and thread counts must give identical bits.
 #pragma once
 

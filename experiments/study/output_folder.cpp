@@ -101,7 +101,7 @@ struct OutputFolder::State {
     fs::remove(root / kFolderMark, code);
     for (auto folder = made.rbegin(); folder != made.rend(); ++folder) fs::remove(*folder, code);
   }
-  std::string say_stopped() {
+  std::string describe_stopped() {
     if (completed) return {};
     if (amended) return fmt::format("{} is as it was, but for files that were written anew", root.string());
     if (!begun) {
@@ -201,7 +201,7 @@ Result<OutputFolder> OutputFolder::open(const std::string& folder) {
   PALPATE_TRY(state->lock());
   state->read_mark();
   PALPATE_TRY(state->write_mark());
-  state->stop_callback = StopCallback([s = state.get()] { return s->say_stopped(); });
+  state->stop_callback = StopCallback([s = state.get()] { return s->describe_stopped(); });
   return OutputFolder(std::move(state), {});
 }
 

@@ -77,7 +77,7 @@ class Reading {
   }
 
  private:
-  /// How to recreate missing files.
+  /// Remedy for missing files: the way to make them again.
   [[nodiscard]] std::string again() const {
     const std::string& command = study_.document.command;
     return "copy the whole folder" +

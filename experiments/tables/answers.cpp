@@ -10,7 +10,7 @@
 namespace palpate::experiments {
 namespace {
 
-/// How many of those that were judged are so.
+/// Number of the judged ones that are so.
 struct Share {
   std::size_t yes = 0, all = 0;
 

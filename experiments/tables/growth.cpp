@@ -1,4 +1,4 @@
-// What the thesis calls "largely insensitive" to the number of points (section 3.6.2), measured.
+// Growth with the number of points, measured: "largely insensitive" in the thesis (section 3.6.2).
 #include <fmt/format.h>
 
 #include "experiments/tables/reproduction.h"
@@ -96,9 +96,9 @@ Chart growth_chart(const std::vector<GrowthRow>& rows, const char* name, const c
   std::vector<std::string> labels;
   if (!rows.empty())
     for (const R& result : rows.front().results) labels.push_back(result.label);
-  const std::vector<Look> looks = looks_of(labels);
+  const std::vector<LineStyle> styles = line_styles_of(labels);
   for (std::size_t i = 0; i < labels.size(); ++i) {
-    Series series{labels[i], looks[i].colour, {}, {}, looks[i].dash};
+    Series series{labels[i], styles[i].colour, {}, {}, styles[i].dash};
     const std::vector<std::optional<double>> values = column(rows, i, value);
     for (std::size_t k = 0; k < rows.size(); ++k) {
       if (!values[k]) continue;
@@ -110,7 +110,7 @@ Chart growth_chart(const std::vector<GrowthRow>& rows, const char* name, const c
   return chart;
 }
 
-/// What grows how often from the first size to the last, in words, and as a line of the first page.
+/// Growth from the first size to the last, in words, and as a line of the first page.
 void conclude_growth(const Manifest& manifest, const std::vector<GrowthRow>& rows, bool quick,
                      Section& section, std::vector<Answer>& answers) {
   if (rows.size() < 2) return;

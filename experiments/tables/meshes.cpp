@@ -203,7 +203,7 @@ nlohmann::ordered_json to_json(const std::vector<MeshRow>& rows, const std::vect
   return document;
 }
 
-/// What each printed method takes here, and a line of the first page that is not judged: models and machines
+/// Time of each printed method here, and a line of the first page that is not judged: models and machines
 /// differ.
 void conclude_meshes(const Manifest& manifest, const std::vector<MeshRow>& rows, Section& section,
                      std::vector<Answer>& answers) {

@@ -88,7 +88,7 @@ bool is_met(const R& result, double limit_us) {
   return result.frame && result.frame->mean_us && *result.frame->mean_us <= limit_us;
 }
 
-/// How many published times there are, and how many are met.
+/// Number of published times, and of those that are met.
 struct PublishedTimes {
   std::size_t met = 0, all = 0;
 };

@@ -39,7 +39,7 @@ struct Answer {
   std::string take;                                               ///< the renderer to take here; may be empty
 };
 
-/// What a step adds to the report.
+/// Part of a step in the report.
 struct Part {
   std::vector<Known> known;
   std::vector<Section> sections;

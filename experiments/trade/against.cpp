@@ -21,7 +21,8 @@ namespace {
 using metrics::RendererResult;
 using metrics::ResultDocument;
 
-// What compare prints beside its table of six renderers, and where the report is, leaves so many of fifteen.
+// Lines that compare prints beside its table of six renderers and the report's place leave so many of
+// fifteen.
 constexpr std::size_t kMostLines = 2;
 
 using MeasuredGet = std::function<std::optional<Measured>(const RendererResult&)>;

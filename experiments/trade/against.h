@@ -42,8 +42,8 @@ struct Changes {
                                               const metrics::ResultDocument& after);
 
 [[nodiscard]] Table changes_table(const Changes& changes);
-/// How many numbers became worse or better, stayed the same or are explained by a note; and the first of what
-/// changed, numbers that are no times before the others. Two lines of so many columns hold it.
+/// Counts of numbers that became worse or better, stayed the same or are explained by a note; and the first
+/// of the changes, numbers that are no times before the others. Two lines of so many columns hold it.
 [[nodiscard]] std::string changes_text(const Changes& changes, std::size_t columns);
 [[nodiscard]] std::string to_json(const Changes& changes, const metrics::ResultDocument& before,
                                   const metrics::ResultDocument& after);

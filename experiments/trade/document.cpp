@@ -130,7 +130,7 @@ Chart kinds_of(const MachineRows& machine, const std::string& name) {
                       {row->setting, row->renderer, paid.value, paid.low(), paid.high(), error.value,
                        error.low(), error.high(), false}});
   }
-  return kinds_chart(name, "What accuracy costs: points, meshes, distance grids", "mean of all frames, µs",
+  return kinds_chart(name, "Cost of accuracy: points, meshes, distance grids", "mean of all frames, µs",
                      points);
 }
 
@@ -165,7 +165,7 @@ std::vector<Headline> sweep_headlines(const MachineRows& machine) {
   for (std::size_t i = 0; i < machine.rows.size(); ++i)
     if (machine.rows[i]->ok() && !machine.standings[i]->dominated) best.push_back(machine.rows[i]);
   if (best.empty()) return {{"Nothing", "no setting ran to its end"}};
-  const auto say = [&](const char* lead, const auto& number) {
+  const auto headline = [&](const char* lead, const auto& number) {
     const Row& row = **std::min_element(best.begin(), best.end(),
                                         [&](const Row* a, const Row* b) { return number(*a) < number(*b); });
     return Headline{
@@ -173,10 +173,10 @@ std::vector<Headline> sweep_headlines(const MachineRows& machine) {
                           format_number(row.error_p95_percent->value), format_number(row.load_percent->value),
                           format_number(row.bytes_per_point()), format_duration(row.prepare_ms->value))};
   };
-  return {say("Most accurate", [](const Row& row) { return row.error_p95_percent->value; }),
-          say("Least load", [](const Row& row) { return row.load_percent->value; }),
-          say("Least memory", [](const Row& row) { return row.bytes_per_point(); }),
-          say("Soonest ready", [](const Row& row) { return row.prepare_ms->value; })};
+  return {headline("Most accurate", [](const Row& row) { return row.error_p95_percent->value; }),
+          headline("Least load", [](const Row& row) { return row.load_percent->value; }),
+          headline("Least memory", [](const Row& row) { return row.bytes_per_point(); }),
+          headline("Soonest ready", [](const Row& row) { return row.prepare_ms->value; })};
 }
 
 DocumentJson rows_json(const SweepDocument& document) {

@@ -1,4 +1,4 @@
-// A sweep's sweep.json and its page with the fronts, made from rows only.
+// A sweep's document and page, made from rows only. The document is sweep.json; the page has the fronts.
 #pragma once
 
 #include <string>

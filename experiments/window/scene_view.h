@@ -106,7 +106,7 @@ class SceneView {
 
   /// Takes finished computations and moves models to the tick's poses.
   void update(const WatchedTick* now);
-  /// Moves points by the feed's answer and asks again. Does nothing for rigid models.
+  /// Moves points by the feed's answer and asks again. The call does nothing for rigid models.
   void follow_dents(WindowFeed& feed, const WatchedTick& now);
   /// Puts a stream's image in the place of the first model's points; what is known of these is forgotten.
   void show_image(const ShownImage& image);

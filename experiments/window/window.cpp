@@ -90,7 +90,7 @@ Error no_window(const std::string& why) {
                "leave --window out, or give the program a display (ssh -X, xvfb-run) with OpenGL 3.3"};
 }
 
-void tell_interface(const WindowInput& input, int width, int height, double scale) {
+void report_interface(const WindowInput& input, int width, int height, double scale) {
   ImGuiIO& io = ImGui::GetIO();
   io.DisplaySize = {static_cast<float>(width), static_cast<float>(height)};
   io.DisplayFramebufferScale = {static_cast<float>(scale), static_cast<float>(scale)};
@@ -214,7 +214,7 @@ void Window::State::draw() {
   glClearColor(0.105f, 0.12f, 0.145f, 1.0f);
   glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
   if (view_px > 0 && height_px > 0) scene->splats().show();
-  tell_interface(input, width, height, scale());
+  report_interface(input, width, height, scale());
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::NewFrame();
   draw_over();

@@ -67,7 +67,7 @@ TEST(Repair, OrientsWeldsAndFillsHoles) {
   const auto whole = repaired(broken, 100, &report);
   ASSERT_TRUE(whole.ok());
   EXPECT_GT(report.welded, 0u);
-  EXPECT_GT(report.turned, 0u);
+  EXPECT_GT(report.flipped, 0u);
   EXPECT_EQ(report.cut, 0u);
   EXPECT_EQ(report.filled_holes, 2u);
   EXPECT_EQ(report.left_loops, 0u);

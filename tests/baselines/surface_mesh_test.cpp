@@ -226,7 +226,7 @@ TEST(Pieces, AreThoseOfAWalkForAnyNumberOfThreads) {
   for (const int threads : {2, 3, 0}) {
     const Pieces more = pieces_of(mesh, threads);
     EXPECT_EQ(more.number, one.number);
-    EXPECT_EQ(more.turned, one.turned);
+    EXPECT_EQ(more.flipped, one.flipped);
   }
   std::vector<std::uint32_t> number(mesh.facets().size(), kNoFacet);
   std::uint32_t count = 0;

@@ -125,7 +125,7 @@ TEST(PlanarProtocol, MessagesHaveTheseBytes) {
 
 // A program that is killed may leave any part of a command: zero must be whole for the board all the same.
 TEST(PlanarProtocol, NoPartOfACommandBeforeSpoilsLettingGo) {
-  const CommandBytes release_contact = encoded_let_go();
+  const CommandBytes release = encoded_release();
   constexpr float kHeldNm = 0.1F, kCutNm = 0.123F;
   const CommandBytes held = encoded_torques({kHeldNm, -kHeldNm});
   for (const CommandBytes& cut : {encoded_torques({kCutNm, -kCutNm}), encoded_set_up(*planar_model(3))})
@@ -136,7 +136,7 @@ TEST(PlanarProtocol, NoPartOfACommandBeforeSpoilsLettingGo) {
         ASSERT_EQ(board.torques, (std::array<float, 2>{-kHeldNm, kHeldNm}));
         board.take(cut.span().first(sent));
         const int obeyed = board.obeyed;
-        board.take(release_contact.span());
+        board.take(release.span());
         EXPECT_EQ(board.torques, (std::array<float, 2>{})) << sent << " of " << cut.size;
         EXPECT_GT(board.obeyed, obeyed);
         EXPECT_LE(board.most, kCutNm) << "what it made of the part";
@@ -184,7 +184,7 @@ TEST(PlanarProtocol, NoPartOfACommandIsHeldByABoardThatHasLetGo) {
           board.take(held.span());
           board.take(cut.span().first(sent));
           BoardLink link(board, sleeps);
-          ASSERT_TRUE(planar_let_go(link)) << sent << " of " << cut.size;
+          ASSERT_TRUE(release_plane(link)) << sent << " of " << cut.size;
           ASSERT_EQ(board.torques, (std::array<float, 2>{}))
               << sent << " of " << cut.size << ", asleep for " << sleeps;
           ASSERT_LE(board.most, 0.123F);

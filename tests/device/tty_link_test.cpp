@@ -363,9 +363,9 @@ TEST(TtyLink, APlaneThatAnswersNothingIsNotSaidToHaveLetGo) {
   TtyBoard board;
   TtyLink link({board.path()});
   ASSERT_TRUE(link.open());
-  EXPECT_FALSE(planar_let_go(link));
+  EXPECT_FALSE(release_plane(link));
   link.close();
-  ASSERT_TRUE(comes([&] { return board.received().size() >= encoded_let_go().size; })) << "but it was told";
+  ASSERT_TRUE(comes([&] { return board.received().size() >= encoded_release().size; })) << "but it was told";
 }
 
 }  // namespace

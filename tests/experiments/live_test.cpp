@@ -423,18 +423,18 @@ class ToldDevice final : public device::Device {
   bool zero = true;
 };
 
-TEST(DeviceLooker, CountsWhatASilentLyingAndHomingDeviceDoes) {
+TEST(DeviceObserver, CountsWhatASilentLyingAndHomingDeviceDoes) {
   VirtualClock clock;
   ToldDevice told;
   device::ForceGovernor governor = device::ForceGovernor::create(told.limits(), {}).value();
-  DeviceLooker looker(told, governor, clock);
+  DeviceObserver observer(told, governor, clock);
   told.state.homed = false;
   const auto frame = [&](device::ReadStatus status, double x_mm) {
     clock.advance(1e-3);
     told.state.status = status;
     told.state.position_mm.x() = x_mm;
     told.state.packet_ns = clock.now_ns() - 200'000;
-    looker.frame(clock.now_ns());
+    observer.frame(clock.now_ns());
   };
   using device::ReadStatus;
   frame(ReadStatus::kFresh, 1.0);
@@ -447,7 +447,7 @@ TEST(DeviceLooker, CountsWhatASilentLyingAndHomingDeviceDoes) {
   for (int i = 0; i < 5; ++i) frame(ReadStatus::kNothingNew, 9.0);
   frame(ReadStatus::kGarbled, 9.0);
   frame(ReadStatus::kLost, 9.0);
-  const DeviceWatch& watch = looker.watch();
+  const DeviceWatch& watch = observer.watch();
   EXPECT_TRUE(told.zero) << "zero force all the while";
   EXPECT_EQ(watch.frames, 11u);
   EXPECT_EQ(watch.fresh, 4u);

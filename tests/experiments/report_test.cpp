@@ -430,32 +430,32 @@ TEST_F(Charts, WhatLeavesAPanelRunsAlongItsEdge) {
 TEST(Looks, NoTwoRenderersLookAlike) {
   std::vector<std::string> labels = {"mesh-godobject", "analytic", "cloud"};
   for (int i = 0; i < 25; ++i) labels.push_back("renderer-" + std::to_string(i));
-  const std::vector<Look> looks = looks_of(labels);
-  ASSERT_EQ(looks.size(), labels.size());
-  for (std::size_t i = 0; i < looks.size(); ++i)
+  const std::vector<LineStyle> styles = line_styles_of(labels);
+  ASSERT_EQ(styles.size(), labels.size());
+  for (std::size_t i = 0; i < styles.size(); ++i)
     for (std::size_t k = 0; k < i; ++k)
-      EXPECT_FALSE(looks[i].colour == looks[k].colour && looks[i].dash == looks[k].dash)
+      EXPECT_FALSE(styles[i].colour == styles[k].colour && styles[i].dash == styles[k].dash)
           << labels[i] << " and " << labels[k];
-  EXPECT_EQ(looks_of({"cloud"})[0].dash, "");
+  EXPECT_EQ(line_styles_of({"cloud"})[0].dash, "");
   // Whatever the order, a label has one look.
   std::vector<std::string> turned(labels.rbegin(), labels.rend());
-  const std::vector<Look> again = looks_of(turned);
-  for (std::size_t i = 0; i < looks.size(); ++i) {
-    EXPECT_EQ(again[looks.size() - 1 - i].colour, looks[i].colour) << labels[i];
-    EXPECT_EQ(again[looks.size() - 1 - i].dash, looks[i].dash) << labels[i];
+  const std::vector<LineStyle> again = line_styles_of(turned);
+  for (std::size_t i = 0; i < styles.size(); ++i) {
+    EXPECT_EQ(again[styles.size() - 1 - i].colour, styles[i].colour) << labels[i];
+    EXPECT_EQ(again[styles.size() - 1 - i].dash, styles[i].dash) << labels[i];
   }
 }
 
 TEST(Looks, StayTheSameBesideOthers) {
   for (const char* label : {"cloud", "mls-proxy", "vgraph", "cloud-literal-bare", "bare"}) {
-    const Look alone = looks_of({label})[0];
+    const LineStyle alone = line_styles_of({label})[0];
     for (const std::vector<std::string>& others :
          {std::vector<std::string>{"analytic", "mesh-godobject", label},
           {label, "cloud-literal", "heightfield"},
           {"penalty-grid", label, "penalty-grid-mended"}}) {
       const auto at =
           static_cast<std::size_t>(std::find(others.begin(), others.end(), label) - others.begin());
-      const Look beside = looks_of(others)[at];
+      const LineStyle beside = line_styles_of(others)[at];
       EXPECT_EQ(beside.colour, alone.colour) << label;
       EXPECT_EQ(beside.dash, alone.dash) << label;
     }

@@ -80,11 +80,11 @@ extern "C" int palpate_fuzz_bridge(const std::uint8_t* data, std::size_t size) {
   feed(bytes);
   constexpr std::size_t kCrc = 4;
   if (size < kCrc || size > kMaxDatagramBytes) return 0;
-  std::vector<std::uint8_t> mended(bytes.begin(), bytes.end());
+  std::vector<std::uint8_t> repaired(bytes.begin(), bytes.end());
   const std::uint32_t crc = crc32_of(bytes.first(size - kCrc));
   for (std::size_t i = 0; i < kCrc; ++i)
-    mended[size - kCrc + i] = static_cast<std::uint8_t>((crc >> (8U * i)) & 0xFFU);
-  feed(mended);
+    repaired[size - kCrc + i] = static_cast<std::uint8_t>((crc >> (8U * i)) & 0xFFU);
+  feed(repaired);
   return 0;
 }
 

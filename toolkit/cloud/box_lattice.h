@@ -1,5 +1,4 @@
-// The numbered surface points of box lattices and sphere rings, for sampling spheres and slabs without
-// tables.
+// Numbered surface points of box lattices and sphere rings. They sample spheres and slabs without tables.
 #pragma once
 
 #include <array>

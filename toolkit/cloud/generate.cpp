@@ -21,7 +21,7 @@ OptionSpec aspect(const std::string& axis, std::string value) {
                         1e-3, 1e3);
 }
 
-/// How points are sampled, and then changed.
+/// Options of sampling, and of the changes after it.
 std::vector<OptionSpec> sampling_options() {
   std::vector<OptionSpec> specs = {
       option::choice(
@@ -177,7 +177,7 @@ void fill(const Samples& samples, const geometry::Aabb& box, bool with_mesh, Gen
   if (with_mesh) model.original_mesh->triangles = samples.triangles();
 }
 
-/// What a scanner sees of the formula inside its box, range noise included.
+/// Points of the formula inside its box that a scanner sees, range noise included.
 Result<Scanned> scanned(const Shape& shape, const Options& options, const CommonOptions& common) {
   ScannerOptions scanner = read_scanner(options);
   scanner.points = count_patches(shape.patches, common);

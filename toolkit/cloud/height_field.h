@@ -73,7 +73,7 @@ enum class PostKind : std::uint8_t {
 };
 
 /// A post without a point is a gap unless it lies in an empty square of this side (posts beside the lattice
-/// count as empty). So each quarter around a gap has a point within 7 posts: gaps are interpolated, never
+/// count as empty). Each quarter around a gap has a point within 7 posts: gaps are interpolated, never
 /// extrapolated.
 inline constexpr std::uint32_t kGapPosts = 8;
 /// Where many posts are missing such squares occur by chance. An inner void counts only from the side W at

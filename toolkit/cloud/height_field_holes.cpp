@@ -344,7 +344,7 @@ class Filler {
   [[nodiscard]] std::int32_t first_all_around(std::int32_t column, std::int32_t row) const noexcept {
     constexpr auto kMost = static_cast<std::int32_t>(kMaxGapPosts) - 1;
     unsigned seen = 0;
-    const auto look = [&](std::int32_t dx, std::int32_t dy) {
+    const auto check = [&](std::int32_t dx, std::int32_t dy) {
       const std::int32_t c = column + dx, r = row + dy;
       if (c < 0 || r < 0 || c >= columns_ || r >= rows_ || !has_point(c, r)) return;
       seen |= (dx >= 0 && dy >= 0) | (dx <= 0 && dy >= 0) << 1 | (dx >= 0 && dy <= 0) << 2 |
@@ -352,10 +352,10 @@ class Filler {
     };
     for (std::int32_t reach = 1; reach < kMost; ++reach) {
       for (std::int32_t d = -reach; d <= reach; ++d) {
-        look(d, -reach);
-        look(d, reach);
-        look(-reach, d);
-        look(reach, d);
+        check(d, -reach);
+        check(d, reach);
+        check(-reach, d);
+        check(reach, d);
       }
       if (seen == 0xF) return reach;
     }

@@ -71,7 +71,7 @@ struct Return {
 };
 
 /// One view's exact returns, row by row.
-std::vector<Return> look(const FirstHit& first_hit, const ScanView& view, std::size_t side) {
+std::vector<Return> cast_rays(const FirstHit& first_hit, const ScanView& view, std::size_t side) {
   std::vector<Return> returns(side * side);
   parallel_each(side, 1, 0, [&](std::size_t row) {
     for (std::size_t column = 0; column < side; ++column) {
@@ -175,7 +175,7 @@ Result<Scanned> scan(const FirstHit& first_hit, const geometry::Aabb& box, bool 
   double seen_mm2 = 0.0;
   std::vector<bool> sees;
   for (const ScanView& view : views) {
-    const double seen = static_cast<double>(count_returns(look(first_hit, view, kTrialSide)));
+    const double seen = static_cast<double>(count_returns(cast_rays(first_hit, view, kTrialSide)));
     const double side = 2.0 * view.half / static_cast<double>(kTrialSide);
     sees.push_back(seen > 0.0);
     seen_mm2 += seen * side * side;
@@ -191,7 +191,7 @@ Result<Scanned> scan(const FirstHit& first_hit, const geometry::Aabb& box, bool 
       return Error{fmt::format("a scan by {} views needs {:.3g} rays each", views.size(), wanted * wanted),
                    fmt::format("at most {} rays a model", kMaxGeneratedPoints)};
     const auto side = static_cast<std::size_t>(std::max(2.0, wanted));
-    measure(look(first_hit, views[i], side), side, views[i], i, scanned.spacing_mm, o, scanned);
+    measure(cast_rays(first_hit, views[i], side), side, views[i], i, scanned.spacing_mm, o, scanned);
   }
   if (scanned.points_mm.empty())
     return Error{"no point of the simulated scan is left", "ask for more points, or less dropout"};

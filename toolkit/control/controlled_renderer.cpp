@@ -43,7 +43,7 @@ class ControlledRenderer final : public render::HapticRenderer {
   [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
                                                  const render::PrepareContext& context) const override {
     Result<render::Decisions> decided = inner_->decide(unlimited(scene), context);
-    if (decided) say(scene.force_limit_n, *decided);
+    if (decided) add_decisions(scene.force_limit_n, *decided);
     return decided;
   }
   [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
@@ -51,7 +51,7 @@ class ControlledRenderer final : public render::HapticRenderer {
     force_limit_n_ = scene.force_limit_n;
     Result<render::PrepareReport> report = inner_->prepare(unlimited(scene), context);
     if (!report) return report;
-    say(force_limit_n_, report->decisions);
+    add_decisions(force_limit_n_, report->decisions);
     for (std::string& line : control::describe(options_))
       report->notes.push_back("control: " + std::move(line));
     report->bytes += sizeof(*this);
@@ -99,7 +99,7 @@ class ControlledRenderer final : public render::HapticRenderer {
     return scene;
   }
   /// This renderer applies the limit, not the inner one.
-  void say(double force_limit_n, render::Decisions& decided) const {
+  void add_decisions(double force_limit_n, render::Decisions& decided) const {
     const render::Decision limit = render::force_limit_decision(force_limit_n);
     for (render::Decision& d : decided.decisions)
       if (d.about == limit.about) d = limit;

@@ -128,7 +128,7 @@ class LockedFile {
 };
 
 /// The folder for data that can be made or fetched again: $XDG_CACHE_HOME/palpate, or ~/.cache/palpate; empty
-/// if neither variable is set. Does not create it.
+/// if neither variable is set. The folder is not created.
 [[nodiscard]] std::filesystem::path cache_folder();
 
 }  // namespace palpate

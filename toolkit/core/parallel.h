@@ -18,7 +18,7 @@
 namespace palpate {
 
 /// Points per chunk in passes with little work each: large enough to hide the hand-over, small enough for
-/// about sixty chunks per million. Does not affect results.
+/// about sixty chunks per million. The number does not affect results.
 inline constexpr std::size_t kPointsPerChunk = 16384;
 
 /// Calls body(begin, end) for consecutive chunks of at most `grain` covering [0, count), on up to `threads`

@@ -1,5 +1,4 @@
-// Seeded random numbers with own distributions, because the standard library's differ between
-// implementations.
+// Seeded random numbers with distributions of our own. The standard library's differ between implementations.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
-// Tolerances with their sources, of two kinds that are never mixed: rounding bounds from arithmetic and
-// coordinate size; contact tolerances from the model (spacing) or device. No absolute lengths. And the
-// accepted ranges of physical quantities.
+// Tolerances and accepted ranges of physical quantities, with sources. Two kinds of tolerances are never
+// mixed: rounding bounds from arithmetic and coordinate size; contact tolerances from the model (spacing) or
+// device. No length is absolute.
 #pragma once
 
 #include <limits>

@@ -1,6 +1,5 @@
-// The points of a surface of stars, moving: the triangles stay, but where an edge is stretched it gets a
-// point; the tree over the triangles follows. And what places were like before, stroke by stroke, so that
-// strokes can be taken back.
+// A local Delaunay surface whose points move. The triangles stay, but a stretched edge gets a point; the tree
+// over the triangles follows. A journal keeps former places stroke by stroke, so that strokes can be undone.
 #pragma once
 
 #include <array>
@@ -19,7 +18,7 @@ namespace palpate::render {
 
 class UndoJournal;
 
-/// Points one call may infer; stretched links beyond it are mended when they are moved again.
+/// Points one call may infer; stretched links beyond it are repaired when they are moved again.
 inline constexpr std::size_t kMaxInferredPoints = 8;
 
 struct DeformCounters {
@@ -35,7 +34,7 @@ struct MovedPoint {
   Vec3 from_mm, to_mm;
 };
 
-/// Is told of every point that goes from one place to another, as soon as it has gone.
+/// Receives every point that goes from one place to another, as soon as it has gone.
 class MoveWatcher {
  public:
   virtual void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to) noexcept = 0;
@@ -44,22 +43,22 @@ class MoveWatcher {
   ~MoveWatcher() = default;
 };
 
-/// told(place, from, to) as a watcher.
-template <class Told>
+/// A watcher that calls callback(place, from, to).
+template <class Callback>
 class CallbackWatcher final : public MoveWatcher {
  public:
-  explicit CallbackWatcher(Told told) : told_(told) {}
+  explicit CallbackWatcher(Callback callback) : callback_(callback) {}
   void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to) noexcept override {
-    told_(place, from, to);
+    callback_(place, from, to);
   }
 
  private:
-  Told told_;
+  Callback callback_;
 };
 
-/// What a deformer changes. Local coordinates, mm. Places below built() are the cloud's points, those from
-/// there to used() were inferred since, and go again in the opposite order. Nothing allocates but the
-/// constructor and reserve_records(); no other call throws.
+/// The state that a deformer changes. Local coordinates, mm. Places below built() are the cloud's points,
+/// those from there to used() were inferred since, and go again in the opposite order. Nothing allocates but
+/// the constructor and reserve_records(); no other call throws.
 class DeformedLocalDelaunay {
  public:
   /// `mesh` is this renderer's own, still with its order(), and gets room for the spare points; `tree`
@@ -81,7 +80,7 @@ class DeformedLocalDelaunay {
   [[nodiscard]] Vec3 initial_position(std::uint32_t place) const noexcept {
     return first_[place].at.cast<double>();
   }
-  /// How far apart points were there then: to the farthest of those around.
+  /// The distance of points there then: to the farthest of those around, mm.
   [[nodiscard]] double initial_resolution_mm(std::uint32_t place) const noexcept {
     return static_cast<double>(first_[place].longest_mm);
   }
@@ -100,7 +99,7 @@ class DeformedLocalDelaunay {
   }
 
   void set(std::uint32_t place, const Vec3f& to) noexcept { stars_.set(place, to); }
-  /// What follows the points that were moved: boxes, and new points where the surface is stretched.
+  /// Updates what depends on the moved points: boxes, and new points where the surface is stretched.
   void update_dependents(std::span<const MovedPoint> moved, UndoJournal& journal, DeformCounters& counters,
                          MoveWatcher& watcher) noexcept;
 
@@ -120,12 +119,12 @@ class DeformedLocalDelaunay {
   void finish_restoring() noexcept { stars_.refit_all(); }
 
   [[nodiscard]] std::size_t bytes() const noexcept;
-  /// What bytes() will be, and by how much mesh and tree will grow.
+  /// Bytes that bytes() will give, and by which mesh and tree will grow.
   [[nodiscard]] static std::size_t bytes_for(std::size_t points, std::size_t spare_points,
                                              std::size_t records) noexcept;
 
  private:
-  /// What the surface around a place was when it was built.
+  /// The surface around a place as it was built.
   struct First {
     Vec3f at = Vec3f::Zero();
     float mean_mm = 0.0f, longest_mm = 0.0f;  ///< of the edges there
@@ -155,7 +154,7 @@ class UndoJournal {
     recorded_.resize(points.most());
   }
 
-  /// What is changed from now on is undone together.
+  /// Changes from now on are undone together.
   void begin_stroke() noexcept {
     ++stroke_number_;
     // An empty stroke is used again.

@@ -29,10 +29,11 @@ inline constexpr std::size_t kMaxMovedPoints = 128;
 /// A dent bears where it is so many times as deep as its radius: its walls, 1.54 times as steep at their
 /// steepest by the profile (1 - r^2)^2, then stand at 57 degrees. Steeper ones fold.
 inline constexpr double kMaxDepthPerRadius = 1.0;
-/// And it is at least so many local resolutions wide: of fewer points it would be a spike, not a surface.
+/// A dent that bears is at least so many local resolutions wide: of fewer points it would be a spike, not a
+/// surface.
 inline constexpr double kMinRadiusResolutions = 1.0;
 
-/// What a deformer of so many points is given.
+/// Sizes of a deformer's arrays for so many points.
 struct DeformerCapacity {
   std::size_t spare_points = 0;    ///< for inferred ones
   std::size_t journal_points = 0;  ///< changes that can be undone; older strokes are forgotten
@@ -47,7 +48,7 @@ class Deformer {
   /// `points` outlive this.
   Deformer(DeformedLocalDelaunay& points, std::size_t journal_points);
 
-  /// What is changed from now on is undone together.
+  /// Changes from now on are undone together.
   void begin_stroke() noexcept { journal_.begin_stroke(); }
   /// Presses the surface around `middle` by `by_mm` against `outward`, less and less out to `radius_mm` along
   /// the links from `place`, which is near it. No deeper in all than `max_depth_per_radius` times the radius.
@@ -64,7 +65,7 @@ class Deformer {
   /// The mean normal of the surface that press() would move, by areas; outward or inward as the points' are.
   /// Unit, or zero where there is none.
   [[nodiscard]] Vec3 normal_around(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept;
-  /// How far the surface at a place has been moved since it was built, in all.
+  /// The way that the surface at a place has moved since it was built, in all, mm.
   [[nodiscard]] double displacement_mm(std::uint32_t place) const noexcept;
   /// The local resolution there when it was built.
   [[nodiscard]] double initial_resolution_mm(std::uint32_t place) const noexcept {
@@ -117,7 +118,7 @@ class Deformer {
   }
   [[nodiscard]] std::size_t points() const noexcept { return points_->used(); }
   [[nodiscard]] std::size_t bytes() const noexcept;
-  /// What bytes() will be for a model of so many points; what the points' own bytes() says comes on top.
+  /// Bytes that bytes() will give for a model of so many points, without those of the points themselves.
   [[nodiscard]] static std::size_t bytes_for(std::size_t points, const DeformerCapacity& room) noexcept;
 
   /// The cloud as it is now, inferred points behind the others. Model frame.

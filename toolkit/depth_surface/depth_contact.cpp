@@ -12,7 +12,7 @@ namespace {
 /// A move shorter than this share of a pixel is none: 2e-3 mm at 1 m, a thousandth of a newton at 0.5 N/mm.
 constexpr double kArrivedPixels = 0x1p-10;
 
-/// What is carried along the surface comes down to this share of the depth, so that it ends with the contact.
+/// The part carried along the surface shrinks to this share of the depth, so that it ends with the contact.
 constexpr double kMostAlong = 0.5;
 
 /// A surface that the camera sees holds the HIP if it is nearer than this share of what holds it, as nothing
@@ -56,7 +56,7 @@ bool DepthContact::step(const DepthSheets& sheets, bool swapped, const Vec3& hip
   if (state_ == State::kFree) enter(sheets, h, counters);
   bool held = false;
   if (state_ == State::kHeld) held = hold(sheets, h, dt_s, status, counters);
-  if (state_ == State::kLeaving) held = let_go(sheets, h, dt_s);
+  if (state_ == State::kLeaving) held = fade_out(sheets, h, dt_s);
   last_ = h;
   pull = pull_;
   return held;
@@ -95,7 +95,7 @@ void DepthContact::swap(const DepthSheets& sheets, FrameStatus& status, FrameCou
     const Vec3 before = last_ + pull_ - carried_, plane = god_ + drifted - drift_, outward = outward_;
     god_ = before;
     const bool found = descend(sheets, q, fastest, status, counters) != Descent::kNone;
-    // What lets go is caught again by a surface over the HIP only.
+    // A leaving contact is caught again by a surface over the HIP only.
     if (found && (state_ == State::kHeld || (god_ - last_).dot(outward_) > 0.0)) {
       state_ = State::kHeld;
       carry(god_ - before, 0.0, 0.0);
@@ -149,11 +149,11 @@ void DepthContact::enter(const DepthSheets& sheets, const Vec3& hip, FrameCounte
   const Vec3 a = sheets.to_camera(last_), b = sheets.to_camera(hip);
   const DepthPlace from = sheets.place(a), to = sheets.place(b);
   const double pixels = std::max(std::abs(to.u - from.u), std::abs(to.v - from.v));
-  const int looks =
-      pixels < kMaxDepthLooks ? std::max(1, static_cast<int>(std::ceil(pixels))) : kMaxDepthLooks;
-  for (int k = 1; k <= looks; ++k) {
+  const int samples =
+      pixels < kMaxDepthSamples ? std::max(1, static_cast<int>(std::ceil(pixels))) : kMaxDepthSamples;
+  for (int k = 1; k <= samples; ++k) {
     ++counters.cells_visited;
-    if (cross(sheets, a + (b - a) * (static_cast<double>(k) / looks), std::max(1.0, pixels / looks), 0.0))
+    if (cross(sheets, a + (b - a) * (static_cast<double>(k) / samples), std::max(1.0, pixels / samples), 0.0))
       return;
   }
 }
@@ -224,9 +224,9 @@ DepthContact::Descent DepthContact::descend(const DepthSheets& sheets, const Vec
   return rim ? Descent::kAtRim : Descent::kArrived;
 }
 
-/// A held frame. What the camera sees in the HIP's pixel bounds what holds it: in front of that it is free,
-/// and much less deep behind it, it is held there instead. A sheet that ends where something stands before
-/// the HIP holds it by its rim, as that thing would.
+/// A held frame. The surface in the HIP's pixel bounds the hold: in front of it the HIP is free, and much
+/// less deep behind it, it is held there instead. A sheet that ends where something stands before the HIP
+/// holds it by its rim, as that thing would.
 bool DepthContact::hold(const DepthSheets& sheets, const Vec3& hip, double dt_s, FrameStatus& status,
                         FrameCounters& counters) noexcept {
   const Vec3 q = sheets.to_camera(hip), god_before = last_ + pull_ - carried_;
@@ -307,8 +307,8 @@ void DepthContact::leave() noexcept {
   carried_ = Vec3::Zero();
 }
 
-bool DepthContact::let_go(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept {
-  share_ -= dt_s / kLetGoSeconds;
+bool DepthContact::fade_out(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept {
+  share_ -= dt_s / kReleaseSeconds;
   const double depth = (god_ - hip).dot(outward_);
   if (share_ > 0.0 && depth > 0.0) {
     pull_ = outward_ * (depth * share_);

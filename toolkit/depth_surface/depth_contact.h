@@ -1,10 +1,10 @@
 // The contact with surfaces that come and go: a god object on the newest one.
 //
 // Between images a surface goes on at the speed it came with: contact is a matter of the frame that drifts
-// with it, in which the HIP moves the other way. The felt god object moves as the HIP moves. What the
-// surface's god object moves beyond that, as when a new surface takes over, is carried: a vector from it to
-// where it was felt, which shrinks to nothing while one image passes. A surface that vanished leaves its
-// tangent plane, which lets go in kLetGoSeconds.
+// with it, in which the HIP moves the other way. The felt god object moves as the HIP moves. Further motion
+// of the surface's god object, as when a new surface takes over, is carried: a vector from it to where it was
+// felt, which shrinks to nothing while one image passes. A surface that vanished leaves its tangent plane,
+// which lets go in kReleaseSeconds.
 #pragma once
 
 #include <array>
@@ -19,10 +19,11 @@ namespace palpate::render {
 /// Moves of the god object in a frame, each onto the tangent plane of the last. At a depth of a third of the
 /// surface's radius each leaves a third of the error: 12 leave 2e-6.
 inline constexpr int kMaxDepthMoves = 12;
-/// Looks along the HIP's way in a frame; a pixel's step each up to 60 m/s at 1 m and 500 pixels focal length.
-inline constexpr int kMaxDepthLooks = 32;
+/// Samples along the HIP's way in a frame; a pixel's step each up to 60 m/s at 1 m and 500 pixels focal
+/// length.
+inline constexpr int kMaxDepthSamples = 32;
 /// Short beside a hand's reaction (150 ms), long beside a step that is felt (a few ms).
-inline constexpr double kLetGoSeconds = 0.05;
+inline constexpr double kReleaseSeconds = 0.05;
 /// A swap changes the force no faster than this, and what it says of the surface's speed by half as much.
 inline constexpr double kMaxForceRateNPerS = 500.0;
 /// Camera periods without an image after which it counts as silent.
@@ -62,7 +63,7 @@ class DepthContact {
   [[nodiscard]] bool hold(const DepthSheets& sheets, const Vec3& hip, double dt_s, FrameStatus& status,
                           FrameCounters& counters) noexcept;
   void carry(const Vec3& moved, double followed, double dt_s) noexcept;
-  [[nodiscard]] bool let_go(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept;
+  [[nodiscard]] bool fade_out(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept;
   void leave() noexcept;
 
   /// Of the surface's drift, of what is carried, and of what is let go along the surface: half the rate each.

@@ -397,8 +397,8 @@ void DepthFusion::fill(const PixelWindow& window) noexcept {
     }
 }
 
-/// Which neighbours are of one sheet: they differ by no more than noise and a slope that the pixels beyond
-/// them show as well.
+/// Links neighbours of one sheet: they differ by no more than noise and a slope that the pixels beyond them
+/// show as well.
 void DepthFusion::link(const PixelWindow& window) noexcept {
   const float pixel = 1.0F / static_cast<float>(camera_.fx_px);
   for (int v = window.first_row; v < window.last_row; ++v) {

@@ -17,7 +17,7 @@
 
 namespace palpate::render {
 
-/// What is no longer measured, behind something nearer, stays this long: a hand that passes takes a second.
+/// Time that a surface stays once something nearer hides it, s: a hand that passes takes a second.
 inline constexpr double kHiddenSeconds = 2.0;
 /// The same for pixels without measurement: the shadow of a moving object must not keep its ghost.
 inline constexpr double kBlindSeconds = 0.2;
@@ -34,7 +34,7 @@ class DepthFusion {
   void forget() noexcept;
   /// Begins an image (of the camera's size, taken): its pose, noise and motion since the last.
   void begin(const stream::DepthFrame& image, DepthSheets& sheets) noexcept;
-  /// Writes the image's surfaces in a window. What a window holds does not change the others.
+  /// Writes the image's surfaces in a window. Windows are independent of each other.
   void update(const stream::DepthFrame& image, const PixelWindow& window, DepthSheets& sheets) noexcept;
   /// Ends the image, whose whole window was updated.
   void finish() noexcept { std::swap(before_, now_); }

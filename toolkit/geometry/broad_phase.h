@@ -1,5 +1,5 @@
-// A balanced tree of axis-aligned boxes, the index for everything with a box (models, mesh facets), and the
-// broad phase of collision detection on it: which of many boxes are near the probe, the slow loop of the
+// A balanced tree of boxes, and the broad phase. The tree indexes everything with a box (models, mesh
+// facets). The broad phase of collision detection finds the boxes near the probe: the slow loop of the
 // four-rate structure in section 2.2.4 of the thesis.
 #pragma once
 

@@ -68,7 +68,7 @@ SurfacePoint Slab::track(const SurfacePoint& from, const Vec3& p) const noexcept
   from.normal.cwiseAbs().maxCoeff(&face.axis);
   face.side = side_of(from.normal[face.axis]);
   for (int i = 0; i < kFaces; ++i) {
-    // If p's foot is beyond an edge of the face and p below that edge, descends to the next face.
+    // If p's projection is beyond an edge of the face and p below that edge, descends to the next face.
     Face next = face;
     double farthest = 0.0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -257,7 +257,7 @@ class Wedge final : public AnalyticSurface {
   [[nodiscard]] double height_over(const Vec3& p) const noexcept { return p.z() + slope_ * std::abs(p.x()); }
   /// `side` is -1 for the half-plane of x <= 0, 1 for the other.
   [[nodiscard]] Vec3 normal_of(double side) const noexcept { return {side * cos_, 0.0, sin_}; }
-  /// Distance of p's foot on the side's plane from the edge; negative beyond it.
+  /// Distance of p's projection on the side's plane from the edge; negative beyond it.
   [[nodiscard]] double along_side(double side, const Vec3& p) const noexcept {
     return side * p.x() * sin_ - p.z() * cos_;
   }

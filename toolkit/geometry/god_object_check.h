@@ -16,7 +16,7 @@ struct NearestSurface {
   bool known = false;
   double signed_distance = 0.0;  ///< of the HIP, positive outside
   Vec3 outward = Vec3::Zero();   ///< of that surface, unit
-  std::uint32_t piece = 0;       ///< closed piece it belongs to, from 1 on; 0: not told
+  std::uint32_t piece = 0;       ///< closed piece it belongs to, from 1 on; 0: unknown
 };
 
 enum class GodObjectVerdict : unsigned char {
@@ -37,7 +37,7 @@ inline constexpr double kOutsideSpacings = 0.05;
 inline constexpr double kMoveSpacings = 1.25;
 /// Least cosine between the outward directions of two places on one surface: 135 degrees with the HIP above
 /// it, 120 behind it. The far side of a thin plate fails this, so the plate is not popped through. Around a
-/// tip inside a body the nearest surface turns by less than kFacingBehind per look; through a plate it flips
+/// tip inside a body the nearest surface turns by less than kFacingBehind per query; through a plate it flips
 /// at once.
 inline constexpr double kFacingAbove = -0.7, kFacingBehind = -0.5;
 /// A god object at rest pulls along its normal, within 18 degrees. One that waits at the end of a surface is
@@ -61,14 +61,14 @@ inline constexpr int kSegmentSamples = 8;
 }
 
 /// Decides the correction from the surface `at` around the HIP. Before any correction it samples the way from
-/// the held place with `look(place)`: if the way leaves a plate's far side and meets another surface beyond,
+/// the held place with `query(place)`: if the way leaves a plate's far side and meets another surface beyond,
 /// the plate holds. `followed`: from follow_outward(), or `held_outward`. `spacing`: of the points around, in
 /// the unit of lengths. `much_nearer`: one of the two shares above.
-template <class Look>
+template <class Query>
 [[nodiscard]] GodObjectVerdict check_god_object(const NearestSurface& at, const Vec3& hip, const Vec3& held,
                                                 const Vec3& held_outward, const Vec3& followed,
                                                 double spacing, double much_nearer,
-                                                const Look& look) noexcept {
+                                                const Query& query) noexcept {
   const double far = (hip - held).norm();
   if (!(far > kAdjacentSpacings * spacing)) return GodObjectVerdict::kKeep;
   if (!at.known || std::abs(at.signed_distance) > much_nearer * far) return GodObjectVerdict::kKeep;
@@ -97,7 +97,7 @@ template <class Look>
   };
   for (int k = 1; k < kSegmentSamples; ++k) {
     const NearestSurface along_segment =
-        look(held + (hip - held) * (static_cast<double>(k) / kSegmentSamples));
+        query(held + (hip - held) * (static_cast<double>(k) / kSegmentSamples));
     if (!along_segment.known) continue;
     if (is_within_last(along_segment, k)) return GodObjectVerdict::kKeep;
     if (!(along_segment.signed_distance > out)) continue;

@@ -23,7 +23,7 @@ struct AreaElement {
 /// too thin or small to tell. Independent of the number of threads. O(parts).
 [[nodiscard]] float normal_orientation(std::span<const AreaElement> parts, int threads = 1);
 
-/// A piece with a wider opening resembles a vase more than a scanned body; the user is told that it is felt
+/// A piece with a wider opening resembles a vase more than a scanned body; a warning says that it is felt
 /// from one side.
 inline constexpr double kWideOpeningFraction = 0.05;
 /// With no wider opening a piece is tight: a HIP behind it came through the surface, not a hole, and is

@@ -97,11 +97,11 @@ Rise rise_over(const Walk& walk, const BilinearPatch& patch, double t0, double t
   return {f0, f1 - f0 - a, a};
 }
 
-/// The first stretch of a segment that leaves the sheet at `foot`: starts at height 0, not falling.
-Rise rise_from_sheet(const Walk& walk, const BilinearPatch& patch, const CellPosition& foot,
+/// The first stretch of a segment that leaves the sheet at `position`: starts at height 0, not falling.
+Rise rise_from_sheet(const Walk& walk, const BilinearPatch& patch, const CellPosition& position,
                      double t1) noexcept {
   const double ds = t1 * walk.d.x, dt = t1 * walk.d.y;
-  const double s = foot.column + foot.s - walk.column, t = foot.row + foot.t - walk.row;
+  const double s = position.column + position.s - walk.column, t = position.row + position.t - walk.row;
   const double a = -patch.d * ds * dt;
   const double b = t1 * walk.d.z - (patch.b + patch.d * t) * ds - (patch.c + patch.d * s) * dt;
   return {0.0, std::max(0.0, b), a};
@@ -130,8 +130,8 @@ double pass(Rise rise, SheetSide& side, int& edges) noexcept {
 void set_hit(const Walk& walk, double at, Crossing& found) noexcept {
   const PlanPoint p = walk.point(at);
   found.hit = true;
-  found.foot = {walk.column, walk.row, std::clamp(p.x - walk.column, 0.0, 1.0),
-                std::clamp(p.y - walk.row, 0.0, 1.0)};
+  found.position = {walk.column, walk.row, std::clamp(p.x - walk.column, 0.0, 1.0),
+                    std::clamp(p.y - walk.row, 0.0, 1.0)};
   found.reached = p;
   found.side = SheetSide::kAbove;
 }
@@ -174,7 +174,7 @@ SheetSide side_of(const HeightFieldView& sheet, const PlanPoint& p) noexcept {
 }
 
 Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const PlanPoint& b, SheetSide side,
-                       const CellPosition* from_sheet, int& looks) noexcept {
+                       const CellPosition* from_sheet, int& tests_left) noexcept {
   Crossing found;
   found.reached = b;
   double t0 = 0.0, t1 = 1.0;
@@ -191,14 +191,14 @@ Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const P
     walk.row = from_sheet->row;
   }
   while (true) {
-    if (looks-- <= 0) {
+    if (tests_left-- <= 0) {
       found.cut = true;
       found.reached = walk.point(walk.t);
       found.side = side;
       return found;
     }
     bool done = false;
-    // A foot between cells leaves the first one at once.
+    // A position between cells leaves the first one at once.
     const bool first = from_sheet != nullptr && walk.t == 0.0;
     if (!first && skip_block(walk, t1, done)) {
       side = SheetSide::kAbove;
@@ -235,7 +235,7 @@ constexpr double kLastStep = 0x1p-20;
 /// A step shorter than this share of a cell is none.
 constexpr double kNoStep = 0x1p-40;
 
-/// Indexes the sets of walls that hold a foot from 0: 4 wall_s + wall_t + this.
+/// Indexes the sets of walls that hold a position from 0: 4 wall_s + wall_t + this.
 constexpr int kNoWalls = 5;
 
 /// A cell during a descent.
@@ -244,11 +244,11 @@ struct Cell {
   BilinearPatch patch;
   double hs, ht, hz;
 
-  Cell(const HeightFieldView& of, const CellPosition& foot, const PlanPoint& h) noexcept
+  Cell(const HeightFieldView& of, const CellPosition& position, const PlanPoint& h) noexcept
       : sheet(of),
-        patch(of.patch_or_none(foot.column, foot.row)),
-        hs(h.x - foot.column),
-        ht(h.y - foot.row),
+        patch(of.patch_or_none(position.column, position.row)),
+        hs(h.x - position.column),
+        ht(h.y - position.row),
         hz(h.z) {}
 
   [[nodiscard]] DistanceDerivatives jet(double s, double t) const noexcept {
@@ -280,25 +280,25 @@ int pressed(double at, double gradient) noexcept {
 
 /// Tries the cell across the holding walls and moves into it if it continues downhill. Sets `rim` at a wall
 /// without a cell behind.
-bool cross(const HeightFieldView& sheet, CellPosition& foot, const PlanPoint& h, int wall_s, int wall_t,
+bool cross(const HeightFieldView& sheet, CellPosition& position, const PlanPoint& h, int wall_s, int wall_t,
            bool& rim) noexcept {
   if (wall_s != 0) {
-    const CellPosition next{foot.column + wall_s, foot.row, wall_s < 0 ? 1.0 : 0.0, foot.t};
+    const CellPosition next{position.column + wall_s, position.row, wall_s < 0 ? 1.0 : 0.0, position.t};
     const Cell cell(sheet, next, h);
     if (!cell.patch.exists()) {
       rim = true;
     } else if (wall_s * cell.jet(next.s, next.t).gs < 0.0) {
-      foot = next;
+      position = next;
       return true;
     }
   }
   if (wall_t != 0) {
-    const CellPosition next{foot.column, foot.row + wall_t, foot.s, wall_t < 0 ? 1.0 : 0.0};
+    const CellPosition next{position.column, position.row + wall_t, position.s, wall_t < 0 ? 1.0 : 0.0};
     const Cell cell(sheet, next, h);
     if (!cell.patch.exists()) {
       rim = true;
     } else if (wall_t * cell.jet(next.s, next.t).gt < 0.0) {
-      foot = next;
+      position = next;
       return true;
     }
   }
@@ -315,83 +315,84 @@ double reach(double at, double step, double most) noexcept {
 enum class Moved : std::uint8_t { kNot, kArrived, kOn };
 
 /// The Newton step in a convex place, up to the first wall. kNot if it does not descend.
-Moved newton(const Cell& cell, const DistanceDerivatives& jet, CellPosition& foot) noexcept {
+Moved newton(const Cell& cell, const DistanceDerivatives& jet, CellPosition& position) noexcept {
   const double det = jet.determinant();
   if (!(det > 0.0)) return Moved::kNot;
   const double ds = -(jet.htt * jet.gs - jet.hst * jet.gt) / det;
   const double dt = -(jet.hss * jet.gt - jet.hst * jet.gs) / det;
-  const double part = reach(foot.t, dt, reach(foot.s, ds, 1.0));
+  const double part = reach(position.t, dt, reach(position.s, ds, 1.0));
   const double size = std::max(std::abs(ds), std::abs(dt));
   // The clamp removes rounding, so a wall is met exactly.
-  double s = std::clamp(foot.s + part * ds, 0.0, 1.0), t = std::clamp(foot.t + part * dt, 0.0, 1.0);
+  double s = std::clamp(position.s + part * ds, 0.0, 1.0), t = std::clamp(position.t + part * dt, 0.0, 1.0);
   if (part < 1.0) {
-    if (ds != 0.0 && part == reach(foot.s, ds, 1.0)) s = ds > 0.0 ? 1.0 : 0.0;
-    if (dt != 0.0 && part == reach(foot.t, dt, 1.0)) t = dt > 0.0 ? 1.0 : 0.0;
+    if (ds != 0.0 && part == reach(position.s, ds, 1.0)) s = ds > 0.0 ? 1.0 : 0.0;
+    if (dt != 0.0 && part == reach(position.t, dt, 1.0)) t = dt > 0.0 ? 1.0 : 0.0;
   }
   if (part == 1.0 && size < kLastStep) {
-    foot.s = s;
-    foot.t = t;
+    position.s = s;
+    position.t = t;
     return Moved::kArrived;
   }
-  if (!(part > 0.0) || !(cell.half_sq(s, t) < cell.half_sq(foot.s, foot.t))) return Moved::kNot;
-  foot.s = s;
-  foot.t = t;
+  if (!(part > 0.0) || !(cell.half_sq(s, t) < cell.half_sq(position.s, position.t))) return Moved::kNot;
+  position.s = s;
+  position.t = t;
   return Moved::kOn;
 }
 
 /// Alternates exact minima along s and t: always downhill, also for non-convex distances.
-Moved along_axes(const Cell& cell, CellPosition& foot, bool free_s, bool free_t) noexcept {
-  const double s = free_s ? cell.best_s(foot.t) : foot.s;
-  const double t = free_t ? cell.best_t(s) : foot.t;
-  const double size = std::max(std::abs(s - foot.s), std::abs(t - foot.t));
-  foot.s = s;
-  foot.t = t;
+Moved along_axes(const Cell& cell, CellPosition& position, bool free_s, bool free_t) noexcept {
+  const double s = free_s ? cell.best_s(position.t) : position.s;
+  const double t = free_t ? cell.best_t(s) : position.t;
+  const double size = std::max(std::abs(s - position.s), std::abs(t - position.t));
+  position.s = s;
+  position.t = t;
   // One free coordinate: its minimum is found.
   if (free_s != free_t) return Moved::kArrived;
   return size > kNoStep ? Moved::kOn : Moved::kArrived;
 }
 
 /// At a saddle exactly below the HIP: moves along the direction of negative curvature, either way.
-bool leave_saddle(const Cell& cell, const DistanceDerivatives& jet, CellPosition& foot) noexcept {
+bool leave_saddle(const Cell& cell, const DistanceDerivatives& jet, CellPosition& position) noexcept {
   if (!(jet.determinant() < 0.0)) return false;
   const double ds = 1.0, dt = jet.hst > 0.0 ? -1.0 : 1.0;
-  const double forth = reach(foot.t, dt, reach(foot.s, ds, 1.0));
-  const double back = reach(foot.t, -dt, reach(foot.s, -ds, 1.0));
-  const double there = cell.half_sq(foot.s + forth * ds, foot.t + forth * dt);
-  const double behind = cell.half_sq(foot.s - back * ds, foot.t - back * dt);
+  const double forth = reach(position.t, dt, reach(position.s, ds, 1.0));
+  const double back = reach(position.t, -dt, reach(position.s, -ds, 1.0));
+  const double there = cell.half_sq(position.s + forth * ds, position.t + forth * dt);
+  const double behind = cell.half_sq(position.s - back * ds, position.t - back * dt);
   const double way = there <= behind ? forth : -back;
-  if (!(std::min(there, behind) < cell.half_sq(foot.s, foot.t))) return false;
-  foot.s = std::clamp(foot.s + way * ds, 0.0, 1.0);
-  foot.t = std::clamp(foot.t + way * dt, 0.0, 1.0);
+  if (!(std::min(there, behind) < cell.half_sq(position.s, position.t))) return false;
+  position.s = std::clamp(position.s + way * ds, 0.0, 1.0);
+  position.t = std::clamp(position.t + way * dt, 0.0, 1.0);
   return true;
 }
 
 }  // namespace
 
-Descent descend(const HeightFieldView& sheet, CellPosition& foot, const PlanPoint& h, int& moves) noexcept {
+Descent descend(const HeightFieldView& sheet, CellPosition& position, const PlanPoint& h,
+                int& moves) noexcept {
   Descent end;
   int settled = -1;  // walls of the last minimum; -1: none
   for (; moves > 0; --moves) {
-    const Cell cell(sheet, foot, h);
-    const DistanceDerivatives jet = cell.jet(foot.s, foot.t);
-    const int wall_s = pressed(foot.s, jet.gs), wall_t = pressed(foot.t, jet.gt);
+    const Cell cell(sheet, position, h);
+    const DistanceDerivatives jet = cell.jet(position.s, position.t);
+    const int wall_s = pressed(position.s, jet.gs), wall_t = pressed(position.t, jet.gt);
     end.at_rim = false;
-    if ((wall_s != 0 || wall_t != 0) && cross(sheet, foot, h, wall_s, wall_t, end.at_rim)) {
+    if ((wall_s != 0 || wall_t != 0) && cross(sheet, position, h, wall_s, wall_t, end.at_rim)) {
       settled = -1;
       continue;
     }
     const bool free_s = wall_s == 0, free_t = wall_t == 0;
     const int walls = 4 * wall_s + wall_t + kNoWalls;
     if (settled == walls || (!free_s && !free_t)) {
-      if (free_s && free_t && leave_saddle(cell, jet, foot)) {
+      if (free_s && free_t && leave_saddle(cell, jet, position)) {
         settled = -1;
         continue;
       }
       end.arrived = true;
       return end;
     }
-    Moved moved = free_s && free_t ? newton(cell, jet, foot) : Moved::kNot;
-    if (moved == Moved::kNot) moved = along_axes(cell, foot, free_s, free_t);
+    Moved moved = free_s && free_t ? newton(cell, jet, position) : Moved::kNot;
+    if (moved == Moved::kNot) moved = along_axes(cell, position, free_s, free_t);
     settled = moved == Moved::kArrived ? walls : -1;
   }
   return end;

@@ -1,4 +1,4 @@
-// The bilinear surface over a height field's posts, as `heightfield` frames read it.
+// The bilinear surface over a height field's posts.
 //
 // Plan coordinates are in posts: cell (column, row) spans [column, column + 1] x [row, row + 1], and s, t in
 // [0, 1] locate a point inside it. Heights and distances are in mm.
@@ -82,8 +82,9 @@ struct HeightFieldView {
     return {local_mm.x() * inverse_x, local_mm.y() * inverse_y, local_mm.z()};
   }
   [[nodiscard]] Vec3 local(const PlanPoint& p) const noexcept { return {p.x * step_x, p.y * step_y, p.z}; }
-  [[nodiscard]] PlanPoint point(const CellPosition& foot) const noexcept {
-    return {foot.column + foot.s, foot.row + foot.t, patch(foot.column, foot.row).height(foot.s, foot.t)};
+  [[nodiscard]] PlanPoint point(const CellPosition& position) const noexcept {
+    return {position.column + position.s, position.row + position.t,
+            patch(position.column, position.row).height(position.s, position.t)};
   }
   [[nodiscard]] double distance_sq(const PlanPoint& a, const PlanPoint& b) const noexcept {
     const double x = a.x - b.x, y = a.y - b.y, z = a.z - b.z;
@@ -127,7 +128,7 @@ enum class SheetSide : std::uint8_t {
 struct Crossing {
   bool hit = false;
   bool cut = false;                      ///< the bound was reached: tested up to `reached` only
-  CellPosition foot;                     ///< crossing point, if any
+  CellPosition position;                 ///< crossing point, if any
   PlanPoint reached;                     ///< end of the tested part
   SheetSide side = SheetSide::kNowhere;  ///< side of `reached`
   int edges = 0;                         ///< entries below the surface without crossing it
@@ -135,9 +136,9 @@ struct Crossing {
 
 /// Tests a -> b for the first crossing from above to below. `side` is that of `a`; a HIP known to be above is
 /// never lost to rounding. With `from_sheet`, `a` is the sheet's point at `*from_sheet` and the segment
-/// leaves upwards. `looks` counts down. Allocates nothing.
+/// leaves upwards. `tests_left` counts down. Allocates nothing.
 Crossing find_crossing(const HeightFieldView& sheet, const PlanPoint& a, const PlanPoint& b, SheetSide side,
-                       const CellPosition* from_sheet, int& looks) noexcept;
+                       const CellPosition* from_sheet, int& tests_left) noexcept;
 
 /// The side of a place without history: above, under or nowhere.
 SheetSide side_of(const HeightFieldView& sheet, const PlanPoint& p) noexcept;
@@ -152,8 +153,10 @@ struct Descent {
   bool at_rim = false;   ///< a border or hole edge holds the minimum; beyond it is nearer
 };
 
-/// Moves `foot` to the local minimum of the distance to `h` over the sheet, never increasing it: in a cell, a
-/// crease, on a post, or at the rim. `moves` counts down. The foot's cell must exist. Allocates nothing.
-Descent descend(const HeightFieldView& sheet, CellPosition& foot, const PlanPoint& h, int& moves) noexcept;
+/// Moves `position` to the local minimum of the distance to `h` over the sheet, never increasing it: in a
+/// cell, a crease, on a post, or at the rim. `moves` counts down. The position's cell must exist. Allocates
+/// nothing.
+Descent descend(const HeightFieldView& sheet, CellPosition& position, const PlanPoint& h,
+                int& moves) noexcept;
 
 }  // namespace palpate::render

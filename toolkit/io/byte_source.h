@@ -26,7 +26,7 @@ class ByteSource {
   [[nodiscard]] virtual Result<std::size_t> read(std::span<std::byte> out) = 0;
   /// Bytes that read() will still give, where that is known (not for compressed data).
   [[nodiscard]] virtual std::optional<std::uint64_t> remaining() const = 0;
-  /// How much of the underlying file is consumed, in [0, 1].
+  /// Share of the underlying file that is consumed, in [0, 1].
   [[nodiscard]] virtual double fraction() const = 0;
 };
 
@@ -82,11 +82,11 @@ class AccessSource final : public ByteSource {
 /// A regular file, as InputFile opens it.
 [[nodiscard]] Result<std::unique_ptr<RandomAccess>> open_random_access(const std::string& path);
 
-/// How a file is compressed, by its first bytes.
+/// Compression of a file, by its first bytes.
 enum class Compression { kNone, kGzip, kXz };
 [[nodiscard]] Compression detect_compression(std::span<const std::byte> first_bytes) noexcept;
 
-/// What a decompressor may do before it calls its input hostile.
+/// Limits beyond which a decompressor refuses its input as hostile.
 struct DecompressionLimits {
   std::uint64_t max_bytes = kMemoryLimitBytes;  ///< decoded bytes
   /// Decoded over compressed size, tested once the decoded size is past `ratio_from_bytes`. Scans compress 2

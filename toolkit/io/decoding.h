@@ -1,4 +1,4 @@
-// What the readers of all formats share: what they are given and hand on, tokens and numbers of text (by
+// Input, output and helpers of the readers of all formats. Helpers: tokens and numbers of text (by
 // std::from_chars: no locale, no allocation), bounds on promises, progress, faces. Internal to the readers.
 #pragma once
 
@@ -15,7 +15,7 @@
 
 namespace palpate::io {
 
-/// What a format's reader hands on: the file's numbers before unit, scale and cleaning.
+/// Output of a format's reader: the file's numbers before unit, scale and cleaning.
 struct DecodedFile {
   std::vector<Vec3> points;
   std::vector<cloud::Property> properties;              ///< each as long as `points`
@@ -36,7 +36,7 @@ struct DecodedFile {
   [[nodiscard]] std::size_t bytes() const noexcept;
 };
 
-/// What a format's reader is given. `bytes` is decompressed already; `name` is for messages.
+/// Input of a format's reader. `bytes` is decompressed already; `name` is for messages.
 struct ReaderInput {
   ByteSource& bytes;
   const std::string& name;
@@ -83,7 +83,7 @@ inline constexpr std::uint64_t kRowsPerReport = std::uint64_t{1} << 16;
 /// An Error if `count` things of `bytes_each` in memory pass the bound of the options.
 [[nodiscard]] Status check_memory(std::uint64_t count, std::uint64_t bytes_each, std::string_view what,
                                   const ReadOptions& options);
-/// How many of `count` promised rows of at least `min_row_bytes` to reserve for.
+/// Rows to reserve for, of `count` promised ones of at least `min_row_bytes`.
 [[nodiscard]] std::size_t reserve_count(std::uint64_t count, std::uint64_t min_row_bytes,
                                         std::optional<std::uint64_t> remaining);
 

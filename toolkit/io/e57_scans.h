@@ -1,5 +1,5 @@
-// What the XML of an E57 file (ASTM E2807) says of its scans: how many records, of which fields, where they
-// stand in the file and how the scanner stood.
+// Scans of an E57 file, from its XML (ASTM E2807). A scan has a number of records, their fields, their place
+// in the file and the scanner's pose.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace palpate::io {
 
-/// How a field's values stand in the file. Integers are packed into as many bits as their limits need.
+/// Encoding of a field's values in the file. Integers are packed into as many bits as their limits need.
 enum class E57Type { kInteger, kScaledInteger, kSingle, kDouble, kText };
 
 /// One entry of a scan's prototype, in the order of the bytestreams.
@@ -43,8 +43,8 @@ struct E57Scan {
 /// Longest XML that is read: pugixml needs up to some 16 bytes for one of hostile XML (a node for "<a/>").
 inline constexpr std::uint64_t kMaxE57XmlBytes = std::uint64_t{1} << 26;
 
-/// All scans of a file. What is not understood and changes the points is refused by name: other codecs,
-/// structures within records, rotations that are none.
+/// All scans of a file. Unknown parts that change the points are refused by name: other codecs, structures
+/// within records, rotations that are none.
 [[nodiscard]] Result<std::vector<E57Scan>> parse_e57_scans(std::string_view xml);
 
 }  // namespace palpate::io

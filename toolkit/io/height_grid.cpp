@@ -13,8 +13,8 @@
 namespace palpate::io {
 namespace {
 
-// What programs write where they have no height: the ends of the integer types, rows of nines, the largest
-// float (and whatever else no length is), and, of depth images, 0.
+// Numbers that programs write for no height: the ends of the integer types, rows of nines, the largest float
+// (and any other that is no length), and, in depth images, 0.
 bool is_customary(double number) noexcept {
   constexpr double kNoLength = 1e30;
   constexpr std::array<double, 12> kCustomary{0.0,     -32768.0,      32767.0,      -32767.0,
@@ -57,7 +57,7 @@ Result<PfmHeader> read_pfm_header(BufferedInput& in) {
       if (count == kPfmTokens) return bad_pfm_header("the header has more than four words", in);
       tokens[count++] = std::string(token);
     }
-    // A colour map is told at once: its header is otherwise the same.
+    // A colour map is recognised first: its header is otherwise the same.
     if (count > 0 && tokens[0] == "PF")
       return Error{"the file is a colour map, not a height map", "save one channel as 'Pf'", {}, 1};
     if (count > 0 && tokens[0] != "Pf") return bad_pfm_header("the file does not begin with 'Pf'", in);

@@ -44,8 +44,9 @@ struct HeightGrid {
 /// options.max_bytes.
 [[nodiscard]] Status check_grid(const HeightGrid& grid, const ReadOptions& options);
 
-/// Adds a row's posts as points: the post (column, row) at (column * step, row * step, height). What is not
-/// finite, or stands for no data, is a hole. The options' post_mm, vertical_mm and no_data are applied.
+/// Adds a row's posts as points: the post (column, row) at (column * step, row * step, height). Numbers that
+/// are not finite, or stand for no data, are holes. The options' post_mm, vertical_mm and no_data are
+/// applied.
 void add_row(HeightGrid& grid, std::uint64_t row, std::span<const double> numbers, const ReadOptions& options,
              DecodedFile& decoded);
 

@@ -218,7 +218,7 @@ constexpr LasFormatRow kLasFormats[] = {{20, 0}, {28, 0},  {26, 20}, {34, 28}, {
                                         {30, 0}, {36, 30}, {38, 30}, {59, 0},  {67, 30}};
 constexpr std::uint8_t kFirstLayeredFormat = 6;
 
-// What is collected from the records.
+// Values collected from the records.
 struct LasRecords {
   std::vector<std::byte> compression;
   std::uint64_t compression_at = 0;

@@ -1,5 +1,5 @@
-// A PCD file's header, checked against the file before PCL sees it: PCL believes a header, and 156 bytes of
-// it can make PCL take gigabytes. Free of PCL, so that it can be fuzzed alone; used by toolkit/pcd.
+// A PCD file's header, checked before PCL sees it. PCL believes a header, and 156 bytes of it can make PCL
+// take gigabytes. Free of PCL, so that it can be fuzzed alone; used by toolkit/pcd.
 #pragma once
 
 #include <cstddef>

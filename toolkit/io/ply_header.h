@@ -42,7 +42,7 @@ struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
   std::vector<PlyElement> elements;
   std::optional<Unit> unit;             ///< from "comment unit mm" or "obj_info unit mm"
-  std::uint64_t columns = 0, rows = 0;  ///< from obj_info num_cols and num_rows; 0 where not said
+  std::uint64_t columns = 0, rows = 0;  ///< from obj_info num_cols and num_rows; 0 where not stated
 };
 
 /// Reads up to and with end_header. Checks that every element's promise fits into what is left of the file,

@@ -27,7 +27,7 @@ namespace {
 constexpr std::string_view kStreamedFormats = "LAS, LAZ, COPC, E57, PTX, PTS, binary PLY and binary PCD";
 constexpr const char* kBinaryPlyRemedy = "convert it: pdal translate in.ply out.las";
 constexpr const char* kBinaryPcdRemedy = "convert it: pcl_convert_pcd_ascii_binary in.pcd out.pcd 1";
-// What tells the formats apart stands in the first line or two; a row of PTS has up to 70 characters.
+// The formats differ in the first line or two; a row of PTS has up to 70 characters.
 constexpr std::size_t kFirstBytes = 4096;
 // A PCD header with 256 fields of long names stays below this.
 constexpr std::size_t kPcdFirstBytes = std::size_t{1} << 16;

@@ -1,5 +1,5 @@
-// Points of a file in pieces, for files larger than memory: a stream gives positions from front to back, in
-// the file's own unit, and never holds more than a piece of the file.
+// Streams of points, for files larger than memory. A stream gives positions from front to back, in the file's
+// own unit, and never holds more than a piece of the file.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace palpate::io {
 
-/// What a file says of itself before its points are read. Nothing here is believed: counts are bounded by the
+/// Statements of a file before its points are read. Nothing here is believed: counts are bounded by the
 /// file's size, bounds only guide a reader and are checked by who uses them.
 struct StreamHeader {
   std::string format;                     ///< in words, "LAS 1.2, point format 3"

@@ -22,7 +22,7 @@
 
 namespace palpate::io {
 
-/// What is kept of a record beside its position, and the field that says where it is missing.
+/// A property of a record beside its position, and the field that marks it as missing.
 struct E57Property {
   std::string_view name;     ///< as the cloud names it
   std::string_view field;    ///< as E57 names it

@@ -253,7 +253,7 @@ Status check(const ReadOptions& options) {
 
 namespace {
 
-/// What is asked of height grids does nothing for another file.
+/// Refuses options of height grids for another file.
 Status check_grid_options(const DecodedFile& decoded, const ReadOptions& options) {
   if (decoded.height_grid) return Done{};
   for (const auto& [given, name, option] :

@@ -38,10 +38,10 @@ class StripBuilder {
       return true;
     }
     const std::int64_t now = to_index(value);
-    const bool turned = length_ % 2 != 0;
+    const bool flipped = length_ % 2 != 0;
     if (++length_ > 2 && now != last_ && now != before_ && last_ != before_) {
       faces_.begin();
-      if (!faces_.corner(turned ? last_ : before_) || !faces_.corner(turned ? before_ : last_) ||
+      if (!faces_.corner(flipped ? last_ : before_) || !faces_.corner(flipped ? before_ : last_) ||
           !faces_.corner(now))
         return false;
       faces_.end();

@@ -26,7 +26,7 @@ constexpr std::size_t kStlHeadBytes = kStlCommentBytes + sizeof(std::uint32_t);
 constexpr std::size_t kStlVectorBytes = 3 * sizeof(float);
 constexpr std::size_t kStlFacetBytes = 4 * kStlVectorBytes + sizeof(std::uint16_t);
 constexpr std::size_t kStlCorners = 3;
-// What a facet takes until equal corners are one: its corners, their order for sorting and numbers, itself.
+// Bytes of a facet until equal corners are merged: its corners, their order for sorting and numbers, itself.
 constexpr std::uint64_t kBytesPerFacet =
     kStlCorners * (2 * sizeof(Vec3) + 3 * sizeof(std::uint32_t)) + 2 * sizeof(std::array<std::uint32_t, 3>);
 constexpr const char* kFetchStl = "the file is cut off: fetch it again";

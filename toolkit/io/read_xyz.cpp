@@ -1,5 +1,5 @@
-// Rows of numbers: XYZ, CSV, TXT, ASC, PTS. What separates the columns, whether they have names and how many
-// there are is decided by the first rows and then holds for the whole file.
+// Rows of numbers: XYZ, CSV, TXT, ASC, PTS. The first rows decide separator, names and number of columns for
+// the whole file.
 #include <fmt/format.h>
 
 #include <algorithm>

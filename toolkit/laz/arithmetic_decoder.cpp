@@ -95,7 +95,7 @@ std::uint32_t ArithmeticDecoder::symbol(SymbolModel& model) noexcept {
   const std::uint32_t unit = length_ >> kSymbolShift;
   const std::uint32_t found = model.find(value_ / unit);
   const std::uint32_t begin = model.share_below(found) * unit;
-  // What division left over belongs to the last symbol.
+  // The last symbol takes the rest of the division.
   const std::uint32_t end = found + 1 == model.symbols() ? length_ : model.share_below(found + 1) * unit;
   value_ -= begin;
   length_ = end - begin;

@@ -20,7 +20,7 @@ inline constexpr std::uint32_t kBitShift = 13;
 inline constexpr std::uint32_t kWholeInterval = 0xFFFFFFFFu;
 inline constexpr std::uint32_t kShortestInterval = 1u << 24;
 
-/// How often 0 and 1 came so far.
+/// Frequencies of 0 and 1 so far.
 class BitModel {
  public:
   /// Of 0, in units of 2^-kBitShift; never 0 nor 1.
@@ -38,8 +38,8 @@ class BitModel {
   std::uint32_t cycle_ = 4, until_update_ = 4;
 };
 
-/// How often each of 2 to 2048 symbols came so far. One that was not given its number of symbols is empty()
-/// and may not be used.
+/// Frequencies of 2 to 2048 symbols so far. One that was not given its number of symbols is empty() and may
+/// not be used.
 class SymbolModel {
  public:
   SymbolModel() = default;
@@ -92,7 +92,7 @@ class ArithmeticDecoder {
   [[nodiscard]] bool bit(BitModel& model) noexcept;
   /// 1 to 32 bits that no model knows.
   [[nodiscard]] std::uint32_t bits(std::uint32_t count) noexcept;
-  /// True once more was asked for than the stream holds, or where it cannot begin so: it is damaged.
+  /// True once more was read than the stream holds, or if it cannot begin so: it is damaged.
   [[nodiscard]] bool damaged() const noexcept { return damaged_; }
 
  private:

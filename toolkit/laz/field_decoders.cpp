@@ -54,7 +54,7 @@ namespace {
 constexpr std::uint32_t kMostYBits = 20, kMostZBits = 18;
 constexpr std::size_t kXContexts = 2, kYContexts = kMostYBits + 2, kZContexts = kMostZBits + 2;
 
-// By count of returns and number of the return. What is sound lies at and below the diagonal; the rest are
+// By count of returns and number of the return. Sound values lie at and below the diagonal; others come from
 // files that count from 0, or know only one of the two.
 constexpr std::uint8_t kKindsOf8[8][8] = {
     {15, 14, 13, 12, 11, 10, 9, 8},  {14, 0, 1, 3, 6, 10, 10, 9},    {13, 1, 2, 4, 7, 11, 11, 10},

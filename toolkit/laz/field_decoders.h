@@ -1,6 +1,5 @@
-// The fields of points as LAZ codes them in both of its compressors: whole numbers, positions, GPS times,
-// colours and what points to a waveform. Each decoder holds its models and, where the coding needs it, what
-// came before.
+// Decoders of the fields of points in LAZ. Both compressors code whole numbers, positions, GPS times, colours
+// and pointers to a waveform. Each decoder holds its models and, where the coding needs it, what came before.
 #pragma once
 
 #include <array>
@@ -25,7 +24,7 @@ class NumberDecoder {
 
   [[nodiscard]] std::int32_t decode(ArithmeticDecoder& decoder, std::int32_t predicted,
                                     std::size_t context = 0);
-  /// How many bits the last difference had: what follows it in the file is often as uncertain.
+  /// Bits of the last difference: the next numbers in the file are often as uncertain.
   [[nodiscard]] std::uint32_t last_bits() const noexcept { return last_bits_; }
 
  private:
@@ -62,7 +61,7 @@ inline constexpr std::size_t kReturnKindsOf8 = 16, kReturnKindsOf16 = 6;
 /// The kind of return `number` of a pulse with `count`, each as it stands in the file: below 8, or below 16.
 [[nodiscard]] std::size_t return_kind_of_8(std::uint32_t count, std::uint32_t number) noexcept;
 [[nodiscard]] std::size_t return_kind_of_16(std::uint32_t count, std::uint32_t number) noexcept;
-/// How many returns of the pulse follow; numbers that make no sense have a level too.
+/// Number of the pulse's returns that follow; numbers that make no sense have a level too.
 inline constexpr std::size_t kReturnLevels = 8;
 [[nodiscard]] std::size_t return_level(std::uint32_t count, std::uint32_t number) noexcept;
 
@@ -74,7 +73,7 @@ struct GridPosition {
 /// from the last height at the same level below the pulse's last return.
 class PositionDecoder {
  public:
-  /// Steps are told apart by `kinds`; `height` stands for heights that have not come yet.
+  /// Steps differ by `kinds`; `height` stands for heights that have not come yet.
   PositionDecoder(std::size_t kinds, std::int32_t height);
 
   /// Moves `position` to the next point. `single`: its pulse has one return. `heights` null: they do not

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kChannels = 4;  // of the scanner, two bits of a point
 constexpr std::uint32_t kAnyByte = 256;
 // From this version on, a point takes its values from its own channel at once.
-constexpr std::uint32_t kChannelsMended = 4;
+constexpr std::uint32_t kChannelsRepaired = 4;
 
 // A stream that may be empty.
 class Layer {
@@ -38,7 +38,7 @@ class Layer {
 template <class Models, class Value>
 class ByChannel {
  public:
-  explicit ByChannel(std::uint32_t version) : mended_(version >= kChannelsMended) {}
+  explicit ByChannel(std::uint32_t version) : repaired_(version >= kChannelsRepaired) {}
 
   void begin(std::uint32_t channel, Value first, Models fresh) {
     models_[channel].emplace(std::move(fresh));
@@ -54,7 +54,7 @@ class ByChannel {
         models_[channel].emplace(make());
         values_[channel] = values_[channel_];
         value_of = channel;
-      } else if (mended_) {
+      } else if (repaired_) {
         value_of = channel;
       }
       channel_ = channel;
@@ -63,7 +63,7 @@ class ByChannel {
   }
 
  private:
-  bool mended_;
+  bool repaired_;
   std::uint32_t channel_ = 0;
   std::array<std::optional<Models>, kChannels> models_;
   std::array<Value, kChannels> values_{};
@@ -123,7 +123,7 @@ void write_point14(const Point14& point, std::uint32_t channel, std::span<std::b
   out.u64(point.time);
 }
 
-// What a channel of the scanner learnt.
+// Models of a channel of the scanner.
 struct Point14Channel {
   static constexpr std::size_t kReturns = 16, kContextsOfClass = 64, kContextsOfFlags = 64,
                                kContextsOfUserData = 64, kIntensities = 8;
@@ -210,7 +210,7 @@ class Point14Item final : public LayeredItem {
   };
   enum NumberChange : std::uint32_t { kSameNumber, kOneMore, kOneLess, kOtherNumber };
 
-  // What differs from the last point, and the channel that it is of.
+  // Bits of what differs from the last point, and of its channel.
   std::uint32_t next_changes(ArithmeticDecoder& in) {
     Point14Channel& learnt = *channels_[channel_];
     const Point14& last = learnt.last;

@@ -1,5 +1,5 @@
-// A bounding volume hierarchy over blocks of consecutive places, eight children a node, that finds a mesh's
-// triangles near a segment or box. Adapts to uneven spacing and any scale; about six bytes a point.
+// A bounding volume hierarchy over blocks of consecutive places. It finds a mesh's triangles near a segment
+// or box, with eight children a node. It adapts to uneven spacing and any scale; about six bytes a point.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace palpate::local_delaunay {
 /// Most levels: 8^11 blocks exceed 32 bits.
 inline constexpr int kMaxLevels = 11;
 
-/// Levels prefetched before a look; the third has one node per 4,096 places.
+/// Levels prefetched before a query; the third has one node per 4,096 places.
 inline constexpr std::size_t kLevelsAhead = 2;
 
 /// The slab that holds a block's triangles: along its mean normal, from `low` to `high`. On a smooth surface
@@ -63,7 +63,7 @@ class BlockBvh {
     std::array<std::uint32_t, kMaxLevels> node{};
     std::size_t level = levels_.size() - 1;
     const std::size_t top = level;
-    std::uint32_t looked = 1;
+    std::uint32_t visited = 1;
     left[level] = levels_[level][0].meets(query);
     for (;;) {
       if (left[level] == 0) {
@@ -77,7 +77,7 @@ class BlockBvh {
         if (!visit(index, levels_[0][node[0]], child)) return false;
         continue;
       }
-      if (++looked > most) return false;
+      if (++visited > most) return false;
       --level;
       node[level] = index;
       left[level] = levels_[level][index].meets(query);

@@ -1,4 +1,4 @@
-// State of every point while the local Delaunay mesh is built. Internal to local_delaunay.
+// State of the points while the mesh is built. Internal to local_delaunay.
 #pragma once
 
 #include <palpate/vec.h>
@@ -30,8 +30,9 @@ using NearestPoints = std::array<std::uint32_t, kNearest>;
 /// Stands for "no point".
 inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
 
-/// The triangles around a point: its ring of neighbours, counter-clockwise about its normal; sector k lies
-/// between ring points k and k + 1. Ring points are distinct. Most reads touch one cache line.
+/// A star, as Shewchuk names it ("Star splaying", SCG 2005): the triangles around a point, by its ring of
+/// neighbours, counter-clockwise about its normal. Sector k lies between ring points k and k + 1. Ring points
+/// are distinct. Most reads touch one cache line.
 struct alignas(64) Star {
   std::uint32_t size = 0;
   std::uint32_t open = 0;    ///< bit k: sector k has no triangle
@@ -134,7 +135,7 @@ void repair_stars(CandidateTriangulation& candidate);
 /// radius of 2.4 mean spacings; the ball's is 2.3.
 inline constexpr double kReachPerBall = 1.5;
 
-/// How a point's surroundings are projected to a plane.
+/// Projection of a point's surroundings to a plane.
 struct PlanarLayout {
   Vec3 normal = Vec3::Zero();
   double steepest = 1.0;  ///< leaves out neighbours that rise by more than this share of their distance

@@ -120,11 +120,11 @@ bool MeshContact::bridge_step(const Vec3& h, double edge, ContactCounters& count
     best = facet;
     nearest = closest;
   };
-  for (std::uint32_t look = 0; look < kStepLooks && gap == 0.0; ++look) {
+  for (std::uint32_t part = 0; part < kStepQueries && gap == 0.0; ++part) {
     reach *= kFarther;
     const Vec3 from = g + ahead * edge, to = g + ahead * reach, wide = Vec3::Constant(kStepWidth * reach);
     const bool all =
-        tree_->for_blocks({from.cwiseMin(to) - wide, from.cwiseMax(to) + wide}, kMaxNodes / kStepLooks,
+        tree_->for_blocks({from.cwiseMin(to) - wide, from.cwiseMax(to) + wide}, kMaxNodes / kStepQueries,
                           [&](std::uint32_t block, const BvhNode& node, std::uint32_t child) noexcept {
                             // A dense part's blocks hold no such facet.
                             if (!(diagonal_sq(node, child) >= least_sq)) return true;

@@ -8,10 +8,10 @@
 namespace palpate::local_delaunay {
 namespace {
 
-/// Bounds on nodes and triangles of one look. Each of a few sheets has about thirty triangles within 1.5
+/// Bounds on nodes and triangles of one query. Each of a few sheets has about thirty triangles within 1.5
 /// spacings.
 constexpr std::uint32_t kMaxAroundNodes = 64, kMaxAroundTested = 512;
-/// First radius of a look: this many edges, or this share of the largest. An empty look doubles it, at most
+/// First radius of a query: this many edges, or this share of the largest. An empty query doubles it, at most
 /// seven times, each with the same bound on triangles.
 constexpr double kFirstEdges = 1.0, kFirstShare = 1.0 / 64.0, kReachGrowth = 2.0;
 
@@ -49,8 +49,8 @@ bool MeshContact::find_around(const Vec3& h, double most, ContactCounters& count
   }
 }
 
-/// Looks when the pull has grown by two fifths since the last look, and repeatedly while the god object is on
-/// an edge or corner. Inside a facet with the HIP behind it nothing else is nearer.
+/// Queries when the pull has grown by two fifths since the last query, and repeatedly while the god object is
+/// on an edge or corner. Inside a facet with the HIP behind it nothing else is nearer.
 bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counters) noexcept {
   check_above_sq_ = kGrown * position_.closest.distance_sq;
   frames_since_check_ = 0;
@@ -61,12 +61,12 @@ bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counte
   if (!(far > geometry::kAdjacentSpacings * edge)) return true;
   SurfacePosition near;
   double near_side = side_;
-  const auto look = [&](const Vec3& at) noexcept -> geometry::NearestSurface {
+  const auto query = [&](const Vec3& at) noexcept -> geometry::NearestSurface {
     if (!find_around(at, geometry::kMuchNearerShare * far, counters, near)) return {};
     const std::uint32_t place = near.facet.place[0];
     const bool closed = mesh_->is_closed(place);
     near_side = closed ? free_side_[mesh_->closed_component(place)] : side_;
-    if (is_turned_over(near.facet)) near_side = -near_side;
+    if (is_flipped(near.facet)) near_side = -near_side;
     const Side seen = side_of(*mesh_, near, at);
     const double size = seen.area.norm(), distance = std::sqrt(near.closest.distance_sq);
     if (!(size > 0.0)) return {};
@@ -74,12 +74,12 @@ bool MeshContact::check_with_surroundings(const Vec3& h, ContactCounters& counte
             closed ? mesh_->closed_component(place) + 1 : 0};
   };
   const Vec3 outward = pull_ / far;
-  switch (geometry::check_god_object(look(h), h, h + pull_, outward, outward, edge,
-                                     geometry::kMuchNearerShare, look)) {
+  switch (geometry::check_god_object(query(h), h, h + pull_, outward, outward, edge,
+                                     geometry::kMuchNearerShare, query)) {
     case geometry::GodObjectVerdict::kKeep:
       return true;
     case geometry::GodObjectVerdict::kMove:
-      if (!look(h).known || near.facet.place == position_.facet.place) return true;
+      if (!query(h).known || near.facet.place == position_.facet.place) return true;
       side_ = near_side;
       others_count_ = 0;
       move_to(near.facet, near.closest, h);

@@ -29,8 +29,8 @@ struct Planes {
   std::array<std::size_t, kMaxSheets * kMaxPlanes> owner{};
   std::size_t size = 0;
 
-  /// Adds the facet that holds a place near the foot, or those of an edge or corner that is concave from the
-  /// touched side.
+  /// Adds the facet that holds a place near the closest point, or those of an edge or corner that is concave
+  /// from the touched side.
   void add(const LocalDelaunayMesh& mesh, const MeshContact::Held& held, const Vec3& at,
            std::size_t number) noexcept {
     const std::size_t most = size + kMaxPlanes;

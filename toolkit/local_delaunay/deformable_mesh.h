@@ -1,5 +1,4 @@
-// A mesh whose points move and whose stretched edges are split, with its tree: the state of a deforming
-// surface.
+// A deforming mesh, with its tree. Its points move, and its stretched edges are split.
 #pragma once
 
 #include <array>

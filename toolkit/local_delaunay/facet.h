@@ -110,27 +110,27 @@ inline constexpr double kDenormalScale = 0x1p506;
   return height != 0.0 ? height : n.dot(kDenormalScale * r);
 }
 
-/// Four linear values that tell whether the HIP's foot is in the facet and the HIP behind it: the corner
-/// weights and the height over the plane on the touched side. Heights are scaled by the normal's length and
-/// weights by its square, so the test of the next facet needs no division.
+/// Four linear values that tell whether the HIP's projection is in the facet and the HIP behind it: the
+/// corner weights and the height over the plane on the touched side. Heights are scaled by the normal's
+/// length and weights by its square, so the test of the next facet needs no division.
 class FacetFrame {
  public:
   struct Weights {
     std::array<double, 3> corner;  ///< scaled by the normal's squared length
     double height;                 ///< scaled by the normal's length
-    /// Behind the facet, foot inside.
+    /// Behind the facet, projection inside.
     [[nodiscard]] bool hold() const noexcept {
       return (static_cast<int>(corner[0] >= 0.0) & static_cast<int>(corner[1] >= 0.0) &
               static_cast<int>(corner[2] >= 0.0) & static_cast<int>(height < 0.0)) != 0;
     }
-    /// If behind the facet with the foot beyond one edge only: the corner opposite that edge; else 3. The
-    /// nearest point is then on that edge.
+    /// If behind the facet with the projection beyond one edge only: the corner opposite that edge; else 3.
+    /// The nearest point is then on that edge.
     [[nodiscard]] std::uint32_t beyond() const noexcept {
       // Two bits per combination of negative weights: 3, 0, 1, 3, 2, 3, 3, 3.
       constexpr std::uint32_t kOnly = 0b11'11'11'10'11'01'00'11;
       return height < 0.0 ? kOnly >> 2 * below() & 3u : 3;
     }
-    /// If behind the facet with the foot beyond two edges: the corner opposite the edge passed farther,
+    /// If behind the facet with the projection beyond two edges: the corner opposite the edge passed farther,
     /// relative to the facet's height there; else 3.
     [[nodiscard]] std::uint32_t farther_beyond() const noexcept {
       const unsigned two = below();
@@ -161,7 +161,7 @@ class FacetFrame {
   [[nodiscard]] double side_of(const Vec3& h) const noexcept { return side_over(normal_, h - origin_); }
   /// Towards the touched side, twice the facet's area long.
   [[nodiscard]] const Vec3& normal() const noexcept { return normal_; }
-  /// From a place to its foot on the plane, mm; the facet must have area.
+  /// From a place to its projection on the plane, mm; the facet must have area.
   [[nodiscard]] Vec3 pull(const Weights& weights) const noexcept {
     return normal_ * (-weights.height * per_square_);
   }

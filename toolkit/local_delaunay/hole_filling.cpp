@@ -107,7 +107,7 @@ class HoleFiller {
       std::vector<std::uint32_t> doubtful;
       bool any_rough = false;
     };
-    const auto look = [&](std::size_t i, Part& part) {
+    const auto visit = [&](std::size_t i, Part& part) {
       link_of_[i] = kNoPoint;
       part.any_rough = part.any_rough || candidate.rough[i] != 0;
       const bool doubtful = candidate.welded[i] == 0 && !candidate.star[i].closed_and_agreed();
@@ -115,7 +115,7 @@ class HoleFiller {
       if (doubtful) part.doubtful.push_back(static_cast<std::uint32_t>(i));
     };
     for (const auto& part :
-         parallel_parts<Part>(candidate.size(), kPointsPerChunk, candidate.threads, look)) {
+         parallel_parts<Part>(candidate.size(), kPointsPerChunk, candidate.threads, visit)) {
       any_rough_ = any_rough_ || part.any_rough;
       for (const std::uint32_t i : part.doubtful) add_link(i);
     }

@@ -129,7 +129,7 @@ class Ring {
   }
 };
 
-/// What the mesh consists of and lacks.
+/// Numbers of the mesh's parts and gaps.
 struct MeshStatistics {
   std::uint64_t triangles = 0;
   std::uint64_t agreed_points = 0;  ///< points whose stars the neighbours confirmed, at once or after repair

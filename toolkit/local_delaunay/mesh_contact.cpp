@@ -8,7 +8,7 @@ namespace {
 
 /// A HIP in front of a flipped facet is behind the surface around it. A squared distance below this share of
 /// the edge's square (a tenth of the edge) counts as on the facet.
-constexpr double kTurnedShare = 0.01;
+constexpr double kFlippedShare = 0.01;
 
 /// Threshold on a piece's solid angle as a share of the sphere: 0 outside, 1 inside.
 constexpr double kInsideShare = 0.5;
@@ -19,12 +19,12 @@ double solid_angle(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
   return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
 }
 
-/// Rounded operations from a HIP to its foot's height over a plane: the foot (unit normal, height, product,
-/// sum) and the height over another facet (differences, cross product).
-constexpr int kFootOperations = 32;
+/// Rounded operations from a HIP to its projection's height over a plane: the projection (unit normal,
+/// height, product, sum) and the height over another facet (differences, cross product).
+constexpr int kProjectionOperations = 32;
 
-/// True if the left foot lies in this triangle's plane, to rounding, and they share a corner: among coplanar
-/// facets a foot on an edge may be attributed to either.
+/// True if the left closest point lies in this triangle's plane, to rounding, and they share a corner: among
+/// coplanar facets a closest point on an edge may be attributed to either.
 bool stands_in(const LocalDelaunayMesh& mesh, const SurfacePosition& left, const Vec3& h, std::uint32_t a,
                std::uint32_t b, std::uint32_t c) noexcept {
   const auto& place = left.facet.place;
@@ -32,7 +32,7 @@ bool stands_in(const LocalDelaunayMesh& mesh, const SurfacePosition& left, const
   if (!has(a) && !has(b) && !has(c)) return false;
   const Vec3 pa = mesh.at(a), n = (mesh.at(b) - pa).cross(mesh.at(c) - pa);
   const double size = h.norm() + left.closest.point.norm() + pa.norm();
-  return std::abs(n.dot(left.closest.point - pa)) <= gamma(kFootOperations) * size * n.norm();
+  return std::abs(n.dot(left.closest.point - pa)) <= gamma(kProjectionOperations) * size * n.norm();
 }
 
 /// Without a call: memcmp's time depends on page alignment.
@@ -123,7 +123,7 @@ bool MeshContact::update_general(const Vec3& h, ContactCounters& counters) noexc
 void MeshContact::set_position(const SegmentHit& hit) noexcept {
   position_.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
   side_ = hit.side;
-  if (is_turned_over(position_.facet)) side_ = -side_;
+  if (is_flipped(position_.facet)) side_ = -side_;
   framed_ = false;
   watched_ = is_crossed(position_.facet);
   check_above_sq_ =
@@ -134,7 +134,7 @@ void MeshContact::set_position(const SegmentHit& hit) noexcept {
 }
 
 /// Only pieces without holes are free of flipped facets.
-bool MeshContact::is_turned_over(const Facet& facet) const noexcept {
+bool MeshContact::is_flipped(const Facet& facet) const noexcept {
   const std::uint32_t place = facet.place[0];
   if (mesh_->is_closed(place) && !mesh_->has_holes(mesh_->closed_component(place))) return false;
   const MeanOrientation trend = mean_orientation_around(*mesh_, facet, false);
@@ -144,7 +144,7 @@ bool MeshContact::is_turned_over(const Facet& facet) const noexcept {
 bool MeshContact::is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept {
   if (!mesh_->is_closed(a)) return true;
   const double free = free_side_[mesh_->closed_component(a)];
-  return (is_turned_over(Facet(*mesh_, a, b, c)) ? -side : side) == free;
+  return (is_flipped(Facet(*mesh_, a, b, c)) ? -side : side) == free;
 }
 
 bool MeshContact::cross(const Vec3& h, FacetFrame::Weights weights, ContactCounters& counters) noexcept {
@@ -168,7 +168,8 @@ bool MeshContact::cross(const Vec3& h, FacetFrame::Weights weights, ContactCount
     const FacetFrame next(at, mesh_->at(c), to, side_);
     weights = next.at(h);
     if (!(weights.height < 0.0)) break;
-    // The entered edge is between corners 0 and 2; beyond it again means that the foot is on the edge.
+    // The entered edge is between corners 0 and 2; beyond it again means that the closest point is on the
+    // edge.
     if (weights.corner[1] < 0.0) {
       feature = edge_feature(first);
       found = one && weights.corner[0] >= 0.0 && weights.corner[2] >= 0.0 &&
@@ -253,17 +254,17 @@ bool MeshContact::follow(const Vec3& h, ContactCounters& counters) noexcept {
 }
 
 bool MeshContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
-  if (!(position_.closest.distance_sq > kTurnedShare * edge_sq)) return false;
+  if (!(position_.closest.distance_sq > kFlippedShare * edge_sq)) return false;
   const MeanOrientation trend = mean_orientation_around(*mesh_, position_.facet, true);
   return trend.share > kMinOrientationShare && side_ * trend.normal.dot(h - position_.closest.point) < 0.0;
 }
 
 bool MeshContact::find_blocks_near(const Vec3& at, const Vec3& step, ContactCounters& counters) noexcept {
   ++counters.blocks;
-  if (tree_->is_none()) return false;  // without a tree no block is remembered: every look is complete
+  if (tree_->is_none()) return false;  // without a tree no block is kept: every query is complete
   const double reach = kStepsAhead * step.cwiseAbs().maxCoeff();
   if (!find_blocks(at + kStepsBefore * step, reach, kMaxNodes)) return false;
-  for (int look = 0; look < kFartherLooks && near_count_ == 0; ++look) {
+  for (int query = 0; query < kFartherQueries && near_count_ == 0; ++query) {
     const double known = near_reach_;
     const Vec3 known_at = near_at_;
     if (find_blocks(at, kFarther * known, kMaxFartherNodes)) continue;
@@ -325,9 +326,9 @@ bool MeshContact::first_entry(const Vec3& from, const Vec3& to, const SurfacePos
   std::uint32_t tested = 0;
   const geometry::Aabb around{from.cwiseMin(to), from.cwiseMax(to)};
   const SegmentQuery way{from, to, FloatBox::around(around)};
-  bool near = covers(from, to), looked = false;
+  bool near = covers(from, to), queried = false;
   if (!near)
-    near = looked = find_blocks_near(to, to - from, counters);
+    near = queried = find_blocks_near(to, to - from, counters);
   else if (near_read_ < near_count_)
     tree_->prefetch(*mesh_, near_block_[near_read_++]);
   const auto takes = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
@@ -361,8 +362,8 @@ bool MeshContact::first_entry(const Vec3& from, const Vec3& to, const SurfacePos
                             });
   }
   counters.tested += tested;
-  // Once per look: near a box the distance would be computed in vain in every frame.
-  if (looked && !met) update_clearance(to);
+  // Once per query: near a box the distance would be computed in vain in every frame.
+  if (queried && !met) update_clearance(to);
   return all;
 }
 

@@ -1,6 +1,6 @@
-// Moves the god object over facets, edges and corners so that its distance to the HIP only falls. It creates
-// no energy on any surface: on one facet the force is the gradient of the stored energy, and a change of
-// facet only lowers that energy (envelope theorem).
+// Descent of the god object over facets, edges and corners. Its distance to the HIP only falls. It creates no
+// energy on any surface: on one facet the force is the gradient of the stored energy, and a change of facet
+// only lowers that energy (envelope theorem).
 #pragma once
 
 #include <cstdint>
@@ -63,7 +63,8 @@ inline bool descend(const LocalDelaunayMesh& mesh, const Vec3& h, SurfacePositio
 }
 
 /// The side of h relative to its place at rest: `height` is above 0 outside and below 0 inside, by the
-/// feature's pseudonormal (Baerentzen and Aanaes 2005). `border`: the foot is on an edge with one facet.
+/// feature's pseudonormal (Baerentzen and Aanaes 2005). `border`: the closest point is on an edge with one
+/// facet.
 struct Side {
   double height = 0.0;
   bool border = false;
@@ -82,7 +83,7 @@ struct MeanOrientation {
 [[nodiscard]] MeanOrientation mean_orientation_around(const LocalDelaunayMesh& mesh, const Facet& facet,
                                                       bool wide) noexcept;
 
-/// Squared distance of h past the border that the foot is on, sideways on a surface of normal n.
+/// Squared distance of h past the border that the closest point is on, sideways on a surface of normal n.
 [[nodiscard]] inline double past_border_sq(const SurfacePosition& position, const Vec3& n,
                                            const Vec3& h) noexcept {
   const Vec3 r = h - position.closest.point;
@@ -119,7 +120,7 @@ inline constexpr double kSmoothShare = 0.96;
   return !tilts_beyond(around, pull, kSmoothShare);
 }
 
-/// Calls visit(facet) for the facets at the foot, its own first.
+/// Calls visit(facet) for the facets at the closest point, its own first.
 template <class Visit>
 void for_facets_at(const LocalDelaunayMesh& mesh, const SurfacePosition& position, Visit&& visit) noexcept {
   visit(position.facet);

@@ -25,18 +25,18 @@ class Sides : public OrientedDisjointSets {
   /// parallel.
   void settle(std::size_t begin, std::size_t end) noexcept {
     for (std::size_t i = begin; i < end; ++i) {
-      std::uint32_t at = static_cast<std::uint32_t>(i), turned = 0;
+      std::uint32_t at = static_cast<std::uint32_t>(i), flipped = 0;
       for (;;) {
         const std::uint32_t link = link_[at], parent = link >> 1;
         if (parent == at) break;
-        turned ^= link & 1u;
+        flipped ^= link & 1u;
         at = parent;  // lower than i
         if (at < begin) continue;
-        turned ^= root_[at] & 1u;
+        flipped ^= root_[at] & 1u;
         at = root_[at] >> 1;
         break;
       }
-      root_[i] = at << 1 | turned;
+      root_[i] = at << 1 | flipped;
     }
   }
   void begin_settling() { root_.resize(link_.size()); }
@@ -110,14 +110,14 @@ class StarOrienter {
     if (!one || !two) unorientable.push_back(t);
   }
   /// False if both are in one set already and disagree.
-  bool agree(std::uint32_t a, std::uint32_t b, std::uint32_t turned) noexcept {
-    return sides_.join(a, b, turned) != Sides::Joined::kBeforeOtherwise;
+  bool agree(std::uint32_t a, std::uint32_t b, std::uint32_t flipped) noexcept {
+    return sides_.join(a, b, flipped) != Sides::Joined::kBeforeOtherwise;
   }
   /// A neighbouring point, examined from both sides in turn.
   struct Beside {
     std::uint32_t other = kNoPoint;
-    std::uint32_t at = 0;      ///< index of the point in the other's ring
-    std::uint32_t turned = 2;  ///< how they were joined; 2: not yet
+    std::uint32_t at = 0;       ///< index of the point in the other's ring
+    std::uint32_t flipped = 2;  ///< how they were joined; 2: not yet
     bool agrees = true;
   };
   /// Joins over one edge like join(): uses a triangle of `i` and `other`, whose third corner comes before or
@@ -132,10 +132,10 @@ class StarOrienter {
       same = is_before ? theirs.has_sector(previous) && theirs.ring[previous] == third
                        : theirs.has_sector(k) && theirs.ring[theirs.next(k)] == third;
     }
-    const std::uint32_t turned = same ? 0 : 1;
-    if (turned != last.turned) {
-      last.turned = turned;
-      last.agrees = agree(i, other, turned);
+    const std::uint32_t flipped = same ? 0 : 1;
+    if (flipped != last.flipped) {
+      last.flipped = flipped;
+      last.agrees = agree(i, other, flipped);
     }
     return last.agrees;
   }
@@ -216,7 +216,7 @@ class StarOrienter {
     chunks([&](std::size_t, std::uint32_t i) {
       const bool has_sectors = (state_[i] & kHasSectors) != 0;
       pieces_.of[i] = has_sectors ? piece_of_root[sides_.settled(i).set] : kNoPoint;
-      if (has_sectors && sides_.settled(i).turned != 0) reverse(candidate_.star[i]);
+      if (has_sectors && sides_.settled(i).flipped != 0) reverse(candidate_.star[i]);
     });
   }
 

@@ -21,7 +21,7 @@ namespace {
 /// holes.
 constexpr std::uint64_t kMaxSlotsPerPoint = 8;
 /// Sampled steps that estimate row and column distances.
-constexpr std::size_t kStepsLookedAt = 255;
+constexpr std::size_t kSampledSteps = 255;
 
 }  // namespace
 
@@ -70,8 +70,8 @@ bool RasterGrid::read_positions(const cloud::Cloud& cloud) {
 
 double RasterGrid::typical_step_sq(const cloud::Cloud& cloud, int down, int across) const {
   std::vector<double> squares;
-  for (std::size_t k = 0; k < kStepsLookedAt; ++k) {
-    const std::size_t slot = (2 * k + 1) * slots() / (2 * kStepsLookedAt);
+  for (std::size_t k = 0; k < kSampledSteps; ++k) {
+    const std::size_t slot = (2 * k + 1) * slots() / (2 * kSampledSteps);
     const auto row = static_cast<std::uint32_t>(slot / columns_);
     const auto column = static_cast<std::uint32_t>(slot % columns_);
     const std::uint32_t to_row = down == 0 ? row : row_beside(row, 1);

@@ -1,5 +1,5 @@
-// Which point stands at each row and column of a scan; the cells between them, two triangles each, and which
-// of them are doubtful. Internal to local_delaunay.
+// Points of a scan by row and column, with cells. A cell has two triangles; some are doubtful. Internal to
+// local_delaunay.
 #pragma once
 
 #include <array>

@@ -20,7 +20,7 @@ constexpr std::size_t kMaxRasterParts = 16384, kRasterPartsPerChunk = 256;
 
 constexpr std::size_t kRowsPerChunk = 16;
 
-/// What is done for a point: nothing, check agreement again, or make a new star.
+/// Work on a point: none, check agreement again, or make a new star.
 constexpr std::uint8_t kAsItIs = 0, kBeside = 1, kLaidOut = 2;
 
 /// The eight surrounding positions, from the next column by way of the next row.
@@ -169,7 +169,7 @@ RasterStars::Side RasterStars::side_of_whole(const CandidateTriangulation& candi
   const std::size_t size = std::max<std::size_t>(kPointsPerPart, n / kMaxRasterParts);
   std::vector<geometry::AreaElement> parts((n + size - 1) / size);
   std::vector<double> volume(parts.size(), 0.0);
-  const auto look = [&](std::size_t part) {
+  const auto visit = [&](std::size_t part) {
     const std::size_t first = part * size, last = std::min(first + size, n);
     Vec3 area = Vec3::Zero(), sum = Vec3::Zero();
     for (std::size_t i = first; i < last; ++i) {
@@ -182,7 +182,8 @@ RasterStars::Side RasterStars::side_of_whole(const CandidateTriangulation& candi
     }
     parts[part] = {(sum / static_cast<double>(last - first)).cast<float>(), area.cast<float>()};
   };
-  parallel_each(parts.size(), kRasterPartsPerChunk, candidate.threads, [&](std::size_t part) { look(part); });
+  parallel_each(parts.size(), kRasterPartsPerChunk, candidate.threads,
+                [&](std::size_t part) { visit(part); });
   if (is_closed) {
     side.inward = std::accumulate(volume.begin(), volume.end(), 0.0) < 0.0;
     return side;

@@ -13,9 +13,9 @@ namespace {
 constexpr std::array<double, 6> kSteepest = {0.71, 0.5, 0.85, 0.6, 0.71, 0.5};
 /// Weight of a neighbour's triangles beside the point's own: sixteen outvote it four to one.
 constexpr double kBesideShare = 0.25;
-constexpr std::size_t kMendedPerChunk = 1024;
+constexpr std::size_t kRepairedPerChunk = 1024;
 /// This many doubtful points of sixteen mean noise. Four points on one circle are doubtful together.
-constexpr std::uint32_t kRoughDoubts = 6;
+constexpr std::uint32_t kRoughLinks = 6;
 /// In noise, planes and rises of single points mean little: normals are averaged over the surroundings in
 /// several passes, and nearly all that is near belongs to the surface.
 constexpr int kNormalPasses = 3;
@@ -56,7 +56,7 @@ class StarRepair {
 
   template <class Use>
   void chunks(std::size_t count, Use&& use) const {
-    parallel_each(count, kMendedPerChunk, candidate_.threads,
+    parallel_each(count, kRepairedPerChunk, candidate_.threads,
                   [&](std::size_t i) { use(static_cast<std::uint32_t>(i)); });
   }
   template <class Use>
@@ -80,7 +80,7 @@ class StarRepair {
   }
   template <class At, class Is>
   [[nodiscard]] Points those_of(std::size_t count, At&& at, Is&& is) const {
-    return parallel_list<std::uint32_t>(count, kMendedPerChunk, candidate_.threads,
+    return parallel_list<std::uint32_t>(count, kRepairedPerChunk, candidate_.threads,
                                         [&](std::size_t k, Points& out) {
                                           if (is(at(k))) out.push_back(at(k));
                                         });
@@ -166,12 +166,12 @@ class StarRepair {
     return true;
   }
   [[nodiscard]] Points rough_points() {
-    std::vector<std::uint8_t> doubts(candidate_.size(), 0);
+    std::vector<std::uint8_t> doubtful_links(candidate_.size(), 0);
     for (const std::uint32_t i : doubtful_)
       for (const std::uint32_t other : candidate_.near[i])
-        doubts[other] = static_cast<std::uint8_t>(std::min(doubts[other] + 1, 255));
+        doubtful_links[other] = static_cast<std::uint8_t>(std::min(doubtful_links[other] + 1, 255));
     return those_of_all([&](std::uint32_t i) {
-      if (doubts[i] < kRoughDoubts || candidate_.welded[i] != 0) return false;
+      if (doubtful_links[i] < kRoughLinks || candidate_.welded[i] != 0) return false;
       const double share = share_across(candidate_, i);
       return share > kMinRough && share < kMaxRough;
     });
@@ -259,7 +259,7 @@ class StarRepair {
   /// Remakes the doubtful stars from what rises less than `steepest`. Returns the points with new stars and
   /// their old and new ring points.
   Points rebuild_star(double steepest) {
-    mended_.resize(doubtful_.size());
+    repaired_.resize(doubtful_.size());
     std::vector<std::uint8_t> is_new(doubtful_.size(), 0);
     chunks(doubtful_.size(), [&](std::uint32_t d) {
       const std::uint32_t i = doubtful_[d];
@@ -274,7 +274,7 @@ class StarRepair {
       if (opened(made) > opened(old)) return;
       made.agreed = agreed_sectors(candidate_, i, made);
       if (made.agreements() <= old.agreements()) return;
-      mended_[d] = made;
+      repaired_[d] = made;
       is_new[d] = 1;
     });
     Points changed;
@@ -286,7 +286,7 @@ class StarRepair {
       if (is_new[d] == 0) continue;
       changed.push_back(doubtful_[d]);
       around(doubtful_[d]);
-      candidate_.star[doubtful_[d]] = mended_[d];
+      candidate_.star[doubtful_[d]] = repaired_[d];
       around(doubtful_[d]);
     }
     make_unique(changed);
@@ -299,7 +299,7 @@ class StarRepair {
   Points doubtful_;                          ///< ascending
   Points offers_begin_;                      ///< by slot
   Points offers_;
-  std::vector<Star> mended_;  ///< by slot
+  std::vector<Star> repaired_;  ///< by slot
 };
 
 }  // namespace

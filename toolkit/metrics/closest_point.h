@@ -1,6 +1,6 @@
 // Closest points along a path. The second reference, without history: the closest surface point to the HIP;
-// where it differs from the god object, the truth depends on the way taken. And the smallest distance to
-// models' points.
+// where it differs from the god object, the truth depends on the way taken. The smallest distance to models'
+// points is here too.
 #pragma once
 
 #include <cstddef>

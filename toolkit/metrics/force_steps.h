@@ -1,5 +1,5 @@
-// What a hand feels of forces: their steps between ticks in a closed loop, and the part that the HIP's motion
-// explains; the touch threshold for vibrations through a stylus.
+// Steps of the force between ticks, as felt. Parts of them that the HIP's motion explains; the touch
+// threshold for vibrations through a stylus.
 #pragma once
 
 #include <cstdint>

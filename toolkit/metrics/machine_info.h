@@ -1,5 +1,4 @@
-// The machine a result was measured on, and the conditions of timed measurements, for judging and comparing
-// runs.
+// Machine and conditions of a measurement, for comparing runs.
 #pragma once
 
 #include <cstdint>

@@ -239,7 +239,7 @@ struct Reader {
 constexpr auto kStatistics = [](auto&& v, auto& s) { visit_statistics(v, s); };
 constexpr auto kPaced = [](auto&& v, auto& s) { visit_paced(v, s); };
 
-/// What `memory` says of a preparation.
+/// The `memory` of a preparation.
 struct Memory {
   std::uint64_t bytes = 0;
   std::optional<double> bytes_per_point{};

@@ -1,5 +1,5 @@
-// The result document (result.json), the only source of tables and figures; schema:
-// docs/schemas/result.schema.json.
+// The result document (result.json); schema: docs/schemas/result.schema.json. It is the only source of tables
+// and figures.
 #pragma once
 
 #include <cstdint>
@@ -54,7 +54,7 @@ struct StudyTruth {
   std::string hash;             ///< trace_hash of its frames; empty in earlier documents
 };
 
-/// What scores need besides traces and truth.
+/// Input of scores besides traces and truth.
 struct ScoreBasis {
   double stiffness_n_per_mm = 0.0;
   double device_resolution_mm = 0.0;
@@ -73,7 +73,7 @@ struct PrepareTimes {
   bool from_cache = false;
 };
 
-/// How the frames were timed.
+/// Conditions of the frames' timing.
 struct TimingConditions {
   std::string contact_of;           ///< contact frames by "truth", "majority" (of renderers) or "own"
   bool own_process = false;         ///< prepared and timed in its own process

@@ -1,4 +1,4 @@
-// A simulated hand that reacts to the force, and its HIP path (palpate/paths.h).
+// A simulated hand that reacts to force (palpate/paths.h).
 #pragma once
 
 #include <memory>
@@ -21,7 +21,7 @@ struct HandOptions {
 /// Parses "hand" or "hand:..", completed by defaults. Errors: other text, invalid options.
 [[nodiscard]] Result<HandOptions> parse_hand(const std::string& text);
 
-/// What a hand feels at its HIP.
+/// Input of a hand at its HIP: what it feels.
 struct HandInput {
   Vec3 hip_mm = Vec3::Zero();
   Vec3 force_n = Vec3::Zero();  ///< of the surface; zero: no contact

@@ -18,11 +18,11 @@ namespace palpate::paths {
 namespace {
 
 // Samples per smallest detail; at least one in two steps of the HIP.
-constexpr double kLooksPerDetail = 4.0, kLooksPerStep = 0.5;
+constexpr double kSamplesPerDetail = 4.0, kSamplesPerStep = 0.5;
 // Slope limit of the HIP towards an end of the surface: 45 degrees.
 constexpr double kRise = 1.0;
 // Samples before giving up: finds a surface that fills a hundred-thousandth of the box.
-constexpr std::size_t kMaxLooks = 200'000;
+constexpr std::size_t kMaxSamples = 200'000;
 // Side of the search lattice of nearest_visible().
 constexpr int kLattice = 64;
 
@@ -38,8 +38,8 @@ Vec3 hip_at(const Station& station, double offset_mm, double clearance_mm) {
   return station.point + std::max(offset_mm, clearance_mm - kRise * station.room_mm) * station.normal;
 }
 
-/// A look along the line of sight at one place of the curve.
-struct Look {
+/// A sample along the line of sight at one place of the curve.
+struct Sample {
   Vec3 plan = Vec3::Zero();
   std::optional<geometry::SurfacePoint> surface;
 };
@@ -51,14 +51,14 @@ class Track {
       : seen_(seen),
         curve_(curve),
         clearance_mm_(timing.clearance_mm),
-        stride_mm_(std::max(seen.detail_mm() / kLooksPerDetail, timing.step_mm() / kLooksPerStep)) {}
+        stride_mm_(std::max(seen.detail_mm() / kSamplesPerDetail, timing.step_mm() / kSamplesPerStep)) {}
 
   /// Stations for this length.
   [[nodiscard]] Result<std::vector<Station>> over(double path_length_mm) {
     double guess = kFirstGuess;
-    for (std::size_t looks = 0; length_mm_ < path_length_mm; ++looks) {
-      if (stations_.empty() && piece_.empty() && looks > kMaxLooks) return nothing_to_follow();
-      take(look());
+    for (std::size_t samples = 0; length_mm_ < path_length_mm; ++samples) {
+      if (stations_.empty() && piece_.empty() && samples > kMaxSamples) return nothing_to_follow();
+      take(sample());
       const double next = advance([&](double t) { return in_plan(t); }, tau_, stride_mm_, guess);
       if (!(next > tau_)) return step_does_not_fit();
       guess = 0.25 * (next - tau_);  // never beyond a nearby turn of the curve
@@ -81,23 +81,23 @@ class Track {
     const SurfaceParameters at = curve_(tau);
     return seen_.view().in_plan(at.u, at.v);
   }
-  [[nodiscard]] Look look() const {
+  [[nodiscard]] Sample sample() const {
     const SurfaceParameters at = curve_(tau_);
     return {seen_.view().in_plan(at.u, at.v), seen_.at(at.u, at.v)};
   }
-  [[nodiscard]] bool goes_on(const Look& next) const {
+  [[nodiscard]] bool goes_on(const Sample& next) const {
     if (!next.surface || piece_.empty()) return false;
     const double rise = seen_.view().height(next.surface->point_mm - piece_.back().surface->point_mm);
     return std::abs(rise) <= kSteepest * (next.plan - piece_.back().plan).norm();
   }
 
-  void take(Look look) {
-    if (!piece_.empty() && !goes_on(look)) finish_piece();
-    if (look.surface) {
-      if (!piece_.empty()) piece_mm_ += (look.surface->point_mm - piece_.back().surface->point_mm).norm();
-      piece_.push_back(std::move(look));
+  void take(Sample sample) {
+    if (!piece_.empty() && !goes_on(sample)) finish_piece();
+    if (sample.surface) {
+      if (!piece_.empty()) piece_mm_ += (sample.surface->point_mm - piece_.back().surface->point_mm).norm();
+      piece_.push_back(std::move(sample));
     } else {
-      gap_.push_back(look);
+      gap_.push_back(sample);
     }
     const double crossed_mm = stations_.empty() ? 0.0 : stride_mm_ * static_cast<double>(gap_.size());
     length_mm_ = written_mm_ + crossed_mm + piece_mm_;
@@ -129,11 +129,11 @@ class Track {
     const Vec3 from = hip_at(stations_.back(), clearance_mm_, clearance_mm_);
     const Vec3 to = goal ? Vec3(goal->point_mm + clearance_mm_ * goal->normal) : from;
     double top = std::max(view.height(from), view.height(to));
-    for (const Look& look : gap_)
-      if (look.surface) top = std::max(top, view.height(look.surface->point_mm) + clearance_mm_);
+    for (const Sample& sample : gap_)
+      if (sample.surface) top = std::max(top, view.height(sample.surface->point_mm) + clearance_mm_);
     const auto raised = [&](const Vec3& p) { return Vec3(p + (top - view.height(p)) * view.towards_eye); };
     write({raised(from), Vec3::Zero(), 0.0});
-    for (const Look& look : gap_) write({raised(look.plan), Vec3::Zero(), 0.0});
+    for (const Sample& sample : gap_) write({raised(sample.plan), Vec3::Zero(), 0.0});
     if (goal) write({raised(to), Vec3::Zero(), 0.0});
   }
 
@@ -146,7 +146,7 @@ class Track {
   const Curve& curve_;
   double clearance_mm_, stride_mm_;
   double tau_ = 0.0;
-  std::vector<Look> piece_,
+  std::vector<Sample> piece_,
       gap_;  ///< seen since the last station: no surface yet, nothing before it
   double piece_mm_ = 0.0, written_mm_ = 0.0, length_mm_ = 0.0;
   std::vector<Station> stations_;
@@ -200,7 +200,7 @@ Result<std::vector<Vec3>> slide_over(const VisibleSurface& seen, const VisiblePo
   const ViewFrame& view = seen.view();
   if (!(view.extent_u_mm > 0.0))
     return Error{"the model has no width to slide over", "look from another side"};
-  const double stride = std::max(seen.detail_mm() / kLooksPerDetail, timing.step_mm() / kLooksPerStep);
+  const double stride = std::max(seen.detail_mm() / kSamplesPerDetail, timing.step_mm() / kSamplesPerStep);
   const double du = std::min(stride / view.extent_u_mm, kSlideOvershoot);
   std::vector<Vec3> lower, upper;
   geometry::SurfacePoint last = start.surface;
@@ -309,7 +309,7 @@ double retreat_from_surface(const Walk& walk, const FitSearch& fitting, double d
 }
 
 /// The start: the outermost point along `outward` around which the points form a surface. A scan's outermost
-/// point may be stray or on a ragged rim without a way on. The HIP beyond it is clear of all points.
+/// point may be an outlier or on a ragged rim without a way on. The HIP beyond it is clear of all points.
 std::optional<PathStart> outermost(const cloud::Cloud& cloud, const FitSearch& fitting, const Vec3& outward,
                                    double clearance_mm) {
   std::vector<std::pair<double, std::uint32_t>> order;

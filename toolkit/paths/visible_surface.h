@@ -1,5 +1,5 @@
-// The visible surface of a model from one side, and planes fitted to surrounding points, for paths on
-// surfaces without a formula. Internal to paths.
+// Visible surface of points, for paths without a formula. It is seen from one side, by planes fitted to
+// surrounding points. Internal to paths.
 #pragma once
 
 #include <algorithm>

@@ -71,20 +71,20 @@ Decision choose_by_step(const render::ModelInput& model, const Noise& noise, con
           step + ", which is felt at edges and in noise, a smooth surface near them is not"};
 }
 
-bool says(const render::ModelDecisions& model, const std::string& about) {
+bool has_decision(const render::ModelDecisions& model, const std::string& about) {
   return std::any_of(model.decisions.begin(), model.decisions.end(),
                      [&](const Decision& d) { return d.about == about; });
 }
 
 /// Every renderer of points reads stored floats.
-void say_precision(const render::SceneInput& scene, const render::PrepareContext& context, Plan& plan) {
+void decide_precision(const render::SceneInput& scene, const render::PrepareContext& context, Plan& plan) {
   for (std::size_t i = 0; i < scene.models.size(); ++i) {
     const render::ModelInput& model = scene.models[i];
     const Noise measured = noise_of(model, context);
     plan.spacing_mm.push_back(measured.spacing_mm);
-    render::ModelDecisions& said = plan.decided.models[i];
-    if (!says(said, "coordinates"))
-      said.decisions.push_back(render::coordinates_decision(*model.cloud, measured.spacing_mm));
+    render::ModelDecisions& estimated = plan.decided.models[i];
+    if (!has_decision(estimated, "coordinates"))
+      estimated.decisions.push_back(render::coordinates_decision(*model.cloud, measured.spacing_mm));
     if (!render::float_precision_suffices(*model.cloud, measured.spacing_mm))
       plan.warnings.push_back(fmt::format(
           "Single precision is too coarse for {}: a stored coordinate rounds to more than a hundredth of the "
@@ -121,7 +121,7 @@ Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<Name
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
                  registry.make(plan.renderer.name, plan.renderer.options));
   PALPATE_ASSIGN(plan.decided, renderer->decide(scene, context));
-  say_precision(scene, context, plan);
+  decide_precision(scene, context, plan);
   plan.decided.decisions.insert(plan.decided.decisions.begin(), std::move(chosen));
   return plan;
 }
@@ -135,8 +135,8 @@ void estimate_on_machine(Plan& plan, const render::SceneInput& scene, const rend
   for (std::size_t i = 0; i < plan.decided.models.size(); ++i) {
     render::ModelDecisions& model = plan.decided.models[i];
     // Numbers of bricks and refined places depend on the surface.
-    if (i < cost->bytes_share.size() && (says(model, "bricks") || says(model, "refined"))) {
-      const bool strips = says(model, "bricks") && model.points > kMaxWholePoints;
+    if (i < cost->bytes_share.size() && (has_decision(model, "bricks") || has_decision(model, "refined"))) {
+      const bool strips = has_decision(model, "bricks") && model.points > kMaxWholePoints;
       const double share = cost->bytes_share[i] / (strips ? kBricksOfStrips : 1.0);
       model.bytes = static_cast<std::uint64_t>(static_cast<double>(model.bytes) * share);
     }

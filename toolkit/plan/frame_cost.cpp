@@ -206,10 +206,10 @@ Result<Prepared> prepare(const render::SceneInput& scene, const NamedOptions& re
                          const render::Registry& registry, int threads) {
   Prepared out;
   PALPATE_ASSIGN(out.renderer, registry.make(renderer.name, renderer.options));
-  PALPATE_ASSIGN(const render::Decisions said, out.renderer->decide(scene, {threads, nullptr}));
+  PALPATE_ASSIGN(const render::Decisions estimated, out.renderer->decide(scene, {threads, nullptr}));
   PALPATE_ASSIGN(const render::PrepareReport report, out.renderer->prepare(scene, {threads, nullptr}));
   out.bytes = static_cast<double>(report.bytes);
-  out.bytes_estimated = static_cast<double>(said.bytes);
+  out.bytes_estimated = static_cast<double>(estimated.bytes);
   return out;
 }
 
@@ -292,13 +292,13 @@ Result<FrameCost> model_cost(const CostQuery& expected, std::size_t index, const
   PALPATE_ASSIGN(const SampledPieces sampled, sample_pieces(expected, index, registry));
   FrameCost cost;
   cost.excerpts = sampled.pieces.size();
-  double frames = 0.0, bytes = 0.0, said = 0.0;
+  double frames = 0.0, bytes = 0.0, estimated = 0.0;
   for (const Piece& piece : sampled.pieces) {
     frames += piece.contact_frames;
     bytes += piece.bytes;
-    said += piece.bytes_estimated;
+    estimated += piece.bytes_estimated;
   }
-  cost.bytes_share = {said > 0.0 ? bytes / said : 1.0};
+  cost.bytes_share = {estimated > 0.0 ? bytes / estimated : 1.0};
   if (!(frames > 0.0)) return cost;
   const double warm_ns = fastest_pass_ns(sampled.pieces, kWarmPasses, nullptr);
   std::vector<std::uint64_t> evicted(kEvictedWords, 1);

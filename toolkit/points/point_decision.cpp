@@ -141,7 +141,7 @@ Decision neighbours_decision(const cloud::Cloud& cloud, const PointModelOptions&
   return {"neighbours", decision.neighbours, "the order of the points says nothing about neighbours"};
 }
 
-/// Why a cell is larger than it was asked for.
+/// The reason why a cell is larger than requested.
 const char* fewer_cells(const PointModelOptions& options, const PointDecision& decision) {
   const double asked = options.cell_per_resolution * decision.resolution_mm;
   return decision.cell_mm > asked ? ", as far as a box reaches: a frame looks at no more of finer ones" : "";
@@ -209,10 +209,10 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
   decided.normals = options.normals;
   if (decided.normals && !decided.from_scan) {
     phases.begin("links");
-    const search::WalkableReport mended = search::make_walkable(cloud, found.neighbours, context.threads);
-    if (mended.spread + mended.returned > 0)
+    const search::WalkableReport repaired = search::make_walkable(cloud, found.neighbours, context.threads);
+    if (repaired.spread + repaired.returned > 0)
       report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",
-                                         mended.spread, mended.returned));
+                                         repaired.spread, repaired.returned));
     phases.end();
   }
 

@@ -195,7 +195,7 @@ std::string key_of(const cloud::Cloud& cloud, const PointModelOptions& o) {
                      o.sphere_mm, o.normals, o.keep_order);
 }
 
-/// What this renderer's surface is at each place.
+/// Prepares this renderer's surface at each place.
 Status prepare_surface(const ModelInput& input, const PointModelOptions& options, PointInstance& body,
                        PrepareReport& report) {
   const PointModel& points = *body.points;

@@ -1,7 +1,7 @@
-// What the point renderers read in a frame, and how it is prepared from a cloud: points in grid order with
-// the normal of their local plane, their neighbours, their boxes and the grid. With which numbers is decided
-// once from cloud, options and neighbours: build_point_model() follows the decision and decides nothing;
-// `palpate info plan` stops there.
+// Points as point renderers read them, and their preparation. A model holds points in grid order with the
+// normal of their local plane, their neighbours, their boxes and the grid. Its numbers are decided once from
+// cloud, options and neighbours: build_point_model() follows the decision and decides nothing; `palpate info
+// plan` stops there.
 #pragma once
 
 #include <cmath>
@@ -78,7 +78,7 @@ struct PointDecision {
   double rounding_mm = 0.0;                 ///< of a stored coordinate
 };
 
-/// What was found on the way to the decision: the neighbours, with links back where the points get planes.
+/// Findings on the way to the decision: the neighbours, with links back where the points get planes.
 struct PointSurvey {
   PointDecision decision;
   search::NeighbourTable neighbours;
@@ -95,7 +95,7 @@ struct PointModelDecision {
   PointDecision points;
   SurfaceDecision surface;
 };
-/// What build_point_model() will follow: survey_points() and decide_surface().
+/// The decision that build_point_model() follows: survey_points() and decide_surface().
 [[nodiscard]] Result<PointModelDecision> decide_point_model(const ModelInput& input,
                                                             const PointModelOptions& options,
                                                             const PrepareContext& context);
@@ -107,7 +107,7 @@ void describe_points(const cloud::Cloud& cloud, const PointModelOptions& options
 
 using StoredPoint = surface::OrientedPoint;
 
-/// What frames read of the points; nothing of a renderer's own. Places are indices in the partition's order.
+/// Points as frames read them; nothing of a renderer's own. Places are indices in the partition's order.
 /// Immutable after build and shared.
 struct PointModel {
   Vec3 origin_mm = Vec3::Zero();  ///< of the local coordinates, in the model frame

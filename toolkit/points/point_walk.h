@@ -55,7 +55,7 @@ static_assert(search::kNeighbours == 8, "three bits name a neighbour");
 
 /// Steepest descent with strict decrease from `start` to a local minimum of the distance to `h`; ties go to
 /// the neighbour listed first. `moved(place)` is called for every move. `steps` counts down; at 0 the walk
-/// stops where it is. At most `steps` + 1 looks at eight neighbours.
+/// stops where it is. At most `steps` + 1 visits of eight neighbours.
 template <class Moved>
 [[nodiscard]] inline WalkResult walk(const PointModel& model, std::uint32_t start, const Vec3& h, int& steps,
                                      Moved&& moved) noexcept {

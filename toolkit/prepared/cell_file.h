@@ -53,14 +53,14 @@ struct CellEntry {
 void write_cell_entry(ByteWriter& writer, const CellEntry& entry) noexcept;
 [[nodiscard]] CellEntry read_cell_entry(ByteReader& reader) noexcept;
 
-/// What the file says of itself.
+/// Statements of the file's head.
 struct CellFileInfo {
   std::uint64_t points = 0;
   std::uint64_t dropped = 0;  ///< points of the input that were not finite or too far away
   std::uint64_t halo_points = 0;
   std::uint64_t cells = 0;
   geometry::Aabb bounds_mm;       ///< of the input's points, exactly
-  double asked_quantum_mm = 0.0;  ///< the limit that was asked
+  double asked_quantum_mm = 0.0;  ///< the requested limit
   double quantum_mm = 0.0;        ///< the largest of a cell; a coordinate is off by at most half of it
   double halo_spacings = 0.0;     ///< width of the halo in the cell's spacings
   double mm_per_unit = 1.0;       ///< of the input, already applied

@@ -18,7 +18,7 @@
 
 namespace palpate::prepared {
 
-/// What all passes over the same points must find alike.
+/// Findings that all passes over the same points must share.
 struct PassFindings {
   std::uint64_t points = 0;
   std::uint64_t dropped = 0;
@@ -37,9 +37,9 @@ class PointPasses {
   /// Adds every point to its region. An Error if they are not the counted ones.
   [[nodiscard]] Status scatter(const CellLattice& lattice, const CountTree& tree, PointScratch& scratch);
 
-  /// What the header says of the bounds, in mm, if it can be.
+  /// The header's bounds, mm, if they are plausible.
   [[nodiscard]] std::optional<geometry::Aabb> promised_bounds_mm() const;
-  /// What it says of their number; a wrong one does no harm.
+  /// The header's number of points; a wrong one does no harm.
   [[nodiscard]] std::uint64_t promised_points() const noexcept { return stream_->header().points; }
   [[nodiscard]] int passes() const noexcept { return passes_; }
   /// The points differ from pass to pass.

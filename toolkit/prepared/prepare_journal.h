@@ -1,5 +1,5 @@
-// What a preparation has done so far, so that the next run goes on after a stop at any moment: a file that
-// only grows, of records that each have a hash. A record half written is none.
+// Journal of a preparation, for going on after a stop. The file only grows, by records that each have a hash.
+// A record half written is none.
 #pragma once
 
 #include <cstdint>

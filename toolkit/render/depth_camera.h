@@ -1,5 +1,5 @@
-// A depth camera's pixels in space, which of its frames are of use, and the window of an image that is
-// needed first. Shared by every renderer that takes depth images.
+// Pixels, frames and windows of a depth camera. They give positions in space, the frames of use, and the part
+// of an image that is needed first. Shared by every renderer that takes depth images.
 #pragma once
 
 #include <algorithm>

@@ -106,7 +106,7 @@ class FrameLoop {
     near_ = NearModels();
   }
   void add(std::unique_ptr<Model> model) { models_.push_back(std::move(model)); }
-  /// What decide_scene() needs to know about the models.
+  /// Traits of the models for decide_scene().
   static constexpr LocalModelTraits kKind{kBoxed, kMovesByItself, kForcesAddUp};
 
   /// Call after all models are added. Allocates.
@@ -337,9 +337,9 @@ class FrameLoop {
   template <unsigned kFeatures>
   void hold(const Vec3& hip_mm, Frame& frame) noexcept {
     if constexpr (kHasBody) {
-      for (int look_again = 1; !touches_.all().empty(); ++look_again) {
+      for (int pass = 1; !touches_.all().empty(); ++pass) {
         const Vec3 body = hold_together(hip_mm);
-        if (look_again == kMaxJointPasses || sums_) return;
+        if (pass == kMaxJointPasses || sums_) return;
         if (!find_touches<kFeatures>(body, hip_mm, frame)) return;
       }
     } else if constexpr (!kForcesAddUp) {

@@ -1,4 +1,4 @@
-// A renderer made of the frame loop and its local models, the base of nearly all renderers. Derived classes
+// Renderer of the frame loop and its local models. It is the base of nearly all renderers. Derived classes
 // add decide_model(), add_models() and describe().
 #pragma once
 
@@ -57,7 +57,7 @@ class FrameLoopRenderer : public HapticRenderer {
   /// decisions to report.decisions.models.
   [[nodiscard]] virtual Status add_models(const SceneInput& scene, const PrepareContext& context,
                                           PrepareReport& report) = 0;
-  /// How contacts with several models combine.
+  /// Combination of contacts with several models.
   [[nodiscard]] virtual ContactCombination combine() const { return ContactCombination::kJoint; }
 
   Options options_;  ///< complete and validated

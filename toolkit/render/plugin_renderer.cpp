@@ -33,8 +33,8 @@ Result<PluginTable> load_renderer(const std::filesystem::path& file) {
   return table;
 }
 
-/// What a plug-in's text says, or `otherwise`.
-std::string told(const std::array<char, kPluginTextBytes>& text, const char* otherwise) {
+/// A plug-in's text, or `otherwise` where it is empty.
+std::string text_or(const std::array<char, kPluginTextBytes>& text, const char* otherwise) {
   const std::string words(text.begin(), std::find(text.begin(), text.end(), '\0'));
   return words.empty() ? otherwise : words;
 }
@@ -86,7 +86,7 @@ Result<PrepareReport> PluginRenderer::prepare(const SceneInput& scene, const Pre
   std::array<char, kPluginTextBytes> text{};
   renderer_ = table_->create(options_.text(kOptionsKey).c_str(), text.data(), kPluginTextBytes);
   if (renderer_ == nullptr)
-    return Error{told(text, "the plug-in makes no renderer"), "see the plug-in's own description",
+    return Error{text_or(text, "the plug-in makes no renderer"), "see the plug-in's own description",
                  file_.string()};
   const ModelInput& model = scene.models.front();
   std::vector<double> points, vertices;
@@ -113,8 +113,8 @@ Result<PrepareReport> PluginRenderer::prepare(const SceneInput& scene, const Pre
   given.threads = static_cast<std::uint32_t>(context.threads > 0 ? context.threads : available_threads());
   std::uint64_t bytes = 0;
   if (table_->prepare(renderer_, &given, &bytes, text.data(), kPluginTextBytes) != 0)
-    return Error{told(text, "the plug-in does not prepare this model"), "see the plug-in's own description",
-                 file_.string()};
+    return Error{text_or(text, "the plug-in does not prepare this model"),
+                 "see the plug-in's own description", file_.string()};
   PrepareReport report;
   report.total_ms = watch.ms();
   report.phases = {{"plug-in", report.total_ms}};
@@ -136,7 +136,7 @@ Frame PluginRenderer::step(const Vec3& hip_mm, double t_s) noexcept {
   table_->step(renderer_, hip_mm.data(), t_s, &answer);
   frame.contact = answer.contact != 0;
   if (!frame.contact) return frame;
-  // What is no number is passed on: who steps and who scores a renderer tell of it.
+  // Values that are no numbers are passed on: stepping and scoring report them.
   frame.force_n = limited(Vec3(answer.force_n[0], answer.force_n[1], answer.force_n[2]), force_limit_n_);
   frame.god_object_mm = {answer.god_object_mm[0], answer.god_object_mm[1], answer.god_object_mm[2]};
   frame.model = 0;

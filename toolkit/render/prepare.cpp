@@ -87,7 +87,7 @@ ModelInput subset_of(const ModelInput& model, std::span<const std::uint32_t> of,
 
 namespace {
 
-/// Findings for the user, whoever prepared the data.
+/// Warnings for the user, whichever renderer prepared the data.
 void add_to_report(const PrepareReport& of, PrepareReport& to) {
   to.bytes += of.bytes;
   to.notes.insert(to.notes.end(), of.notes.begin(), of.notes.end());

@@ -1,5 +1,5 @@
-// What renderers share in preparation: its phases in the report, whether single-precision coordinates
-// suffice, a warning about wide openings, the models' box and parts of them.
+// Helpers of preparation for all renderers. They give its phases in the report, whether single-precision
+// coordinates suffice, a warning about wide openings, the models' box and parts of them.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
-// Turns a frictionless contact into the force of a surface with properties: texture, then friction, then
-// deformation, composed at compile time (sections 3.3.2, 3.5; the order is ours, the literal forms use the
-// thesis's). Shared by all point, height-field and mesh renderers but the literal ones.
+// Response of a surface: from frictionless contact to force. Texture, then friction, then deformation are
+// composed at compile time (sections 3.3.2, 3.5; the order is ours, the literal forms use the thesis's).
+// Shared by all point, height-field and mesh renderers but the literal ones.
 //
 // The contact is a pull from the HIP to the god object, of length d along the surface's normal.
 //   texture      carves the surface: d becomes d - r, and the carving's slope turns the force. Together they
@@ -262,7 +262,7 @@ class CorrectionRamp {
     active_ = left > step || wanted > most;
   }
 
-  /// So far from any HIP that the first frame's motion allows every pull.
+  /// A place so far from any HIP that the first frame's motion allows every pull.
   static constexpr double kNowhere = std::numeric_limits<double>::max();
 
   bool held_ = false, active_ = false;

@@ -1,5 +1,5 @@
-// What renderers and those around them share: the time between frames, the words of a work bound, and base
-// classes for a renderer around another and for stubs.
+// Base classes of renderers around another, and of stubs. Also the time between frames and the words of a
+// work bound.
 #pragma once
 
 #include <memory>

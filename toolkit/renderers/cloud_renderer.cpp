@@ -40,7 +40,7 @@ constexpr const char* kBruteSummary = "cloud with every triangle looked at: the 
 constexpr Features kFeltRigid = kAllOfRigidSurfaces | Feature::kJointContact;
 constexpr Features kFeaturesOnLocalDelaunay = kFeltRigid | Feature::kDent | Feature::kMovedPoints;
 
-/// How triangles near the HIP are found.
+/// Search for triangles near the HIP.
 enum class StarSearch : std::uint8_t { kTree, kNone };
 
 class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public Editable {

@@ -96,7 +96,7 @@ class DepthImageRenderer final : public FrameLoopRenderer<DepthImageModel> {
             fmt::format(
                 "a model: {} looks along the HIP's way at two layers when free, {} moves of the god object "
                 "when held, twice that when a new surface is taken; an image is exchanged in O(1)",
-                kMaxDepthLooks, kMaxDepthMoves + 1),
+                kMaxDepthSamples, kMaxDepthMoves + 1),
             options_};
   }
 

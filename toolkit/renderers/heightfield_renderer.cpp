@@ -102,7 +102,7 @@ class HeightFieldSurface {
     const double far = pull.norm(), spacing = std::min(sheet_.step_x, sheet_.step_y);
     if (!(far > geometry::kAdjacentSpacings * spacing)) return false;
     CellPosition under;
-    const auto look = [&](const Vec3& place) noexcept -> geometry::NearestSurface {
+    const auto query = [&](const Vec3& place) noexcept -> geometry::NearestSurface {
       const PlanPoint at = sheet_.plan(place);
       if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < sheet_.last_column && at.y < sheet_.last_row)) return {};
       under = {static_cast<std::int32_t>(at.x), static_cast<std::int32_t>(at.y), at.x - std::floor(at.x),
@@ -114,14 +114,14 @@ class HeightFieldSurface {
       return {patch.exists(), (at.z - patch.height(under.s, under.t)) / size, normal / size};
     };
     const Vec3 outward = pull / far;
-    switch (geometry::check_god_object(look(h), h, h + pull, outward, outward, spacing,
-                                       geometry::kMuchNearerShare, look)) {
+    switch (geometry::check_god_object(query(h), h, h + pull, outward, outward, spacing,
+                                       geometry::kMuchNearerShare, query)) {
       case geometry::GodObjectVerdict::kKeep:
         return false;
       case geometry::GodObjectVerdict::kMove: {
         int moves = kMaxDescentMoves;
-        (void)look(h);
-        foot_ = under;
+        (void)query(h);
+        position_ = under;
         (void)stay(plan, moves, status, counters);
         return true;
       }
@@ -150,7 +150,7 @@ class HeightFieldSurface {
     for (int solve = 0; solve < kQuickSolves; ++solve) {
       if (!(x >= 0.0 && y >= 0.0 && x < sheet_.last_column && y < sheet_.last_row)) return false;
       const auto column = static_cast<std::int32_t>(x), row = static_cast<std::int32_t>(y);
-      if (!is_beside(column, foot_.column) || !is_beside(row, foot_.row)) return false;
+      if (!is_beside(column, position_.column) || !is_beside(row, position_.row)) return false;
       // Oscillation: a crease holds the god object.
       if (column == last_column && row == last_row) return false;
       const BilinearPatch patch = sheet_.patch(column, row);
@@ -188,22 +188,23 @@ class HeightFieldSurface {
     return false;
   }
 
-  [[gnu::always_inline]] bool accept(const CellPosition& foot, const BilinearPatch& patch, const PlanPoint& h,
-                                     FrameCounters& counters) noexcept {
-    const PlanPoint god{foot.column + foot.s, foot.row + foot.t, patch.height(foot.s, foot.t)};
+  [[gnu::always_inline]] bool accept(const CellPosition& position, const BilinearPatch& patch,
+                                     const PlanPoint& h, FrameCounters& counters) noexcept {
+    const PlanPoint god{position.column + position.s, position.row + position.t,
+                        patch.height(position.s, position.t)};
     if (!(h.z < god.z) || !(sheet_.distance_sq(god, h) <= sheet_.distance_sq(god_, h) * kNoFarther))
       return false;
-    counters.walk_steps += foot.column != foot_.column || foot.row != foot_.row;
+    counters.walk_steps += position.column != position_.column || position.row != position_.row;
     const double lead_x = lead_x_, lead_y = lead_y_;
-    set_god(foot, patch, god, h);
+    set_god(position, patch, god, h);
     turn_x_ = lead_x_ - lead_x;
     turn_y_ = lead_y_ - lead_y;
     return true;
   }
 
-  [[gnu::always_inline]] void set_god(const CellPosition& foot, const BilinearPatch& patch,
+  [[gnu::always_inline]] void set_god(const CellPosition& position, const BilinearPatch& patch,
                                       const PlanPoint& god, const PlanPoint& h) noexcept {
-    foot_ = foot;
+    position_ = position;
     god_ = god;
     patch_ = patch;
     lead_x_ = god.x - h.x;
@@ -220,22 +221,22 @@ class HeightFieldSurface {
       start(h);
       return false;
     }
-    int moves = kMaxDescentMoves, looks = kMaxCrossingTests;
+    int moves = kMaxDescentMoves, tests_left = kMaxCrossingTests;
     bool from_sheet = contact_;
     if (contact_ && stay(h, moves, status, counters)) return true;
     for (int entry = 0; entry < kMaxEntries; ++entry) {
       if (from_sheet && side_ == SheetSide::kNowhere) return false;  // past the rim
       const Crossing crossing =
-          find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &foot_ : nullptr, looks);
+          find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &position_ : nullptr, tests_left);
       counters.edges += static_cast<std::uint64_t>(crossing.edges);
       tested_to_ = crossing.reached;
       side_ = crossing.side;
       if (crossing.cut) status = FrameStatus::kBoundHit;
       if (!crossing.hit) {
-        counters.cells_visited += static_cast<std::uint64_t>(kMaxCrossingTests - looks);
+        counters.cells_visited += static_cast<std::uint64_t>(kMaxCrossingTests - tests_left);
         return false;
       }
-      foot_ = crossing.foot;
+      position_ = crossing.position;
       contact_ = true;
       if (stay(h, moves, status, counters)) return true;
       from_sheet = true;
@@ -248,9 +249,9 @@ class HeightFieldSurface {
   /// way from the god object still to test, or past the rim, on no side.
   bool stay(const PlanPoint& h, int& moves, FrameStatus& status, FrameCounters& counters) noexcept {
     const int before = moves;
-    const Descent end = descend(sheet_, foot_, h, moves);
+    const Descent end = descend(sheet_, position_, h, moves);
     counters.walk_steps += static_cast<std::uint64_t>(before - moves);
-    set_god(foot_, sheet_.patch(foot_.column, foot_.row), sheet_.point(foot_), h);
+    set_god(position_, sheet_.patch(position_.column, position_.row), sheet_.point(position_), h);
     if (!end.arrived) {
       status = FrameStatus::kBoundHit;
       return true;
@@ -279,7 +280,8 @@ class HeightFieldSurface {
     contact.pull = sheet_.local(god_) - local;
     std::size_t post = 0;
     if (nearest_post_ || kFeatures != 0) {
-      const std::int32_t column = foot_.column + (foot_.s > kMiddle), row = foot_.row + (foot_.t > kMiddle);
+      const std::int32_t column = position_.column + (position_.s > kMiddle),
+                         row = position_.row + (position_.t > kMiddle);
       post = static_cast<std::size_t>(row) * static_cast<std::size_t>(sheet_.columns) +
              static_cast<std::size_t>(column);
       if (nearest_post_)
@@ -303,15 +305,15 @@ class HeightFieldSurface {
   void read_stiffness(SurfaceContact& contact) const noexcept {
     const PointSurface* const low =
         &model_.surface
-             .by_point[static_cast<std::size_t>(foot_.row) * static_cast<std::size_t>(sheet_.columns) +
-                       static_cast<std::size_t>(foot_.column)];
+             .by_point[static_cast<std::size_t>(position_.row) * static_cast<std::size_t>(sheet_.columns) +
+                       static_cast<std::size_t>(position_.column)];
     const PointSurface* const up = low + sheet_.columns;
     const auto k = [](const PointSurface& place) { return static_cast<double>(place.stiffness_n_per_mm); };
     const double a = k(low[0]), b = k(low[1]) - a, c = k(up[0]) - a, d = k(up[1]) - k(up[0]) - b;
-    contact.stiffness_n_per_mm = BilinearPatch{a, b, c, d}.height(foot_.s, foot_.t);
-    const Vec3 plan((b + d * foot_.t) * sheet_.inverse_x, (c + d * foot_.s) * sheet_.inverse_y, 0.0);
-    const Vec3 normal(-(patch_.b + patch_.d * foot_.t) * sheet_.inverse_x,
-                      -(patch_.c + patch_.d * foot_.s) * sheet_.inverse_y, 1.0);
+    contact.stiffness_n_per_mm = BilinearPatch{a, b, c, d}.height(position_.s, position_.t);
+    const Vec3 plan((b + d * position_.t) * sheet_.inverse_x, (c + d * position_.s) * sheet_.inverse_y, 0.0);
+    const Vec3 normal(-(patch_.b + patch_.d * position_.t) * sheet_.inverse_x,
+                      -(patch_.c + patch_.d * position_.s) * sheet_.inverse_y, 1.0);
     // Tangent along the surface that corresponds to the plan's gradient.
     contact.stiffness_gradient = plan - normal * (plan.dot(normal) / normal.squaredNorm());
   }
@@ -325,7 +327,7 @@ class HeightFieldSurface {
   int frames_since_check_ = 0;  ///< contact frames since the last check of the HIP's surroundings
   bool started_ = false;
   bool contact_ = false;
-  CellPosition foot_;                     ///< god object, in contact
+  CellPosition position_;                 ///< god object, in contact
   PlanPoint god_;                         ///< god object as a point
   BilinearPatch patch_;                   ///< patch of its cell
   double lead_x_ = 0.0, lead_y_ = 0.0;    ///< from the HIP to the god object, posts

@@ -20,7 +20,7 @@ struct LocalDelaunayGeometry {
   [[nodiscard]] std::size_t bytes() const noexcept { return mesh.bytes() + tree.bytes(); }
 };
 
-/// Belongs to one thread. Must not be moved once its contact is attached.
+/// Belongs to one thread. The model stays where it is once its contact is attached.
 class LocalDelaunayModel {
   /// Tells the contact of a moved point.
   struct OnMoved {

@@ -6,7 +6,7 @@
 namespace palpate::render {
 
 [[nodiscard]] RendererInfo cloud_info();
-/// `brute-force`, the tests' oracle: `cloud` without a search structure. Each look reads all triangles and
+/// `brute-force`, the tests' oracle: `cloud` without a search structure. Each query reads all triangles and
 /// nothing is remembered between frames; only the walk on them is shared.
 [[nodiscard]] RendererInfo brute_force_info();
 

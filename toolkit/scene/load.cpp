@@ -371,8 +371,8 @@ Status clean_model(const std::vector<NamedOptions>& steps, const Cleaning& clean
   return Done{};
 }
 
-/// Warns of doubts about the file or its unit.
-void add_doubts(const cloud::Cloud& cloud, Provenance& provenance) {
+/// Adds warnings about the file or its unit.
+void add_input_warnings(const cloud::Cloud& cloud, Provenance& provenance) {
   // Smaller models can hardly be explored by a hand (a coin is 20 mm).
   constexpr double kTinyMm = 1.0;
   if (const std::optional<std::string> why = cloud::degeneracy_of(cloud))
@@ -424,7 +424,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
       status = clean_model(own, cleaning, options.threads, progress, input, provenance);
     if (!status)
       return model.line > 0 ? Error(status.error()).in_file(scene.path, model.line) : status.error();
-    add_doubts(*input.cloud, provenance);
+    add_input_warnings(*input.cloud, provenance);
     input.name = model.name;
     input.world_from_model = model.world_from_model;
     if (const Status resolved =

@@ -1,6 +1,6 @@
-// Builders of neighbour tables for a whole cloud (section 3.2.2), and their registry by name. All but
-// connect() are parallel and independent of the number of threads; neighbours are ordered by (distance,
-// index), with squared distances in double from stored coordinates.
+// Builders of a cloud's neighbour tables (section 3.2.2), by name. All but connect() are parallel and
+// independent of the number of threads; neighbours are ordered by (distance, index), with squared distances
+// in double from stored coordinates.
 #pragma once
 
 #include <cstddef>

@@ -61,7 +61,7 @@ struct Family {
 /// The families of sorted codes, in order. `shift`: code bits below a cell.
 std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shift, int threads) {
   const std::size_t n = codes.size();
-  const auto look = [&](std::size_t begin, std::size_t end, std::vector<Family>& mine) {
+  const auto visit = [&](std::size_t begin, std::size_t end, std::vector<Family>& mine) {
     // A chunk owns the families that begin in it.
     std::size_t i = begin;
     while (i > 0 && i < n && codes[i] >> (shift + 3) == codes[i - 1] >> (shift + 3)) ++i;
@@ -76,10 +76,10 @@ std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shi
       mine.push_back(family);
     }
   };
-  return parallel_list<Family>(n, kPlacesPerChunk, threads, look);
+  return parallel_list<Family>(n, kPlacesPerChunk, threads, visit);
 }
 
-/// Which siblings of an adjacent family touch this one, as ranges of begin[].
+/// Siblings of an adjacent family that touch this one, as ranges of begin[].
 struct Touching {
   std::array<std::array<std::uint8_t, 2>, 4> range{};
   std::size_t count = 0;

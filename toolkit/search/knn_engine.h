@@ -1,5 +1,5 @@
-// Gathers neighbour candidates of every point, cell by cell, from a sorted cloud; builders choose eight of
-// them. Internal to search.
+// Gathers neighbour candidates of every point, cell by cell. The cloud is sorted; builders choose eight
+// candidates. Internal to search.
 #pragma once
 
 #include <array>

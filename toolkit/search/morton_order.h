@@ -1,6 +1,5 @@
-// Points sorted along a Morton curve, for grids and neighbour builders, and the occupied cubes by their
-// codes. Points near in space are near in memory, and every cube of the octree hierarchy is a contiguous
-// range.
+// Points sorted along a Morton curve, and occupied cubes. Grids and neighbour builders use them. Points near
+// in space are near in memory, and every cube of the octree hierarchy is a contiguous range.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// Neighbour tables, made by builders and read by walks (section 3.2.2): the spacing of a cloud as they tell
-// it, and how good they are, against the surface's own neighbours and across walls thinner than the spacing.
+// Neighbour tables of a cloud (section 3.2.2). Builders make them and walks read them. They give the spacing
+// of a cloud, and are scored against the surface's own neighbours and across walls thinner than the spacing.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// The modified octree (section 3.1.2.1) and the 3D quadtree (section 3.1.2.2), traversed to the leaf of a
-// point and to all leaves that a segment touches.
+// The modified octree and 3D quadtree (sections 3.1.2.1, 3.1.2.2). Queries give the leaf of a point and all
+// leaves that a segment touches.
 #pragma once
 
 #include <bit>

@@ -1,5 +1,5 @@
-// The concept of a spatial partition, met by the three of section 3.1.2. The choice is made in preparation,
-// so frames have no dispatch cost.
+// Concept of a spatial partition (section 3.1.2). The choice is made in preparation, so frames have no
+// dispatch cost.
 #pragma once
 
 #include <concepts>

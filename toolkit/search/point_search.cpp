@@ -52,7 +52,7 @@ std::size_t PointSearch::nearest(const Vec3& p_mm) const {
   const Cell centre = grid_.cell_of(inside);
   double best_sq = std::numeric_limits<double>::infinity();
   std::size_t best = 0;
-  const auto look = [&](std::size_t i) {
+  const auto visit = [&](std::size_t i) {
     const double sq = (cloud_.local_mm(i) - p).squaredNorm();
     if (sq < best_sq || (sq == best_sq && i < best)) best_sq = sq, best = i;
   };
@@ -62,7 +62,7 @@ std::size_t PointSearch::nearest(const Vec3& p_mm) const {
         const bool edge = std::max(std::abs(dx), std::abs(dy)) == ring;
         const std::int64_t stride = edge || ring == 0 ? 1 : 2 * ring;  // inside the shell only its two caps
         for (std::int64_t dz = -ring; dz <= ring; dz += stride)
-          for (const std::uint32_t i : points_of({centre.x + dx, centre.y + dy, centre.z + dz})) look(i);
+          for (const std::uint32_t i : points_of({centre.x + dx, centre.y + dy, centre.z + dz})) visit(i);
       }
     }
     // Unseen points are farther from `inside` than the rings; from there no point of the box is at an acute
@@ -70,7 +70,7 @@ std::size_t PointSearch::nearest(const Vec3& p_mm) const {
     const double seen_mm = std::max(0.0, static_cast<double>(ring) - kCellSlack) * grid_.cell_mm();
     if (best_sq * (1.0 + gamma(kRoundedOperations)) < outside_sq + seen_mm * seen_mm) return best;
   }
-  for (std::size_t i = 0; i < cloud_.size(); ++i) look(i);
+  for (std::size_t i = 0; i < cloud_.size(); ++i) visit(i);
   return best;
 }
 

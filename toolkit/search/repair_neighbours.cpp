@@ -120,7 +120,7 @@ std::size_t spread_uneven(const cloud::Cloud& cloud, NeighbourTable& table, int 
 }
 
 std::size_t add_missing_returns(const cloud::Cloud& cloud, NeighbourTable& table, int threads) {
-  const auto look = [&](std::size_t at, std::vector<Missing>& mine) {
+  const auto visit = [&](std::size_t at, std::vector<Missing>& mine) {
     const auto p = static_cast<std::uint32_t>(at);
     const Vec3 place = cloud.local_mm(p);
     for (const std::uint32_t q : table.of[p]) {
@@ -130,7 +130,7 @@ std::size_t add_missing_returns(const cloud::Cloud& cloud, NeighbourTable& table
         mine.push_back({q, p});
     }
   };
-  std::vector<Missing> missing = parallel_list<Missing>(table.size(), kPointsPerChunk, threads, look);
+  std::vector<Missing> missing = parallel_list<Missing>(table.size(), kPointsPerChunk, threads, visit);
   std::sort(missing.begin(), missing.end(),
             [](const Missing& a, const Missing& b) { return a.at != b.at ? a.at < b.at : a.to < b.to; });
   std::size_t changed = 0;

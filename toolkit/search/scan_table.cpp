@@ -64,8 +64,9 @@ std::uint32_t stepped(std::uint32_t from, std::int64_t step, std::uint32_t round
 }
 
 /// The first point in that direction, at most `gaps` positions beyond the next; else kNoPoint.
-std::uint32_t look(const ScanTable& table, const Positions& positions, std::uint32_t self,
-                   const std::array<int, 2>& step, std::uint32_t across, std::uint32_t& gaps) noexcept {
+std::uint32_t next_in_direction(const ScanTable& table, const Positions& positions, std::uint32_t self,
+                                const std::array<int, 2>& step, std::uint32_t across,
+                                std::uint32_t& gaps) noexcept {
   const ScanPosition& here = table.of[self];
   for (gaps = 0; gaps <= across; ++gaps) {
     const std::int64_t far = std::int64_t{gaps} + 1;
@@ -152,7 +153,7 @@ Result<NeighbourTable> lookup_table(const cloud::Cloud& cloud, const ScanTable& 
     NearestEight around;
     for (const auto& step : kScanDirections) {
       std::uint32_t gaps = 0;
-      const std::uint32_t other = look(table, positions, self, step, options.across, gaps);
+      const std::uint32_t other = next_in_direction(table, positions, self, step, options.across, gaps);
       // On a small turntable one point may lie in both directions.
       if (other == kNoPoint || other == self ||
           std::find(seen.begin(), seen.begin() + count, other) != seen.begin() + count)

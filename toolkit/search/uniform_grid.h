@@ -1,5 +1,5 @@
-// The sparse uniform grid of section 3.1.2.3 (memory follows occupied cells, not volume), and all cells of it
-// that a segment crosses: the broad phase of section 3.1.3.
+// The sparse uniform grid of section 3.1.2.3. Memory follows occupied cells, not volume. The cells that a
+// segment crosses are the broad phase of section 3.1.3.
 #pragma once
 
 #include <algorithm>

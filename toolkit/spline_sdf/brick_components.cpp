@@ -58,7 +58,7 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
                            std::vector<std::uint64_t>& codes) {
   const double per = grid.per_voxel * grid.per_voxel_of(level) / kBrickCells;
   const auto last = static_cast<double>(((grid.last_brick + 1) << level) - 1);
-  const auto look = [&](std::size_t begin, std::size_t end, std::vector<std::uint64_t>& mine) {
+  const auto visit = [&](std::size_t begin, std::size_t end, std::vector<std::uint64_t>& mine) {
     using Cubes = std::array<BrickGrid::Coordinate, 2>;  // first and last
     Cubes added{{{-1, -1, -1}, {-1, -1, -1}}};
     for (std::size_t i = begin; i < end; ++i) {
@@ -82,7 +82,7 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
     mine.erase(std::unique(mine.begin(), mine.end()), mine.end());
   };
   using Codes = std::vector<std::uint64_t>;
-  for (const Codes& found : parallel_parts<Codes>(points.size(), kPointsPerChunk, threads, look))
+  for (const Codes& found : parallel_parts<Codes>(points.size(), kPointsPerChunk, threads, visit))
     codes.insert(codes.end(), found.begin(), found.end());
   sort_unique(codes, threads);
 }

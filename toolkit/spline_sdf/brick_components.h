@@ -30,7 +30,7 @@ struct BuiltBrick {
 using LevelCodes = std::array<std::vector<std::uint64_t>, BrickGrid::kMaxLevels>;
 using BuiltBricks = std::array<std::vector<BuiltBrick>, BrickGrid::kMaxLevels>;
 
-/// What a brick adds to its piece.
+/// Part of a brick in its piece.
 struct BrickSummary {
   geometry::AreaElement part;  ///< of its surface, voxels
   std::uint32_t piece = 0;
@@ -40,7 +40,7 @@ struct BrickSummary {
 [[nodiscard]] BrickSummary summary_of(const BuiltBrick& one, std::uint64_t code, int level,
                                       const BrickGrid& grid);
 
-/// How a piece is felt.
+/// Class of a piece, by which it is felt.
 struct PieceClass {
   std::uint16_t number = 0;  ///< Brick::piece
   bool tight = false;

@@ -80,7 +80,7 @@ using BrickSource = std::function<Status(std::uint32_t number, Brick& brick)>;
 [[nodiscard]] Result<std::vector<std::byte>> tile_image(const BrickTile& tile, const BrickSource& bricks);
 void write_stored_brick(const Brick& brick, ByteWriter& to) noexcept;
 
-/// What a tile needs in memory, read from its image's first bytes.
+/// Memory of a tile, read from its image's first bytes.
 struct TileSize {
   std::uint32_t groups = 0, bricks = 0;
 };

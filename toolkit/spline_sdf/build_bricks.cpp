@@ -289,16 +289,16 @@ class BrickBuilder {
           std::abs(static_cast<double>(jet.value)) > kCrossedCell * std::max(slope, kMinSlope))
         continue;
       const Vec3 n = jet.gradient.cast<double>() / slope;
-      const Vec3 foot = Vec3(at.cell[0] + 0.5, at.cell[1] + 0.5, at.cell[2] + 0.5) -
-                        n * (static_cast<double>(jet.value) / slope);
-      const Vec3 from_middle = (foot - Vec3::Constant(half)) * voxel_mm_;
+      const Vec3 closest = Vec3(at.cell[0] + 0.5, at.cell[1] + 0.5, at.cell[2] + 0.5) -
+                           n * (static_cast<double>(jet.value) / slope);
+      const Vec3 from_middle = (closest - Vec3::Constant(half)) * voxel_mm_;
       const std::uint64_t bit = std::uint64_t{1} << cell;
-      if (around.is_interior(from_middle, fine() == 0 ? n : mean_normal(code, cube, foot)))
+      if (around.is_interior(from_middle, fine() == 0 ? n : mean_normal(code, cube, closest)))
         out.brick.mask |= bit;
       else
         out.beyond |= bit;
       out.normals += n;
-      out.places += foot;
+      out.places += closest;
       crossings.add(from_middle, n);
     }
     out.smaller = may_be_smaller && !follows(crossings, field);

@@ -1,5 +1,5 @@
-// Samples the patches' distance field near the surface as spline bricks, smaller where a spline cannot follow
-// it.
+// Builds spline bricks from the patches' distance field. Bricks lie near the surface, smaller where a spline
+// cannot follow it.
 #pragma once
 
 #include <span>

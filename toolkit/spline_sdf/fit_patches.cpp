@@ -56,7 +56,7 @@ constexpr double kMaxNoise = 1.5;
 /// The seed is on its own patch if the robust cost leaves it this weight (two scales off).
 constexpr double kOwnWeight = 0.04;
 /// An uncovered point belongs to a surface if this share of the points within kLeftRadius is uncovered too,
-/// as on a strip between walls; stray points have fewer.
+/// as on a strip between walls; outliers have fewer.
 constexpr double kLeftTogether = 0.15, kLeftRadius = 1.8;
 /// With noise, a patch that has grown this often is reliable.
 constexpr std::size_t kReliableSize = 2;
@@ -75,7 +75,7 @@ class BlockPatchFitter {
         weight_(end - begin, 0.0f),
         state_(end - begin, kUncovered) {}
 
-  /// Makes reliable patches first, then covers leftovers that are more than stray points.
+  /// Makes reliable patches first, then covers leftovers that are more than outliers.
   void run(std::vector<QuadricPatch>& out, std::size_t& isolated_points) {
     for (std::size_t i = 0; i < state_.size(); ++i)
       if (state_[i] == kUncovered && !seed(i, true, out)) state_[i] = kDeferred;

@@ -1,6 +1,6 @@
-// Covers the points with quadrics as large as the data allows: a fit grows while its centre agrees with every
-// smaller fit within a number of standard errors (Lepski's rule). This averages noise over featureless
-// surface and keeps small features of clean points.
+// Fits quadrics as large as the data allows. A fit grows while its centre agrees with every smaller fit
+// within a number of standard errors (Lepski's rule). This averages noise over featureless surface and keeps
+// small features of clean points.
 #pragma once
 
 #include <array>
@@ -23,7 +23,7 @@ struct QuadricPatch {
   double slope_error = 0.0;  ///< standard error of its normal
   int points = 0;            ///< number of its points
   double trust = 1.0;        ///< weight by accuracy, at most 1
-  bool reliable = false;     ///< not made of noise or stray points
+  bool reliable = false;     ///< not made of noise or outliers
   double extent = 0.0;       ///< mm along the tangent plane, where its points end
   DiscOccupancy occupancy;   ///< of its points, over quadric.u and v in shares of `extent`
 };

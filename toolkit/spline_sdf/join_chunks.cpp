@@ -84,7 +84,7 @@ struct SeamVote {
 }  // namespace
 
 void JoinedPiece::put(Brick& brick) const noexcept {
-  if (turned)
+  if (flipped)
     for (std::int16_t& distance : brick.distance) distance = static_cast<std::int16_t>(-distance);
   felt.put(brick);
 }
@@ -128,19 +128,19 @@ JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& gri
     if (met == kUnmet) met = count++;
     const auto in = groups.find(number.group(c, brick.summary.piece));
     if (!brick.summary.smaller)
-      areas[in.set] += (in.turned != 0 ? -1.0 : 1.0) * brick.summary.part.area.cast<double>();
+      areas[in.set] += (in.flipped != 0 ? -1.0 : 1.0) * brick.summary.part.area.cast<double>();
   });
   const auto outward = groups.find(number.outward());
-  const auto is_turned = [&](std::size_t c, std::uint32_t piece) {
+  const auto is_flipped = [&](std::size_t c, std::uint32_t piece) {
     const auto in = groups.find(number.group(c, piece));
-    return (in.turned != 0) != (in.set == outward.set ? outward.turned != 0 : looks_down(areas[in.set]));
+    return (in.flipped != 0) != (in.set == outward.set ? outward.flipped != 0 : looks_down(areas[in.set]));
   };
   const std::vector<PieceClass> classes = find_closed_components(
       grid, count,
       [&](const VisitSummary& visit) {
         each_own(chunks, grid.levels, [&](std::size_t c, const ChunkBrick& brick) {
           BrickSummary one = brick.summary;
-          if (is_turned(c, one.piece)) one.part.area = -one.part.area;
+          if (is_flipped(c, one.piece)) one.part.area = -one.part.area;
           one.piece = dense[pieces.find(number.piece(c, one.piece)).set];
           visit(one, brick.level);
         });
@@ -149,7 +149,7 @@ JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& gri
   for (std::size_t c = 0; c < chunks.size(); ++c) {
     std::vector<JoinedPiece>& of = out.pieces.emplace_back(chunks[c].groups.size());
     for (std::uint32_t p = 0; p < of.size(); ++p) {
-      of[p].turned = is_turned(c, p);
+      of[p].flipped = is_flipped(c, p);
       const std::uint32_t met = dense[pieces.find(number.piece(c, p)).set];
       if (met != kUnmet) of[p].felt = classes[met];
     }

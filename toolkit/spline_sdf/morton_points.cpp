@@ -25,7 +25,7 @@ constexpr double kCellPerRadius = 0.75;
 /// Samples and neighbours for the spacing: the median of 600 areas of 16 points has about 1 % relative error.
 constexpr std::size_t kSpacingSamples = 600;
 constexpr std::size_t kSpacingNeighbours = 16;
-constexpr int kMaxWiderLooks = 24;
+constexpr int kMaxWiderQueries = 24;
 /// Least number of points in the 27 cells that give a local spacing. A flat sheet covers their squared side,
 /// a tilted one more.
 constexpr std::uint32_t kMinInBlock = 12;
@@ -169,7 +169,7 @@ void MortonPoints::measure_spacing() {
   const std::size_t stride = std::max<std::size_t>(n / kSpacingSamples, 1);
   for (std::size_t i = stride / 2; i < n; i += stride) {
     double radius = levels_.front().cell_mm;
-    for (int look = 0; look < kMaxWiderLooks; ++look, radius *= 2.0) {
+    for (int query = 0; query < kMaxWiderQueries; ++query, radius *= 2.0) {
       sq.clear();
       in_ball((*this)[i], radius, [&](std::uint32_t, const Vec3&, double d) { sq.push_back(d); });
       if (sq.size() > kSpacingNeighbours) break;

@@ -37,9 +37,9 @@ constexpr std::size_t kMaxLinks = 24;
 /// Classes of agreement; links are taken best first.
 constexpr std::size_t kClasses = 64;
 constexpr std::size_t kGrain = 512;
-/// A piece of patches with fewer points, and less than this share of all, is stray: three of the smallest
-/// patches.
-constexpr double kStrayPoints = 45.0, kStrayShare = 0.05;
+/// A piece of patches with fewer points, and less than this share of all, is an outlier: three of the
+/// smallest patches.
+constexpr double kOutlierPoints = 45.0, kOutlierShare = 0.05;
 /// Meeting patches within 20 degrees form one face.
 constexpr double kSmoothCosine = 0.94;
 /// Rays start this many spacings or standard deviations above a patch, clear of its points.
@@ -58,7 +58,7 @@ constexpr double kClearlyOpen = 0.1, kByChance = 1.2;
 /// distance from the middle; a half would reach the sheets themselves.
 constexpr double kFacing = 0.7, kBetween = 0.35;
 constexpr std::size_t kAskGrain = 16;
-/// Least support in spacings that is told from smaller ones where the points are a part of all.
+/// Least support in spacings that is distinguished from smaller ones where the points are a part of all.
 constexpr double kLeastOfPart = 1.0 / 256.0;
 
 /// Farthest that patches of one surface are off each other, mm.
@@ -157,7 +157,7 @@ Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patch
       part ? PatchHashGrid(patches, points.box_mm().low_mm - Vec3::Constant(points.spacing_mm()),
                            kLeastOfPart * points.spacing_mm())
            : PatchHashGrid(patches);
-  const auto look = [&](std::size_t begin, std::size_t end, Links& found) {
+  const auto visit = [&](std::size_t begin, std::size_t end, Links& found) {
     std::vector<std::pair<double, Link>> mine;
     for (std::size_t i = begin; i < end; ++i) {
       const QuadricPatch& a = patches[i];
@@ -192,7 +192,7 @@ Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patch
     }
   };
   Links links;
-  for (const Links& f : parallel_parts<Links>(patches.size(), kGrain, threads, look)) {
+  for (const Links& f : parallel_parts<Links>(patches.size(), kGrain, threads, visit)) {
     links.on.insert(links.on.end(), f.on.begin(), f.on.end());
     links.across.insert(links.across.end(), f.across.begin(), f.across.end());
   }
@@ -265,9 +265,9 @@ void orient_by_visibility(const MortonPoints& points, const MortonPoints* far,
                 [&](std::size_t k) { open[k] = visibility_difference(points, far, patches[asked[k]]); });
   std::vector<double> sum(patches.size(), 0.0), weights(patches.size(), 0.0), ways(patches.size(), 0.0);
   for (std::size_t k = 0; k < asked.size(); ++k) {
-    const auto [face, turned] = sides.find(asked[k]);
+    const auto [face, flipped] = sides.find(asked[k]);
     const double area = patches[asked[k]].support * patches[asked[k]].support;
-    sum[face] += (turned != 0 ? -area : area) * open[k];
+    sum[face] += (flipped != 0 ? -area : area) * open[k];
     weights[face] += area;
     ways[face] += 1 + kSlantedWays;
   }
@@ -286,11 +286,11 @@ void join_faces(std::span<const Link> links, OrientedDisjointSets& sides, Orient
   };
   std::map<std::pair<std::uint32_t, std::uint32_t>, Vote> votes;
   for (const Link& link : links) {
-    const auto [a, turned_a] = sides.find(link.a);
-    const auto [b, turned_b] = sides.find(link.b);
+    const auto [a, flipped_a] = sides.find(link.a);
+    const auto [b, flipped_b] = sides.find(link.b);
     if (a == b) continue;
     Vote& vote = votes[std::minmax(a, b)];
-    vote.sum += static_cast<double>(turned_a != turned_b ? -link.agreed : link.agreed);
+    vote.sum += static_cast<double>(flipped_a != flipped_b ? -link.agreed : link.agreed);
     vote.a = link.a;
     vote.b = link.b;
   }
@@ -325,7 +325,7 @@ void drop_small_pieces(std::vector<QuadricPatch>& patches, OrientedPieces& of) {
     points[piece[i]] += patches[i].points;
     all += patches[i].points;
   }
-  const double least = std::min(kStrayPoints, kStrayShare * all);
+  const double least = std::min(kOutlierPoints, kOutlierShare * all);
   std::vector<std::uint32_t> now(patches.size());
   std::uint32_t kept = 0;
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
@@ -355,23 +355,23 @@ OrientedPieces orient_outwards(const MortonPoints& points, std::vector<QuadricPa
   links.insert(links.end(), across.begin(), across.end());
   join_faces(links, sides, pieces);
   // Pieces joined to the outside are oriented relative to it.
-  const bool upside_down = sides.find(outside).turned != 0;
+  const bool upside_down = sides.find(outside).flipped != 0;
   const std::uint32_t with_outside = sides.find(outside).set;
   std::vector<Vec3> areas(far != nullptr ? patches.size() + 1 : 0, Vec3::Zero());
   for (std::uint32_t i = 0; i < patches.size() && far != nullptr; ++i) {
-    const auto [root, turned] = sides.find(i);
+    const auto [root, flipped] = sides.find(i);
     areas[root] +=
-        (turned != 0 ? -1.0 : 1.0) * patches[i].support * patches[i].support * patches[i].quadric.n;
+        (flipped != 0 ? -1.0 : 1.0) * patches[i].support * patches[i].support * patches[i].quadric.n;
   }
   const auto is_root_down = [&](std::uint32_t root) {
     return root == with_outside ? upside_down : far != nullptr && looks_down(areas[root]);
   };
   OrientedPieces out;
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
-    const auto [root, turned] = sides.find(i);
+    const auto [root, flipped] = sides.find(i);
     out.piece.push_back(pieces.find(i).set);
     out.group.push_back(root == with_outside ? OrientedPieces::kOutward : root);
-    if ((turned != 0) != is_root_down(root)) turn(patches[i].quadric);
+    if ((flipped != 0) != is_root_down(root)) turn(patches[i].quadric);
   }
   drop_small_pieces(patches, out);
   return out;
@@ -382,7 +382,7 @@ namespace {
 /// A patch is off another if farther than this many standard deviations or spacings, and unrelated beyond the
 /// largest distance.
 constexpr double kBesideSigmas = 3.5, kBesideSpacings = 0.5, kBesideMost = 12.0;
-/// A patch of points sparser than the other's by this factor is the same surface seen widely from a stray
+/// A patch of points sparser than the other's by this factor is the same surface seen widely from an outlying
 /// point.
 constexpr double kMuchSparser = 2.0;
 constexpr std::size_t kBesideGrain = 256;

@@ -23,19 +23,18 @@ struct OrientedPieces {
   std::vector<std::uint32_t> group;  ///< the same number: turned together; a piece is in one group
 };
 
-/// How a surface is turned of which neither side is outside, so that its parts are turned alike: along the
-/// axis that it faces most.
+/// True if a surface without an outside must be flipped, so that its parts are oriented alike: along the axis
+/// that it faces most.
 [[nodiscard]] inline bool looks_down(const Vec3& area) noexcept {
   Eigen::Index axis = 0;
   area.cwiseAbs().maxCoeff(&axis);
   return area[axis] < 0.0;
 }
 
-/// Turns the patches' normals outward, and drops stray pieces. `far`: where `points` are a part, a sample of
-/// all for what is far away, kFarReach of its spacings; else null.
-/// Smoothly continuing patches form faces. A face's outer side is the one from which more directions escape
-/// all points; undecided faces follow those they meet. Independent of the number of threads. O(patches x
-/// overlaps).
+/// Turns the patches' normals outward, and drops outlying pieces. `far`: where `points` are a part, a sample
+/// of all for what is far away, kFarReach of its spacings; else null. Smoothly continuing patches form faces.
+/// A face's outer side is the one from which more directions escape all points; undecided faces follow those
+/// they meet. Independent of the number of threads. O(patches x overlaps).
 [[nodiscard]] OrientedPieces orient_outwards(const MortonPoints& points, std::vector<QuadricPatch>& patches,
                                              int threads, const MortonPoints* far = nullptr);
 

@@ -15,16 +15,17 @@ using std::chrono::microseconds;
 
 /// A hand at 0.5 m/s goes a tenth of a millimetre in this time: less than the smallest tile.
 constexpr microseconds kPause{200};
-/// How far ahead of the HIP the loader looks, frames: a tenth of a second, in which an SSD reads 20 MB.
+/// Times by which the loader looks ahead of the HIP, frames: a tenth of a second, in which an SSD reads 20
+/// MB.
 constexpr std::array<double, 3> kAheadFrames{25.0, 50.0, 100.0};
-/// Tiles loaded between two looks at the hand: some 5 ms of reading.
+/// Tiles loaded between two reads of the hand's place: some 5 ms of reading.
 constexpr int kLoadsPerPoll = 16;
-/// Tiles that are asked to leave at once.
+/// Tiles that are requested to leave at once.
 constexpr std::size_t kMostLeaving = TileWindow::kRing / 2;
 /// The wanted tiles fill this share of the memory; the rest lets old ones stay and new ones come.
 constexpr double kWantedShare = 0.6, kWantedLeast = 0.4;
 constexpr double kGrow = 1.2;
-/// What is wanted is chosen anew when the HIP has gone this share of the radius.
+/// The wanted tiles are chosen anew when the HIP has gone this share of the radius.
 constexpr double kChooseAgain = 0.05;
 /// A disk that does not answer in this time is taken for absent.
 constexpr std::chrono::seconds kLongestWait{5};
@@ -85,7 +86,7 @@ PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t 
 }
 
 PagedSurface::~PagedSurface() {
-  // What was locked stays so until it is unmapped: locks do not nest, and the session may hold its own.
+  // Locked memory stays locked until it is unmapped: locks do not nest, and the session may hold its own.
   loader_.request_stop();
   loader_.join();
 }
@@ -151,7 +152,7 @@ bool PagedSurface::poll() {
 void PagedSurface::take_forgotten() {
   TileForgotten one;
   while (window_.forgotten.pop(one)) {
-    // A tile that was refused and then told to leave is answered twice; the second answer counts.
+    // A tile that was refused and then requested to leave is answered twice; the second answer counts.
     const bool leaving = state_[one.tile] == State::kLeaving;
     if (state_[one.tile] == State::kAbsent || (leaving && one.why == TileForgotten::Why::kRefused)) continue;
     if (leaving) --leaving_;
@@ -173,7 +174,7 @@ void PagedSurface::release(std::uint32_t tile) {
   }
   held_.pop_back();
   state_[tile] = State::kAbsent;
-  // What left may be wanted again.
+  // Tiles that left may be wanted again.
   wanted_at_ = 0;
 }
 

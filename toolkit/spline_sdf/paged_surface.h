@@ -1,5 +1,5 @@
-// A surface of which only the tiles near the hand are in memory. A loader thread reads them ahead of the
-// HIP's motion into memory that was allocated before; frames never wait, but for replays that ask for it.
+// A surface of tiles, loaded near the hand. A loader thread reads them ahead of the HIP's motion into memory
+// that was allocated before; frames never wait, but for replays that ask for it.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,7 @@ inline constexpr std::size_t kResidentBytes = std::size_t{256} << 20;
 /// Bytes below which a window is refused: some ninety full tiles. A frame of a hand looks at a few.
 inline constexpr std::size_t kLeastResidentBytes = std::size_t{16} << 20;
 
-/// What contact holds: its tile must stay.
+/// The brick that contact holds: its tile must stay.
 struct HeldBrick {
   Vec3 god_object = Vec3::Zero();  ///< voxels
   BrickGrid::BrickRef place;
@@ -43,7 +43,7 @@ class PagedSurface {
   /// Whether the memory is locked: else a page may have been swapped out.
   [[nodiscard]] bool locked() const noexcept { return locked_; }
 
-  /// Before a frame: takes news and tells the loader where the hand is, voxels. `held`: null when free.
+  /// Before a frame: takes messages and gives the loader the hand's place, voxels. `held`: null when free.
   /// Bounded, wait-free.
   void begin_frame(const Vec3& hip, const HeldBrick* held) noexcept;
   /// Whether a look-up since the last call missed a tile of the file.

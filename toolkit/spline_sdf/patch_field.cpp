@@ -28,15 +28,15 @@ constexpr float kOfFace = 0.3f, kSecondFace = 0.15f;
 /// Patches facing this far away from the strongest one are another sheet, such as a plate's far side or a
 /// groove's.
 constexpr float kOtherSheet = -0.2f;
-/// Newton steps to the foot on a quadric. Within the radius of curvature the third corrects less than a
-/// thousandth.
-constexpr int kFootSteps = 3;
+/// Newton steps to the closest point on a quadric. Within the radius of curvature the third corrects less
+/// than a thousandth.
+constexpr int kClosestSteps = 3;
 /// Steps are no longer than at this determinant: beyond the centre of curvature no nearest place exists.
 constexpr float kMinDeterminant = 0.1f;
 /// Least spacing of coincident points, as a share of the cloud's.
 constexpr double kMinSpacing = 1e-3;
-/// A foot farther than this many times the place's distance, squared, is invalid.
-constexpr float kMaxFootDistanceSq = 16.0f;
+/// A closest point farther than this many times the place's distance, squared, is invalid.
+constexpr float kMaxClosestDistanceSq = 16.0f;
 /// First search radius for a nearest point, in spacings, and its growth.
 constexpr double kFirstSearch = 2.0, kWider = 1.6;
 
@@ -127,14 +127,15 @@ struct alignas(kLanesAlignment) FieldSums {
     if (!any_lane(p.wide > none)) continue;
     near.heard.push_back(s);
     const QuadricLanes& q = near.quadrics[s];
-    QuadricFeet foot;
-    find_feet(q, at, kFootSteps, kMinDeterminant, foot);
-    // Without a foot the tangent plane gives the side.
-    const auto has_foot = foot.u * foot.u + foot.v * foot.v <
-                          kMaxFootDistanceSq * (foot.a * foot.a + foot.b * foot.b + foot.h * foot.h);
-    const NodeLanes gu = has_foot ? foot.gu : none, gv = has_foot ? foot.gv : none;
-    const NodeLanes per = has_foot ? foot.per_slope : none + 1.0f;
-    p.distance = has_foot ? foot.distance : foot.h;
+    QuadricClosest closest;
+    find_closest(q, at, kClosestSteps, kMinDeterminant, closest);
+    // Without a closest point the tangent plane gives the side.
+    const auto has_closest =
+        closest.u * closest.u + closest.v * closest.v <
+        kMaxClosestDistanceSq * (closest.a * closest.a + closest.b * closest.b + closest.h * closest.h);
+    const NodeLanes gu = has_closest ? closest.gu : none, gv = has_closest ? closest.gv : none;
+    const NodeLanes per = has_closest ? closest.per_slope : none + 1.0f;
+    p.distance = has_closest ? closest.distance : closest.h;
     p.normal.x = (q.nx - gu * q.ux - gv * q.vx) * per;
     p.normal.y = (q.ny - gu * q.uy - gv * q.vy) * per;
     p.normal.z = (q.nz - gu * q.uz - gv * q.vz) * per;

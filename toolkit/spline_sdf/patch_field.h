@@ -40,7 +40,7 @@ class PatchDistanceField {
   /// The field at `middle` + `at_mm`. O(points near).
   void evaluate(const NodePlaces& at_mm, FieldLanes& out);
 
-  /// What a query reads and writes; lengths in units of `width_mm`.
+  /// Input and output of a query; lengths in units of `width_mm`.
   struct Near {
     struct Point {
       float x, y, z;

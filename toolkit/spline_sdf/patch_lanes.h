@@ -43,8 +43,8 @@ struct QuadricLanes {
 };
 
 /// The nearest places on a quadric: tangential coordinates (a, b) and height h of the places, (u, v) of their
-/// feet, the height's gradient there, 1 / sqrt(1 + its square), and the signed distance.
-struct alignas(kLanesAlignment) QuadricFeet {
+/// closest points, the height's gradient there, 1 / sqrt(1 + its square), and the signed distance.
+struct alignas(kLanesAlignment) QuadricClosest {
   NodeLanes a, b, h, u, v, gu, gv, per_slope, distance;
 };
 
@@ -64,9 +64,9 @@ struct alignas(kLanesAlignment) QuadricFeet {
 }
 
 /// Newton's method from the tangential coordinates, `steps` times. Beyond the centre of curvature, where the
-/// determinant falls below `least`, the foot is arbitrary and the distance may be NaN.
-[[gnu::always_inline]] inline void find_feet(const QuadricLanes& q, const NodePlaces& at, int steps,
-                                             float least, QuadricFeet& out) noexcept {
+/// determinant falls below `least`, the closest point is arbitrary and the distance may be NaN.
+[[gnu::always_inline]] inline void find_closest(const QuadricLanes& q, const NodePlaces& at, int steps,
+                                                float least, QuadricClosest& out) noexcept {
   const NodeLanes x = at.x - q.ax, y = at.y - q.ay, z = at.z - q.az;
   const NodeLanes a = x * q.ux + y * q.uy + z * q.uz, b = x * q.vx + y * q.vy + z * q.vz,
                   h = x * q.nx + y * q.ny + z * q.nz;

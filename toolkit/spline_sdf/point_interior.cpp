@@ -76,9 +76,9 @@ void InteriorTest::gather() {
 }
 
 /// True if the nearest points surround a place; then all do.
-bool InteriorTest::nearest_points_surround(const Vec3& foot, const Vec3& n, const Vec3& u,
+bool InteriorTest::nearest_points_surround(const Vec3& closest, const Vec3& n, const Vec3& u,
                                            const Vec3& v) const {
-  const Vec3 place = middle_ + foot;
+  const Vec3 place = middle_ + closest;
   int count = 0;
   unsigned seen = 0;
   bool all = false;
@@ -102,10 +102,10 @@ bool InteriorTest::nearest_points_surround(const Vec3& foot, const Vec3& n, cons
   return all;
 }
 
-bool InteriorTest::is_interior(const Vec3& foot, const Vec3& n) {
+bool InteriorTest::is_interior(const Vec3& closest, const Vec3& n) {
   const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();
   const Vec3 u = n.cross(axis).normalized(), v = n.cross(u);
-  if (nearest_points_surround(foot, n, u, v)) return true;
+  if (nearest_points_surround(closest, n, u, v)) return true;
   if (!gathered_) gather();
   const auto tells = [&](const Near& p, const Vec3& d) {
     const double along = d.dot(n);
@@ -115,7 +115,7 @@ bool InteriorTest::is_interior(const Vec3& foot, const Vec3& n) {
   SectorMask exact;
   double widest_sq = 0.0;
   for (std::size_t k = 0; k < count_; ++k) {
-    const Vec3 d = near_[k].at - foot;
+    const Vec3 d = near_[k].at - closest;
     if (!tells(near_[k], d)) continue;
     exact.add(d.dot(u), d.dot(v));
     ++count;
@@ -125,7 +125,7 @@ bool InteriorTest::is_interior(const Vec3& foot, const Vec3& n) {
   if (!exact.open()) return true;
   for (std::size_t k = 0; k < count_; ++k) {
     if (kStepSq * near_[k].reach_sq > widest_sq) continue;
-    const Vec3 d = near_[k].at - foot;
+    const Vec3 d = near_[k].at - closest;
     if (tells({d, widest_sq}, d)) exact.add(d.dot(u), d.dot(v));
   }
   return !exact.open();

@@ -1,4 +1,4 @@
-// Tests whether points surround a place or end there, by the widest empty angle, which is independent of
+// Tests whether points surround a place or end there. The widest empty angle decides, which is independent of
 // density.
 #pragma once
 
@@ -22,7 +22,7 @@ namespace palpate::render {
   return b < 0.0 ? 1.0 - turn : turn;
 }
 
-/// Which cells of a disc hold points: a square grid of up to 8 x 8, by the number of points.
+/// Cells of a disc that hold points: a square grid of up to 8 x 8, by the number of points.
 class DiscOccupancy {
  public:
   DiscOccupancy() = default;
@@ -96,7 +96,7 @@ class InteriorTest {
   /// reference.
   void begin(const MortonPoints& points, const Vec3& middle, double reach_mm, double spacing);
   /// For a place relative to the middle, on a surface of unit normal n. O(points around), mostly the nearest.
-  [[nodiscard]] bool is_interior(const Vec3& foot, const Vec3& n);
+  [[nodiscard]] bool is_interior(const Vec3& closest, const Vec3& n);
 
  private:
   /// A point relative to the cube's middle, and its range.
@@ -105,7 +105,7 @@ class InteriorTest {
     double reach_sq;
   };
   [[nodiscard]] double reach_sq(std::uint32_t point) const;
-  [[nodiscard]] bool nearest_points_surround(const Vec3& foot, const Vec3& n, const Vec3& u,
+  [[nodiscard]] bool nearest_points_surround(const Vec3& closest, const Vec3& n, const Vec3& u,
                                              const Vec3& v) const;
   void gather();
 

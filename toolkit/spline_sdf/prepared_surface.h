@@ -1,4 +1,4 @@
-// Making a file of prepared surfaces from a cloud, and feeling one.
+// Prepared surfaces: made from a cloud, and felt.
 #pragma once
 
 #include <cstddef>
@@ -67,7 +67,7 @@ inline constexpr std::size_t kSamplePoints = 200'000;
 [[nodiscard]] Status add_coarser_surfaces(const cloud::Cloud& cloud, const MortonPoints& points,
                                           std::size_t count, const SplineSdfOptions& build,
                                           const PrepareContext& context, SurfaceFileWriter& writer);
-/// What is said where no surface is found.
+/// The Error where no surface is found.
 [[nodiscard]] Error no_surface();
 
 struct PagedOptions {
@@ -77,7 +77,7 @@ struct PagedOptions {
   int most_steps = kMaxNewtonSteps;
 };
 
-/// What was decided when the file was prepared. Errors as open_prepared_body().
+/// The decision with which the file was prepared. Errors as open_prepared_body().
 [[nodiscard]] Result<SplineSdfDecision> decide_prepared(const ModelInput& input, std::size_t level);
 
 /// `paged` receives the contact. Errors: values by point, a level that the file does not have, no stiffness.

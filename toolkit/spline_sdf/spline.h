@@ -1,5 +1,5 @@
-// Values, gradients and second derivatives of the spline in a brick, and the god object's Newton step
-// on its zero set.
+// The spline in a brick, and Newton steps on it. The spline gives values, gradients and second derivatives; a
+// Newton step moves the god object to its zero set.
 #pragma once
 
 #include <algorithm>

@@ -53,7 +53,7 @@ double table_bytes_of(double cubes) {
 constexpr double kCubesAskew = 1.5;
 
 /// A point with surroundings this empty, or without area, stands alone: no surface crosses its cube.
-constexpr double kStrayEdges = 3.0;
+constexpr double kOutlierEdges = 3.0;
 
 /// Log2 of the remembered cubes; kPointsPerChunk points are in about that many.
 constexpr int kLastCubeBits = 9;
@@ -87,8 +87,8 @@ std::uint64_t cubes_through(const MortonPoints& points, double edge_mm, int thre
       stay.points += 1.0;
       if (const double own = points.spacing_near(i) / edge_mm; own != edges) {
         edges = own;
-        share = edges > 0.0 && edges <= kStrayEdges ? 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges))
-                                                    : 0.0;
+        share = edges > 0.0 && edges <= kOutlierEdges ? 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges))
+                                                      : 0.0;
       }
       stay.cubes -= share;
     }
@@ -117,7 +117,7 @@ SplineSdfDecision measure(const MortonPoints& points, const SplineSdfOptions& bu
   out.spacing_mm = points.spacing_mm();
   out.noise_mm = noise_mm;
   out.voxel_mm = out.spacing_mm > 0.0 ? build.voxel_spacings * out.spacing_mm : kAnyVoxel;
-  // Far stray points: cubes beyond a code's bits per axis are not estimated.
+  // Far outliers: cubes beyond a code's bits per axis are not estimated.
   constexpr double kMaxCubes = 1 << search::kMortonBits;
   const double edge_mm = kBrickCells * out.voxel_mm;
   if (points.size() > 0 && points.box_mm().extent_mm().maxCoeff() < kMaxCubes * edge_mm)
@@ -129,19 +129,19 @@ SplineSdfDecision measure(const MortonPoints& points, const SplineSdfOptions& bu
 /// a scan's places may be noise in the air.
 constexpr double kDoubtfulLayers = 0.05, kDoubtfulVolume = 0.25;
 
-void warn_of(const InputQuality& doubts, PreparePhases& phases) {
-  if (doubts.layered > kDoubtfulLayers)
+void warn_of(const InputQuality& quality, PreparePhases& phases) {
+  if (quality.layered > kDoubtfulLayers)
     phases.warn(fmt::format(
         "At {:.0f} % of the places looked at the points lie in two layers some {:.3g} mm apart, too "
         "near to be told apart everywhere: there they are felt as one sheet that either side may hold. "
         "If they are the faces of a thin wall, only a denser or less noisy scan separates them.",
-        100.0 * doubts.layered, doubts.layer_distance_mm));
-  if (doubts.scattered > kDoubtfulVolume)
+        100.0 * quality.layered, quality.layer_distance_mm));
+  if (quality.scattered > kDoubtfulVolume)
     phases.warn(fmt::format(
         "At {:.0f} % of the places looked at the points fill a volume: there is no surface to "
         "follow, and what is felt has no certain side. Give the points of a surface, or clean them "
         "(palpate clean).",
-        100.0 * doubts.scattered));
+        100.0 * quality.scattered));
 }
 
 Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud,
@@ -220,7 +220,7 @@ class CornerValues {
         grid_.low_mm + (Vec3(cube[0], cube[1], cube[2]) + Vec3::Constant(0.5)) * (kBrickCells * voxel_mm);
     double radius = kHalfDiagonal * voxel_mm + reach_;
     // A brick between far points takes the nearest ones.
-    for (int look = 0; near_.empty() && look < kWiderLooks; ++look, radius *= 2.0)
+    for (int query = 0; near_.empty() && query < kWiderQueries; ++query, radius *= 2.0)
       points_.in_ball(middle, radius, [&](std::uint32_t i, const Vec3& d, double) {
         near_.push_back({d, field_.by_point[points_.index(i)]});
       });
@@ -245,7 +245,7 @@ class CornerValues {
 
   /// A coincident point weighs like one at a third of the reach, a spacing.
   static constexpr double kNearest = 1.0 / 9.0;
-  static constexpr int kWiderLooks = 8;
+  static constexpr int kWiderQueries = 8;
   struct Near {
     Vec3 at;
     PointSurface value;

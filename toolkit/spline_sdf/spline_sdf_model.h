@@ -32,7 +32,7 @@ struct SplineSdfDecision {
 };
 
 struct BrickBuildOptions;
-/// How bricks follow what was measured.
+/// Options of bricks by what was measured.
 [[nodiscard]] BrickBuildOptions brick_options(const SplineSdfDecision& measured,
                                               const SplineSdfOptions& build);
 

@@ -37,7 +37,7 @@ class PieceNumbers {
   std::uint32_t number(std::uint32_t piece, std::vector<std::uint32_t>& groups) {
     if (piece_[piece] != kNone) return piece_[piece];
     piece_[piece] = static_cast<std::uint32_t>(groups.size());
-    // A group's number is that of one of its patches before stray pieces were dropped.
+    // A group's number is that of one of its patches before outlying pieces were dropped.
     const std::uint32_t group = of_.group[piece];
     groups.push_back(group == OrientedPieces::kOutward ? group : group_number(group));
     return piece_[piece];

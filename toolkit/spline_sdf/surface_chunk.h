@@ -14,7 +14,7 @@
 
 namespace palpate::render {
 
-/// What all parts share.
+/// Frame that all parts share.
 struct SurfaceFrame {
   PointFrame points;
   SplineSdfDecision measured;
@@ -23,7 +23,7 @@ struct SurfaceFrame {
   std::shared_ptr<const MortonPoints> far;     ///< a sample of all points, for rays
   std::shared_ptr<const cloud::Cloud> sample;  ///< for distances
   [[nodiscard]] BrickGrid lattice() const { return brick_lattice(points.box_mm, measured.voxel_mm, coarser); }
-  /// How far around a region points inform its bricks, mm.
+  /// Distance around a region within which points inform its bricks, mm.
   [[nodiscard]] double margin_mm() const noexcept;
 };
 

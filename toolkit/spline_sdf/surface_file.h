@@ -1,6 +1,6 @@
-// A smooth surface in a file, for clouds whose surface is larger than memory or shall be felt at once: tiles
-// of bricks, coarser surfaces of the same points, and a sample of the points. The index is small and stays in
-// memory; tiles are read where the hand goes.
+// A smooth surface in a file. It serves clouds whose surface is larger than memory or shall be felt at once:
+// tiles of bricks, coarser surfaces of the same points, and a sample of the points. The index is small and
+// stays in memory; tiles are read where the hand goes.
 #pragma once
 
 #include <array>

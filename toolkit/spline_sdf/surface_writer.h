@@ -1,4 +1,4 @@
-// Writing a file of surfaces, one after the other, so that none but the present one is in memory.
+// Writes a file of surfaces, one after the other. Only the present one is in memory.
 #pragma once
 
 #include <cstdint>

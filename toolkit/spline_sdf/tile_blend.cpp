@@ -16,7 +16,7 @@ namespace {
 /// Largest distance from the surface to nodes of bricks that it crosses, voxels.
 constexpr double kFarthestNode = 8.0;
 /// Newton steps to a node's foot: agreeing patches are nearly flat across a tile.
-constexpr int kNodeFootSteps = 2;
+constexpr int kNodeClosestSteps = 2;
 /// Below this determinant a node is at a centre of curvature (see PatchDistanceField).
 constexpr float kMinNodeDeterminant = 0.1f;
 /// Weight of a patch beyond its support: it counts only where no other does.
@@ -47,16 +47,16 @@ struct alignas(kLanesAlignment) Sums {
 /// Adds a patch's contribution at all nodes.
 [[gnu::always_inline]] inline void add_patch(const Form& p, Sums& sums) noexcept {
   for (std::size_t i = 0; i < sums.weight.size(); ++i) {
-    QuadricFeet foot;
-    find_feet(p.quadric, tile_places(i), kNodeFootSteps, kMinNodeDeterminant, foot);
-    const NodeLanes share = (foot.u * foot.u + foot.v * foot.v) * p.per_support_sq, left = 1.0f - share,
-                    none{};
+    QuadricClosest closest;
+    find_closest(p.quadric, tile_places(i), kNodeClosestSteps, kMinNodeDeterminant, closest);
+    const NodeLanes share = (closest.u * closest.u + closest.v * closest.v) * p.per_support_sq,
+                    left = 1.0f - share, none{};
     const NodeLanes rest = left > none ? left : none;
     // Beyond its centre of curvature a foot is arbitrary or NaN: the patch does not contribute.
     const auto told = share < none + kFarthestShare;
     const NodeLanes weight =
         told ? p.weight * (rest * rest * rest + kBeyondSupport / ((1.0f + share) * (1.0f + share))) : none;
-    const NodeLanes known = told ? foot.distance : none;
+    const NodeLanes known = told ? closest.distance : none;
     sums.distance[i] += weight * known;
     sums.square[i] += weight * known * known;
     sums.weight[i] += weight;

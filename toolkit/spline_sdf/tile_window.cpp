@@ -121,7 +121,7 @@ void TileWindow::erase(std::uint32_t tile) noexcept {
     if (slots_[hole].tile == kNoTile || ++passed == kMaxSlotsPassed) return;
   --resident_;
   if (tile == last_tile_) last_first_ = 1, last_past_ = 0;
-  // What follows in the run moves back where the hole would hide it.
+  // Followers in the run move back where the hole would hide them.
   for (std::size_t i = (hole + 1) & mask_; slots_[i].tile != kNoTile; i = (i + 1) & mask_) {
     if (((i - home(slots_[i].tile)) & mask_) < ((i - hole) & mask_)) continue;
     slots_[hole] = slots_[i];

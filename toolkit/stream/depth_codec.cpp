@@ -149,7 +149,7 @@ constexpr int kPackLevel = 1, kStoreLevel = 0;
 constexpr double kRunsBits = 1.2, kStoreBits = 5.0;
 /// Every eighth byte gives the histogram.
 constexpr std::size_t kHistogramStep = 8;
-/// What zlib adds where its level changes, at most: two blocks' heads.
+/// Bytes that zlib adds where its level changes, at most: two blocks' heads.
 constexpr std::size_t kPlaneHeadBytes = 64;
 constexpr int kWindowBits = 15, kMemoryLevel = 9;
 

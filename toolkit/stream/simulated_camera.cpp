@@ -168,13 +168,13 @@ class SimulatedCamera final : public DepthSource {
     scene_->go_to(frame.captured_s);
     const auto rows = static_cast<std::size_t>(camera_.height);
     parallel_each(rows, kRowsPerChunk, threads_,
-                  [&](std::size_t row) { look(number, row, frame.world_from_camera); });
+                  [&](std::size_t row) { cast_row(number, row, frame.world_from_camera); });
     parallel_each(rows, kRowsPerChunk, threads_,
                   [&](std::size_t row) { measure(number, row, frame.depth_mm.data()); });
   }
 
   /// Depths that the row's pixels look at; 0 where no light returns.
-  void look(std::uint64_t number, std::size_t row, const geometry::RigidTransform& world_from_camera) {
+  void cast_row(std::uint64_t number, std::size_t row, const geometry::RigidTransform& world_from_camera) {
     const SensorErrors& e = simulated_.sensor;
     const double least_cosine =
         e.grazing_deg > 0.0 ? std::cos(e.grazing_deg * std::numbers::pi / 180.0) : 0.0;

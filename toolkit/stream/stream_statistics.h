@@ -1,4 +1,4 @@
-// What a stream of depth images is like: its rate, holes and depths, and its noise against depth.
+// Statistics of a stream of depth images: rate, holes, depths, and noise against depth.
 #pragma once
 
 #include <cstdint>

@@ -96,7 +96,7 @@ struct Link {
 /// Confidence of a link, 0 to 1, and whether its two normals have opposite sides.
 struct Judgement {
   float confidence;
-  std::uint32_t turned;
+  std::uint32_t flipped;
 };
 
 Judgement judge(const Vec3f& p, const Vec3f& q, const Vec3f& np, const Vec3f& nq) noexcept {
@@ -186,7 +186,7 @@ OrientedDisjointSets join_pieces(std::span<const OrientedPoint> points,
         const Judgement judged = judge(place(i), place(j), normals[i], normals[j]);
         const int which = class_of(judged.confidence);
         if (here && which == 0)
-          pieces.join(i, j, judged.turned);
+          pieces.join(i, j, judged.flipped);
         else
           mine[static_cast<std::size_t>(which)].push_back({i, j});
       }
@@ -197,7 +197,7 @@ OrientedDisjointSets join_pieces(std::span<const OrientedPoint> points,
       for (const Link& link : chunk[which]) {
         if (pieces.find(link.from).set == pieces.find(link.to).set) continue;
         pieces.join(link.from, link.to,
-                    judge(place(link.from), place(link.to), normals[link.from], normals[link.to]).turned);
+                    judge(place(link.from), place(link.to), normals[link.from], normals[link.to]).flipped);
       }
   return pieces;
 }
@@ -215,8 +215,8 @@ OrientReport orient_planes(std::span<OrientedPoint> points, std::span<const Neig
     auto& mine = runs[begin / kFirstRoundPoints];
     for (std::size_t i = begin; i < end; ++i) {
       if (points[i].normal == kNoNormal) continue;
-      const auto [root, turned] = pieces.look(static_cast<std::uint32_t>(i));
-      if (turned != 0) points[i].normal = opposite(points[i].normal);
+      const auto [root, flipped] = pieces.root_of(static_cast<std::uint32_t>(i));
+      if (flipped != 0) points[i].normal = opposite(points[i].normal);
       sums_of(mine, root)
           .add(point_sums(points[i].at(), reach_sq(points, neighbours[i], i),
                           decode_normal(points[i].normal)));
@@ -247,7 +247,7 @@ OrientReport orient_planes(std::span<OrientedPoint> points, std::span<const Neig
   parallel_chunks(n, kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (points[i].normal == kNoNormal) continue;
-      const std::uint32_t root = pieces.look(static_cast<std::uint32_t>(i)).set;
+      const std::uint32_t root = pieces.root_of(static_cast<std::uint32_t>(i)).set;
       const std::uint8_t how = kind[root];
       if ((how & kClosed) == 0) continue;
       if (!report.closed_component_of.empty())

@@ -1,5 +1,5 @@
-// Checked text rows with line numbers in all messages, read through a fixed buffer. Internal to traces and
-// scores.
+// Rows of text, with line numbers in messages. They are checked, and read through a fixed buffer. Internal to
+// traces and scores.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// Runs a renderer along a path, and digests and hashes its answers frame by frame for comparison.
+// Runs a renderer along a path, and hashes its answers. Digests of every frame serve comparison.
 #pragma once
 
 #include <bit>

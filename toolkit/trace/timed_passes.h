@@ -1,4 +1,4 @@
-// Timed passes of a prepared renderer along a path, and their statistics; replay.h defines the kinds.
+// Timed passes of a renderer along a path, with statistics. replay.h defines the kinds.
 //
 // The caller chooses the contact frames, so that all renderers are timed over the same frames.
 #pragma once

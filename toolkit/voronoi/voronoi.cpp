@@ -83,7 +83,7 @@ Links links_of(const Triangulation& triangulation, std::size_t count) {
   return links;
 }
 
-/// The places whose cells touch, for each place. May throw.
+/// The places whose cells touch, for each place. The call may throw.
 template <class At>
 Links touching(std::size_t count, const At& at) {
   std::vector<std::pair<Kernel::Point_3, std::uint32_t>> points;
@@ -112,7 +112,7 @@ NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, co
                              int threads, VoronoiReport& report) {
   NeighbourTable table;
   table.of.resize(cloud.size());
-  const auto look = [&](std::size_t i, VoronoiReport& part) {
+  const auto visit = [&](std::size_t i, VoronoiReport& part) {
     const auto self = static_cast<std::uint32_t>(i);
     const Vec3 p = cloud.local_mm(self);
     search::NearestEight best;
@@ -133,7 +133,7 @@ NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, co
   };
   report.places = places.size();
   report.natural = natural.ends.size() / 2;
-  for (const auto& part : parallel_parts<VoronoiReport>(cloud.size(), kPointsPerChunk, threads, look)) {
+  for (const auto& part : parallel_parts<VoronoiReport>(cloud.size(), kPointsPerChunk, threads, visit)) {
     report.more_than_eight += part.more_than_eight;
     report.fewer_than_eight += part.fewer_than_eight;
   }

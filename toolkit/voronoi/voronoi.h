@@ -1,5 +1,5 @@
-// Neighbours by Voronoi cells, through CGAL (section 3.2.2.3 of the thesis, which names the method and does
-// not run it; [51] there renders with it). A target of its own: who links only neighbourhood never sees CGAL.
+// Neighbours by Voronoi cells, through CGAL. Section 3.2.2.3 of the thesis names the method and does not run
+// it; [51] there renders with it. A target of its own: who links only neighbourhood never sees CGAL.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ struct VoronoiReport {
 [[nodiscard]] Result<search::NeighbourTable> voronoi(const cloud::Cloud& cloud, int threads,
                                                      VoronoiReport* report = nullptr);
 
-/// Which points' Voronoi cells touch, both ways: row i is ends[begin[i] .. begin[i + 1]), in CGAL's order.
+/// Points whose Voronoi cells touch, both ways: row i is ends[begin[i] .. begin[i + 1]), in CGAL's order.
 struct Links {
   std::vector<std::uint32_t> begin, ends;
   [[nodiscard]] std::span<const std::uint32_t> of(std::size_t i) const noexcept {

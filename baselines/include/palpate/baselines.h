@@ -1,4 +1,4 @@
-// Registers the baseline renderers and cleaning steps, and tells the libraries they stand on.
+// Registers the baseline renderers and cleaning steps. Lists the libraries that they stand on.
 //
 // First:
 //   palpate::render::Registry registry;

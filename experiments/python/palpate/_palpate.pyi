@@ -11,7 +11,7 @@ __version__: str
 Triple = Tuple[float, float, float]
 
 class Frame(NamedTuple):
-    """What a renderer answers to one place of the HIP."""
+    """The answer of a renderer to one place of the HIP."""
 
     force: Triple  # on the device, world frame, N
     god_object: Triple  # mm; the HIP when free
@@ -104,7 +104,7 @@ class Path:
         """As CSV: t_s,x_mm,y_mm,z_mm."""
 
 class Trace:
-    """What a renderer answered, one frame for each sample of a path."""
+    """The answers of a renderer, one frame for each sample of a path."""
 
     @property
     def force_n(self) -> npt.NDArray[np.float64]:

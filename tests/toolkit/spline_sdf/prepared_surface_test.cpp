@@ -260,8 +260,8 @@ TEST(PreparedCloudSmooth, LateTilesAreFeltCoarselyAndWithoutAStep) {
   int lost = 0;
   for (const Vec3& h : path) {
     const Frame frame = renderer->step(h, 0.001);
-    Vec3 foot;
-    lost += truth(h, foot) < -0.5 && !frame.contact;
+    Vec3 closest;
+    lost += truth(h, closest) < -0.5 && !frame.contact;
     largest_excess =
         std::max(largest_excess, (frame.force_n - last).norm() - kTestStiffness * (h - last_h).norm());
     last = frame.force_n;

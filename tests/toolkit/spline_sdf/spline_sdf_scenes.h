@@ -53,12 +53,12 @@ inline std::vector<Vec3> torus_points(const TorusSpec& t) {
 }
 
 inline Truth torus_truth(const TorusSpec& t) {
-  return [t](const Vec3& x, Vec3& foot) {
+  return [t](const Vec3& x, Vec3& closest) {
     const Vec3 d = (x - t.at) / t.scale;
     const double across = std::hypot(d.x(), d.y());
     const Vec3 ring(d.x() / across * kRing, d.y() / across * kRing, 0.0);
     const Vec3 out = d - ring;
-    foot = t.at + t.scale * (ring + out * (kTube / out.norm()));
+    closest = t.at + t.scale * (ring + out * (kTube / out.norm()));
     return t.scale * (out.norm() - kTube);
   };
 }
@@ -77,8 +77,8 @@ inline std::vector<Vec3> torus_path(const TorusSpec& t, std::size_t frames) {
 }
 
 inline Truth sphere_truth(double radius) {
-  return [radius](const Vec3& x, Vec3& foot) {
-    foot = x * (radius / x.norm());
+  return [radius](const Vec3& x, Vec3& closest) {
+    closest = x * (radius / x.norm());
     return x.norm() - radius;
   };
 }
@@ -108,9 +108,9 @@ inline Score score(test::Stepped& renderer, const std::vector<Vec3>& path, const
   renderer->restart(path.front());
   for (const Vec3& h : path) {
     const Frame frame = renderer->step(h, 0.001);
-    Vec3 foot;
-    const double d = truth(h, foot);
-    const Vec3 force = d < 0.0 ? Vec3(kTestStiffness * (foot - h)) : Vec3(Vec3::Zero());
+    Vec3 closest;
+    const double d = truth(h, closest);
+    const Vec3 force = d < 0.0 ? Vec3(kTestStiffness * (closest - h)) : Vec3(Vec3::Zero());
     if (d < 0.0) {
       error += (frame.force_n - force).squaredNorm();
       size += force.squaredNorm();

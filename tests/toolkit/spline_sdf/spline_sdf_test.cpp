@@ -182,7 +182,7 @@ TEST(CloudSmooth, SizeAndPlaceDoNotMatter) {
 
 // What `cloud-smooth` says beforehand of points that it cannot follow, and of which it says nothing.
 
-InputQuality doubts_of(const cloud::Cloud& cloud) {
+InputQuality input_quality_of(const cloud::Cloud& cloud) {
   const MortonPoints points(cloud, 1);
   return assess_input_quality(points, estimate_noise(points, 1), 1);
 }
@@ -192,15 +192,15 @@ cloud::Cloud generated(const std::string& text) {
 
 TEST(InputQuality, OfThinPlates) {
   for (const double thickness : {0.01, 0.03, 0.1}) {
-    const InputQuality d =
-        doubts_of(generated(fmt::format("slab:extent_mm=16:thickness_mm={}:spacing_mm=0.3", thickness)));
+    const InputQuality d = input_quality_of(
+        generated(fmt::format("slab:extent_mm=16:thickness_mm={}:spacing_mm=0.3", thickness)));
     EXPECT_GT(d.layered, 0.5) << thickness;
     EXPECT_NEAR(d.layer_distance_mm, thickness, 0.2 * thickness);
     EXPECT_LT(d.scattered, 0.01);
   }
-  EXPECT_LT(doubts_of(generated("slab:extent_mm=16:thickness_mm=1:spacing_mm=0.3")).layered, 0.02);
+  EXPECT_LT(input_quality_of(generated("slab:extent_mm=16:thickness_mm=1:spacing_mm=0.3")).layered, 0.02);
   // Two spacings apart and a third of one rough: as one sheet a hundredth of its contact is felt.
-  EXPECT_GT(doubts_of(generated("slab:points=20000:noise=0.15")).layered, 0.5);
+  EXPECT_GT(input_quality_of(generated("slab:points=20000:noise=0.15")).layered, 0.5);
 }
 
 // Cells along the grid count as more area on one face than on the other.
@@ -220,7 +220,7 @@ TEST(InputQuality, NoneOfSurfaces) {
                            "sphere:points=5000", "sinusoid:points=10000:sampling=random:noise=0.5",
                            "pebble:points=6000", "slab:points=20000:thickness_mm=5:noise=0.15",
                            "sinusoid:sampling=scan:points=20000:noise=0.1:dropout=0.05:flying=0.01:seed=1"}) {
-    const InputQuality d = doubts_of(generated(text));
+    const InputQuality d = input_quality_of(generated(text));
     EXPECT_LT(d.layered, 0.02) << text;
     EXPECT_LT(d.scattered, 0.05) << text;
   }
@@ -231,7 +231,7 @@ TEST(InputQuality, OfVolumes) {
   const auto length = [&] { return random.uniform(-5.0, 5.0); };
   std::vector<Vec3> points;
   for (int i = 0; i < 3000; ++i) points.push_back(Vec3{length(), length(), length()});
-  EXPECT_GT(doubts_of(cloud::build_cloud(points, cloud::NonFinite::kRefuse).value()).scattered, 0.3);
+  EXPECT_GT(input_quality_of(cloud::build_cloud(points, cloud::NonFinite::kRefuse).value()).scattered, 0.3);
 }
 
 // What is left out beside a surface that is known.

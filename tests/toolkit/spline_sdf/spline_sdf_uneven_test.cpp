@@ -116,13 +116,13 @@ class HeldByARoof {
   mutable double side_ = 1.0;
 
  public:
-  double operator()(const Vec3& at, Vec3& foot) const {
+  double operator()(const Vec3& at, Vec3& closest) const {
     if (std::abs(at.x()) + at.z() >= 0.0)
       side_ = at.x() < 0.0 ? -1.0 : 1.0;
     else if (side_ * at.x() < at.z())
       side_ = -side_;
     const double off = (side_ * at.x() + at.z()) / std::numbers::sqrt2;
-    foot = at - Vec3(side_, 0.0, 1.0) * (off / std::numbers::sqrt2);
+    closest = at - Vec3(side_, 0.0, 1.0) * (off / std::numbers::sqrt2);
     return off;
   }
 };

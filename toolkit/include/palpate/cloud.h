@@ -71,7 +71,7 @@ struct Cloud {
   [[nodiscard]] std::size_t bytes() const noexcept;
 };
 
-/// What to do with points that are not finite.
+/// Treatment of points that are not finite.
 enum class NonFinite { kRefuse, kDrop };
 
 /// Findings of build_cloud().

@@ -1,4 +1,4 @@
-// What a renderer builds for a scene, with which numbers and why. decide() makes the list before anything is
+// Decisions of a renderer: numbers and reasons of its build. decide() makes the list before anything is
 // built, prepare() follows and reports it, and `palpate info plan` prints it.
 //
 // First:
@@ -49,7 +49,7 @@ struct Decisions {
   friend bool operator==(const Decisions&, const Decisions&) = default;
 };
 
-/// How contacts with several models at once combine.
+/// Combination of contacts with several models at once.
 enum class ContactCombination : std::uint8_t {
   kJoint,  ///< all models together hold one god object
   kSum,    ///< each model answers for itself

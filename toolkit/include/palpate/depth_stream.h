@@ -83,7 +83,7 @@ struct ReceiveReport {
   double whole_ms = 0.0;   ///< until the whole image could be felt
 };
 
-/// What a renderer of streams offers besides HapticRenderer, from its depth_receiver().
+/// Interface of a renderer of streams besides HapticRenderer, from its depth_receiver().
 class DepthReceiver {
  public:
   DepthReceiver() = default;

@@ -173,14 +173,14 @@ class MoveReader {
  public:
   /// The next batch, or null; unchanged until the next call. Wait-free.
   [[nodiscard]] const MoveBatch* take() noexcept {
-    if (!handover_.acquire()) return nullptr;
-    taken_.store(handover_.front().number, std::memory_order_release);
-    return &handover_.front();
+    if (!buffer_.acquire()) return nullptr;
+    taken_.store(buffer_.front().number, std::memory_order_release);
+    return &buffer_.front();
   }
 
  private:
   friend class MoveQueue;
-  TripleBuffer<MoveBatch> handover_;
+  TripleBuffer<MoveBatch> buffer_;
   std::atomic<std::uint64_t> taken_{0};
 };
 
@@ -210,7 +210,7 @@ class MoveQueue {
   }
   void publish() noexcept {
     batch_.number = ++published_;
-    for (const std::shared_ptr<MoveReader>& reader : readers_) reader->handover_.publish(batch_);
+    for (const std::shared_ptr<MoveReader>& reader : readers_) reader->buffer_.publish(batch_);
   }
 
  private:

@@ -60,7 +60,7 @@ struct ReadOptions {
 /// An Error for the first invalid number of `options`, or nothing.
 [[nodiscard]] Status check(const ReadOptions& options);
 
-/// What a file held, in mm.
+/// Contents of a file, mm.
 struct ReadModel {
   cloud::Cloud cloud;
   /// The file's faces, or null. Vertex i is point i of the cloud in double precision. Polygons become

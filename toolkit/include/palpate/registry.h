@@ -108,8 +108,8 @@ class Registry {
   /// ones.
   [[nodiscard]] Result<std::unique_ptr<HapticRenderer>> make(std::string_view name,
                                                              const Options& options) const;
-  /// An Error if the renderer lacks features of the scene; it names them and the renderers that have them. Or
-  /// if it needs images and the scene has no camera.
+  /// An Error if the renderer lacks features of the scene, which it names with the renderers that have them,
+  /// or if it needs images and the scene has no camera.
   [[nodiscard]] Status check_supports(const RendererInfo& info, const SceneInput& scene) const;
 
  private:

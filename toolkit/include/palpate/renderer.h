@@ -47,7 +47,7 @@ struct ModelInput {
   std::shared_ptr<const stream::DepthCamera> camera{};
 };
 
-/// What prepare() takes.
+/// Input of prepare().
 struct SceneInput {
   std::vector<ModelInput> models;
   std::shared_ptr<Simulation> simulation;  ///< publishes the motions, or null: nothing moves
@@ -60,7 +60,7 @@ struct PreparePhase {
   double ms = 0.0;
 };
 
-/// What prepare() reports.
+/// Report of prepare().
 struct PrepareReport {
   double total_ms = 0.0;
   std::vector<PreparePhase> phases;  ///< in order, their sum is about total_ms
@@ -91,7 +91,7 @@ enum class FrameStatus : std::uint8_t {
   kNonFinite,  ///< the HIP was not finite: zero force, state kept
 };
 
-/// What a frame answers. Forces act on the device, world frame, N.
+/// Answer of a frame. Forces act on the device, world frame, N.
 struct Frame {
   Vec3 force_n = Vec3::Zero();
   Vec3 god_object_mm = Vec3::Zero();  ///< equals the HIP when free
@@ -133,13 +133,14 @@ class HapticRenderer {
   HapticRenderer& operator=(const HapticRenderer&) = delete;
   virtual ~HapticRenderer() = default;
 
-  /// What prepare() would build for this scene, and why. Builds nothing, but may search neighbours. The
-  /// result does not depend on the number of threads. Errors as of prepare(), where known without building.
+  /// The decisions of prepare() for this scene, with reasons. The call builds nothing, but may search
+  /// neighbours. The result does not depend on the number of threads. Errors as of prepare(), where known
+  /// without building.
   [[nodiscard]] virtual Result<Decisions> decide(const SceneInput& scene,
                                                  const PrepareContext& context) const = 0;
 
-  /// Builds all that a frame needs. Called once, before any step. May allocate, use threads, take long and
-  /// fail. The result does not depend on the number of threads.
+  /// Builds all that a frame needs. Called once, before any step. The call may allocate, use threads, take
+  /// long and fail. The result does not depend on the number of threads.
   [[nodiscard]] virtual Result<PrepareReport> prepare(const SceneInput& scene,
                                                       const PrepareContext& context) = 0;
 
@@ -158,8 +159,8 @@ class HapticRenderer {
   /// kNonFinite.
   [[nodiscard]] virtual Frame step(const Vec3& hip_mm, double t_s) noexcept = 0;
 
-  /// Who takes depth images that arrive while the surface is felt, or null: the renderer knows no streams.
-  /// Valid after prepare() and as long as the renderer.
+  /// The receiver of depth images that arrive while the surface is felt; null if the renderer knows no
+  /// streams. Valid after prepare() and as long as the renderer.
   [[nodiscard]] virtual stream::DepthReceiver* depth_receiver() noexcept { return nullptr; }
 
   [[nodiscard]] virtual FrameCounters counters() const noexcept = 0;

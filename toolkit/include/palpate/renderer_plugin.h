@@ -53,7 +53,7 @@ typedef struct palpate_renderer_plugin {  // NOLINT: C
 
   /// `options`: as given in NAME:options=TEXT, else empty. Null: `text` says why not.
   void* (*create)(const char* options, char* text, uint32_t size);
-  /// Builds all that a step needs. May allocate, use threads and take long. `bytes`: what it holds
+  /// Builds all that a step needs. The call may allocate, use threads and take long. `bytes`: what it holds
   /// afterwards. 0: success; else `text` says why not.
   int32_t (*prepare)(void* renderer, const palpate_renderer_model* model, uint64_t* bytes, char* text,
                      uint32_t size);

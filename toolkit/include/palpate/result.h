@@ -19,7 +19,7 @@
 
 namespace palpate {
 
-/// What went wrong, for the user. `file` and `line` are empty and 0 where they do not apply.
+/// Failure, in words for the user. `file` and `line` are empty and 0 where they do not apply.
 struct Error {
   std::string what;       ///< one plain sentence without full stop
   std::string remedy{};   ///< what the user can do, or empty

@@ -36,7 +36,7 @@ bool library_runs() {
 }
 
 /// OpenNI's last message on one line.
-std::string openni_says() {
+std::string openni_error() {
   std::string text = openni::OpenNI::getExtendedError();
   std::replace_if(
       text.begin(), text.end(), [](char c) { return c == '\n' || c == '\t' || c == '\r'; }, ' ');
@@ -54,12 +54,12 @@ class OpenNiSource final : public DepthSource {
 
   /// Empty, or why the camera cannot be used.
   [[nodiscard]] std::string open(std::string_view name) {
-    if (!library_runs()) return "OpenNI2 does not start: " + openni_says();
+    if (!library_runs()) return "OpenNI2 does not start: " + openni_error();
     std::string where;
     if (std::string why = find(name, where); !why.empty()) return why;
-    if (device_.open(where.c_str()) != openni::STATUS_OK) return openni_says();
+    if (device_.open(where.c_str()) != openni::STATUS_OK) return openni_error();
     if (!device_.hasSensor(openni::SENSOR_DEPTH)) return "it measures no depth";
-    if (depth_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK) return openni_says();
+    if (depth_.create(device_, openni::SENSOR_DEPTH) != openni::STATUS_OK) return openni_error();
     (void)depth_.setMirroringEnabled(false);  // where it cannot be switched, there is none
     const openni::VideoMode mode = depth_.getVideoMode();
     switch (mode.getPixelFormat()) {
@@ -85,7 +85,7 @@ class OpenNiSource final : public DepthSource {
     const openni::DeviceInfo& device = device_.getDeviceInfo();
     described_ = std::string(device.getVendor()) + " " + device.getName();
     // Last: what is refused has started no thread, which some drivers let run on after stop().
-    return depth_.start() == openni::STATUS_OK ? std::string() : openni_says();
+    return depth_.start() == openni::STATUS_OK ? std::string() : openni_error();
   }
 
   [[nodiscard]] const DepthCamera& camera() const noexcept override { return camera_; }
@@ -99,7 +99,7 @@ class OpenNiSource final : public DepthSource {
                    0};
     openni::VideoFrameRef image;
     if (depth_.readFrame(&image) != openni::STATUS_OK || !image.isValid())
-      return Error{described_ + ": " + openni_says(), "look at its cable", {}, 0};
+      return Error{described_ + ": " + openni_error(), "look at its cable", {}, 0};
     if (image.getWidth() != camera_.width || image.getHeight() != camera_.height)
       return Error{described_ + " has changed the size of its images", "open it again", {}, 0};
     stamp(image, frame);

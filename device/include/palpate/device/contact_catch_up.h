@@ -1,6 +1,6 @@
-// Brings up a renderer under a hand that may be in contact. It releases the renderer at a place known to be
-// free and steps it from there to the HIP, a bounded number of steps a tick. The result equals that of a
-// renderer that never released, unless the way crosses something else.
+// Brings up a renderer under a hand, even in contact. It releases the renderer at a place known to be free
+// and steps it from there to the HIP, a bounded number of steps a tick. The result equals that of a renderer
+// that never released, unless the way crosses something else.
 //
 // First:
 //   palpate::render::ContactCatchUp catch_up;  // for a loop of your own; Servo has one

@@ -111,7 +111,7 @@ class Device {
 
   /// Its name for the user and recordings.
   [[nodiscard]] virtual std::string name() const = 0;
-  /// Makes the device ready with zero force. May take long and fail.
+  /// Makes the device ready with zero force. The call may take long and fail.
   [[nodiscard]] virtual Status open() = 0;
   /// Commands zero force and closes. Safe at any time, and repeatedly.
   virtual void close() noexcept = 0;

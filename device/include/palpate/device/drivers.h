@@ -54,8 +54,8 @@ struct MadeDevice {
   /// The open device's own information for reports: serial number, firmware, filters, calibration. Called by
   /// the owning thread. Empty: none.
   std::function<std::vector<std::pair<std::string, std::string>>()> facts{};
-  /// What the user must do until the device is homed, for a DeviceState::homing_step: a sentence without full
-  /// stop. Thread-safe. Empty: no words of its own.
+  /// Instruction to the user until the device is homed, for a DeviceState::homing_step: a sentence without
+  /// full stop. Thread-safe. Empty: no words of its own.
   std::function<std::string(std::uint8_t homing_step)> homing_prompt{};
   bool has_motors = true;  ///< false: forces are shown on screen instead
 };

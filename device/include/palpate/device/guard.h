@@ -1,4 +1,4 @@
-// A guard process that commands zero force when the program dies of any cause (kill -9, crash, out of
+// A process that commands zero force when the program dies. It may die of any cause (kill -9, crash, out of
 // memory). Devices may hold their last torque for ever, and a dead program cannot stop them.
 //
 // First:

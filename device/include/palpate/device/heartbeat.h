@@ -1,4 +1,4 @@
-// The servo loop's sign of life, and the signal that stops its forces.
+// The servo's sign of life, and its stop signal.
 //
 // First:
 //   palpate::device::Heartbeat heart;

@@ -31,7 +31,7 @@ class Link {
   Link& operator=(const Link&) = delete;
   virtual ~Link() = default;
 
-  /// May take long and fail; says what is missing.
+  /// Opens the link. The call may take long and fail; its Error says what is missing.
   [[nodiscard]] virtual Status open() = 0;
   /// Safe at any time, and repeatedly.
   virtual void close() noexcept = 0;

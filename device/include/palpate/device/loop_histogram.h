@@ -1,4 +1,4 @@
-// Histograms of a loop's durations in fixed memory, written by the loop and read by any thread.
+// Histograms of a loop's durations, in fixed memory. The loop writes them and any thread reads them.
 //
 // First:
 //   const palpate::device::LoopStatistics loop = thread.histograms().statistics();  // while it runs too

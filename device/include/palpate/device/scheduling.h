@@ -52,7 +52,7 @@ struct SchedulingOptions {
   int cpu = -1;                   ///< which one; -1: the last allowed
 };
 
-/// What was obtained.
+/// Scheduling that was obtained.
 struct SchedulingMode {
   bool fifo = false;
   int priority = 0;  ///< 0 without fifo
@@ -87,8 +87,8 @@ class ProcessRealTime {
 };
 
 /// Sets up the calling thread: default floating point (round to nearest, denormals kept, so a servo's frame
-/// equals a replay's bit for bit), touched stack, scheduling class and CPU, timer. May allocate. Records in
-/// `mode` what was obtained.
+/// equals a replay's bit for bit), touched stack, scheduling class and CPU, timer. The call may allocate. It
+/// records in `mode` what was obtained.
 void enter_real_time(const SchedulingOptions& options, SchedulingMode& mode);
 
 }  // namespace palpate::device

@@ -110,8 +110,8 @@ class TickObserver {
   TickObserver& operator=(const TickObserver&) = delete;
   virtual ~TickObserver() = default;
 
-  /// In the servo thread, after sending. Must not block, allocate, lock or log; counts what it cannot keep as
-  /// lost.
+  /// Called in the servo thread, after sending. It must not block, allocate, lock or log, and counts lost
+  /// ticks.
   virtual void took(const Tick& tick) noexcept = 0;
 };
 

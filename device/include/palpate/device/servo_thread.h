@@ -56,7 +56,7 @@ class ServoThread {
   /// Between start and the end of the last tick.
   [[nodiscard]] bool running() const noexcept { return running_.load(std::memory_order_acquire); }
   [[nodiscard]] const LoopHistograms& histograms() const noexcept { return loop_->histograms(); }
-  /// What start obtained. Valid after it.
+  /// Scheduling that start() obtained. Valid after it.
   [[nodiscard]] const SchedulingMode& mode() const noexcept { return mode_; }
   /// Steal of its pinned CPU, or of all, from start to now or the end.
   [[nodiscard]] double steal_percent() const;

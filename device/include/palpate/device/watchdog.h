@@ -1,4 +1,4 @@
-// A thread that commands zero force when the servo thread hangs, deadlocks or dies.
+// A thread that commands zero force when the servo stops. The servo's thread may hang, deadlock or die.
 //
 // First:
 //   palpate::device::Heartbeat heart;
