@@ -1,4 +1,4 @@
-// Options of the rivals that are lengths, in their own unit or in mm.
+// Lengths as options of the rivals. They are in the options' own unit or in mm.
 #pragma once
 
 #include <string>

@@ -115,8 +115,8 @@ class MovedPoints {
 
 /// A uniform grid with moving points, which their owner stores as floats. Cells empty at build come from a
 /// table of spare cells and return to it; they may lie within 2^31 cells of the first box. Places keep their
-/// numbers; a place that left its cell's range is a range of its own, so each still comes at most once. Must
-/// not be read during a move. Extra memory: 8 1/8 bytes a point, 12 a slot, 32 a spare cell.
+/// numbers; a place that left its cell's range is a range of its own, so each still comes at most once.
+/// Nothing may read it during a move. Extra memory: 8 1/8 bytes a point, 12 a slot, 32 a spare cell.
 class DynamicGrid {
  public:
   /// Least number of spare cells, so that small clouds can move too.

@@ -1,5 +1,5 @@
-// A mesh as a true surface, independent of the mesh renderers and their reference: CGAL's triangle tree and
-// exact predicates, no facet neighbours, no pseudonormals.
+// A mesh as a true surface, through CGAL. It is independent of the mesh renderers and their reference: CGAL's
+// triangle tree and exact predicates, no facet neighbours, no pseudonormals.
 #pragma once
 
 #include <memory>

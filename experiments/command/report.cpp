@@ -1,4 +1,4 @@
-// What is kept: reports, scores, recordings in other formats, the tables of the thesis.
+// Commands on results: reports, scores, recordings in other formats, the tables of the thesis.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -141,7 +141,7 @@ Result<int> run_report(const ReportArguments& arguments, Context& context) {
       if (document == nullptr && holds(name)) return no_kept_page(file(name).string(), kind);
   }
   const bool study = !whole && !kept && document == nullptr;
-  // What is wrong with the folder as a study is said before what is wrong with it as a place to write.
+  // Errors of the folder as a study come before those of it as a place to write.
   if (study) PALPATE_TRY(read_study(arguments.folder));
   PALPATE_ASSIGN(const OutputFolder folder, OutputFolder::reopen(arguments.folder));
   context.progress.report("drawing the report", -1.0);

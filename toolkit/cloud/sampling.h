@@ -80,7 +80,7 @@ struct Shape {
 
 enum class Sampling { kGrid, kRandom, kBlue, kLines, kScan };
 
-/// What the options of sampling say.
+/// Values of the options of sampling.
 struct SamplingOptions {
   Sampling way = Sampling::kGrid;
   double ratio = 8.0;     ///< lines: their distance over that of points along them

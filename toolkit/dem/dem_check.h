@@ -1,4 +1,4 @@
-// A height grid's header against its file, before GDAL allocates on its word. Free of GDAL.
+// Checks a height grid's header before GDAL allocates. Free of GDAL.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +14,8 @@ namespace palpate::dem {
 
 enum class DemFormat : std::uint8_t { kTiff, kPng, kHgt, kUsgs, kEsriAscii, kZip };
 
-/// What the file is by its first bytes, given what its name says: "tif", "tiff", "png", "hgt", "dem", "asc"
-/// or "zip". An Error where name and content contradict each other.
+/// The file's format by its first bytes, given its name's extension: "tif", "tiff", "png", "hgt", "dem",
+/// "asc" or "zip". An Error where name and content contradict each other.
 [[nodiscard]] Result<DemFormat> format_of(std::string_view extension, std::span<const std::byte> file);
 
 /// Whether an .asc file is an ESRI grid: it begins with ncols or nrows.

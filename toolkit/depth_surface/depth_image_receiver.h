@@ -1,4 +1,4 @@
-// Takes depth images and hands their surfaces to frames, whole surfaces in turn, without a lock.
+// Hands surfaces of depth images to frames, without a lock. Whole surfaces take turns.
 #pragma once
 
 #include <cstddef>

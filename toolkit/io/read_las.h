@@ -35,7 +35,7 @@ class LasPoints {
   /// Begins again at the first point.
   void rewind() noexcept;
   [[nodiscard]] std::uint64_t points_given() const noexcept { return given_; }
-  /// Points that the file has room for, where that can be told without decoding.
+  /// Points that the file has room for, where that is known without decoding.
   [[nodiscard]] std::uint64_t points() const noexcept { return points_; }
 
  private:

@@ -187,7 +187,7 @@ Result<std::vector<Chunk>> read_chunk_table(std::span<const std::byte> table, st
 
 namespace {
 
-// Points between two looks at the streams: a chunk that ended early is not decoded to its promise.
+// Points between two checks of the streams: a chunk that ended early is not decoded to its promise.
 constexpr std::uint64_t kPointsPerCheck = 4096;
 
 }  // namespace

@@ -127,7 +127,7 @@ void intersect_packed(const LocalDelaunayMesh& mesh, const PackedBlock& block, c
   }
 }
 
-/// Bounds on tree nodes and triangles of one look; a flight makes up to three. The longest frames found take
+/// Bounds on tree nodes and triangles of one query; a flight makes up to three. The longest frames found take
 /// 2.3 million instructions (docs/explanation/the-frame.md): jumps through a whole model at these bounds.
 inline constexpr std::uint32_t kMaxNodes = 4096;
 inline constexpr std::uint32_t kMaxTestedTriangles = 8192;
@@ -135,7 +135,7 @@ inline constexpr std::uint32_t kMaxTestedTriangles = 8192;
 inline constexpr int kMaxCrossed = 16;
 /// Most times per frame that the HIP leaves a sheet and meets another; the rest waits for the next frame.
 inline constexpr int kMaxFlights = 4;
-/// A frame that exceeds its bound halves the looked-at part of the HIP's way, down to this share: a facet's
+/// A frame that exceeds its bound halves the queried part of the HIP's way, down to this share: a facet's
 /// width on the longest way through a model of a million points.
 inline constexpr double kMinSegmentShare = 0x1p-10;
 /// Widest gap that is bridged, in middle edges of the border facet: a void in random points is two spacings
@@ -143,10 +143,10 @@ inline constexpr double kMinSegmentShare = 0x1p-10;
 inline constexpr double kGapEdges = 4.0;
 /// Density step: where dense points end at a surface this many times as coarse, no triangle joins them, and
 /// the gap is as wide as the coarse edges. The search range grows by kFarther up to 1,024 edges, within one
-/// look's total bound. Stars cross steps up to 1:4 in spacing (16:1 in density); random points' triangles do
+/// query's total bound. Stars cross steps up to 1:4 in spacing (16:1 in density); random points' triangles do
 /// not reach twice that.
 inline constexpr double kStepEdges = 8.0;
-inline constexpr std::uint32_t kStepLooks = 4;
+inline constexpr std::uint32_t kStepQueries = 4;
 /// Half width of the searched region, as a share of its length: what lies beyond a step lies ahead.
 inline constexpr double kStepWidth = 0.25;
 /// cos^2 of 45 degrees: a surface across a gap must be within this angle of the way ahead. Beside it the
@@ -166,12 +166,12 @@ inline constexpr double kStepsAhead = 8.0;
 /// The searched cube's centre is this many steps ahead: it still contains the last step and lasts for
 /// fourteen.
 inline constexpr double kStepsBefore = 6.0;
-/// For a rising HIP, a god object closer than this share of the last looked-at pull may release within two
+/// For a rising HIP, a god object closer than this share of the last queried pull may release within two
 /// steps.
 inline constexpr double kShallowShare = 0.25;
 /// Growth of an empty search, applied twice: a HIP in free air searches once in 128 steps.
 inline constexpr double kFarther = 4.0;
-inline constexpr int kFartherLooks = 2;
+inline constexpr int kFartherQueries = 2;
 /// Node bound of each such search: four for each of the sixteen blocks.
 inline constexpr std::uint32_t kMaxFartherNodes = 64;
 /// Blocks kept packed: a HIP stays in one for a dozen frames and crosses two or three at a time.
@@ -180,7 +180,7 @@ inline constexpr std::size_t kPackedBlocks = 4;
 /// and the double rounding of coordinates.
 inline constexpr double kClearShare = 1.0 - 1e-6, kClearSlack = 16.0 * kUnitRoundoff;
 
-/// A foot is as exact as its coordinates, up to a few roundings.
+/// A closest point is as exact as its coordinates, up to a few roundings.
 inline constexpr double kOnSurface = 4.0 * kUnitRoundoff;
 
 /// Most sheets that hold a god object: three crossing ones leave no freedom for a fourth.
@@ -248,7 +248,8 @@ class MeshContact {
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] const Vec3& pull() const noexcept { return pull_; }
   [[nodiscard]] const Facet& facet() const noexcept { return position_.facet; }
-  /// The position's foot is of the last frame that crossed a facet's border; the god object is h + pull().
+  /// The position's closest point is of the last frame that crossed a facet's border; the god object is h +
+  /// pull().
   [[nodiscard]] const SurfacePosition& position() const noexcept { return position_; }
   /// 1: touched from outside, -1: from inside.
   [[nodiscard]] double side() const noexcept { return side_; }
@@ -285,16 +286,16 @@ class MeshContact {
     pull_ = pull;
     position_.closest = {h + pull, pull.squaredNorm(), feature};
   }
-  /// Walks over facets while the foot is beyond an edge. True at rest inside a facet or on an edge between
-  /// two. Crossing the only edge passed never increases the distance, because the next facet shares it; of
-  /// two it crosses the farther, and the result counts only if the distance did not grow.
+  /// Walks over facets while the projection is beyond an edge. True at rest inside a facet or on an edge
+  /// between two. Crossing the only edge passed never increases the distance, because the next facet shares
+  /// it; of two it crosses the farther, and the result counts only if the distance did not grow.
   bool cross(const Vec3& h, FacetFrame::Weights weights, ContactCounters& counters) noexcept;
   /// Prefetches around a place where the god object may go.
   void prefetch_around(std::uint32_t place) const noexcept { mesh_->prefetch_ring(place); }
   /// Open pieces can be touched from both sides, closed ones from the side of the replay's start.
   [[nodiscard]] bool is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept;
   /// True if the surrounding facets face the other way.
-  [[nodiscard]] bool is_turned_over(const Facet& facet) const noexcept;
+  [[nodiscard]] bool is_flipped(const Facet& facet) const noexcept;
   /// True if another sheet may cross the facet.
   [[nodiscard]] bool is_crossed(const Facet& facet) const noexcept {
     return mesh_->is_crossed(facet.place[0]) || mesh_->is_crossed(facet.place[1]) ||

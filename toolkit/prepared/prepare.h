@@ -59,7 +59,7 @@ struct PrepareCellsReport {
                                                        const std::string& path,
                                                        Progress& progress = no_progress());
 
-/// Bytes that building a surface needs a point, at most, all told.
+/// Bytes that building a surface needs a point, at most, in all.
 inline constexpr std::uint64_t kSurfaceBytesPerPoint = 160;
 
 struct PrepareSurfaceOptions {

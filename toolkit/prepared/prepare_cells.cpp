@@ -117,14 +117,14 @@ class Preparation {
     const std::uint64_t fixed = kFixedBytes + points / kPointsPerTableByte;
     return options_->memory_bytes > fixed ? options_->memory_bytes - fixed : 0;
   }
-  /// What a chunk may hold: a multiple of kMostCellPoints, so that cutting equal points gives the same cells.
-  /// At most half of all, to keep the scratch file small.
+  /// Points that a chunk may hold: a multiple of kMostCellPoints, so that cutting equal points gives the same
+  /// cells. At most half of all, to keep the scratch file small.
   [[nodiscard]] std::uint64_t most_chunk_points(std::uint64_t points) const noexcept {
     const std::uint64_t most = std::min(
         {options_->most_chunk_points, points / 2 + kMostCellPoints, work_bytes(points) / kSortBytesPerPoint});
     return std::max<std::uint64_t>(most / kMostCellPoints, 1) * kMostCellPoints;
   }
-  /// What a chunk at work leaves.
+  /// Bytes left for the table beside a chunk at work.
   [[nodiscard]] std::uint64_t most_table_bytes() const noexcept {
     return options_->memory_bytes - kFixedBytes - most_chunk_points(state_.info.points) * kSortBytesPerPoint;
   }
@@ -323,7 +323,7 @@ Result<PrepareCellsReport> prepare_cells(io::PointStream& stream, const PrepareC
                           std::move(state));
   Result<PrepareCellsReport> report = preparation.run();
   if (report) return report;
-  // What no run can go on with is not left behind.
+  // A file that no run can continue is removed.
   if (key.unknown) {
     preparation.remove();
     std::error_code error;

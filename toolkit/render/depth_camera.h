@@ -14,8 +14,8 @@
 
 namespace palpate::render {
 
-// The lens of Brown and Conrady, forwards in closed form and backwards by iteration. What makes images and
-// what reads them share it.
+// The lens of Brown and Conrady, forwards in closed form and backwards by iteration. Writers and readers of
+// images share it.
 
 /// Image coordinates of a point whose z is 1, behind the lens.
 [[nodiscard]] inline Eigen::Vector2d distorted(const stream::DepthCamera& camera, double x,

@@ -104,8 +104,8 @@ using Tile = std::array<float, kTileCount>;
   return {NodeLanes{} + (static_cast<float>(i / 2) - 1.5f), kY + static_cast<float>(2 * (i % 2)), kZ};
 }
 
-// Distances at a tile's nodes where patches agree: their mean, weighted by the distance of the node's foot
-// from each centre. At edges and between sheets PatchDistanceField decides.
+// Distances at a tile's nodes where patches agree: their mean, weighted by the distance of the node's closest
+// point from each centre. At edges and between sheets PatchDistanceField decides.
 
 /// The patches that may reach each tile; `codes`: of the tiles, in order. Immutable. O(patches x tiles near).
 class TilePatches {

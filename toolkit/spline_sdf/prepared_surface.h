@@ -13,7 +13,7 @@
 
 namespace palpate::render {
 
-/// Contact with a surface of which only the tiles near the hand are in memory. Where one is not here yet, a
+/// Contact with a surface of tiles. Only those near the hand are in memory. Where one is not here yet, a
 /// coarser surface that is whole in memory answers; what a hand would feel as a step is spread as a
 /// correction is. Belongs to one thread.
 class PagedContact {

@@ -53,7 +53,7 @@ struct SurfaceChunk {
 
 /// Of one chunk's pieces.
 struct JoinedPiece {
-  bool turned = false;  ///< its distances change their sign
+  bool flipped = false;  ///< its distances change their sign
   PieceClass felt;
 
   void put(Brick& brick) const noexcept;
@@ -67,8 +67,8 @@ struct JoinedChunks {
 
 /// Puts the closed pieces and the number of levels in `grid`. `chunks`: by first_code; their bricks are not
 /// read. Groups are joined by the sum of the agreement of their bricks, best supported first, as faces are
-/// within a part. What is
-/// not joined to a group that visibility has oriented is turned as looks_down() says. O(bricks log bricks).
+/// within a part. Pieces that are not joined to a group oriented by visibility are oriented by looks_down().
+/// O(bricks log bricks).
 [[nodiscard]] JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& grid,
                                        bool both_sides, int threads);
 

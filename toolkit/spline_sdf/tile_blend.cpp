@@ -15,13 +15,13 @@ namespace {
 
 /// Largest distance from the surface to nodes of bricks that it crosses, voxels.
 constexpr double kFarthestNode = 8.0;
-/// Newton steps to a node's foot: agreeing patches are nearly flat across a tile.
+/// Newton steps to a node's closest point: agreeing patches are nearly flat across a tile.
 constexpr int kNodeClosestSteps = 2;
 /// Below this determinant a node is at a centre of curvature (see PatchDistanceField).
 constexpr float kMinNodeDeterminant = 0.1f;
 /// Weight of a patch beyond its support: it counts only where no other does.
 constexpr float kBeyondSupport = 1e-6f;
-/// A patch gives no node a value if its foot is this many supports off, squared.
+/// A patch gives no node a value if its closest point is this many supports off, squared.
 constexpr float kFarthestShare = 100.0f;
 constexpr std::size_t kScatterGrain = 256;
 /// Tiles along a block's edge: about as many as a patch reaches at the level of its points.
@@ -52,7 +52,7 @@ struct alignas(kLanesAlignment) Sums {
     const NodeLanes share = (closest.u * closest.u + closest.v * closest.v) * p.per_support_sq,
                     left = 1.0f - share, none{};
     const NodeLanes rest = left > none ? left : none;
-    // Beyond its centre of curvature a foot is arbitrary or NaN: the patch does not contribute.
+    // Beyond its centre of curvature a closest point is arbitrary or NaN: the patch does not contribute.
     const auto told = share < none + kFarthestShare;
     const NodeLanes weight =
         told ? p.weight * (rest * rest * rest + kBeyondSupport / ((1.0f + share) * (1.0f + share))) : none;

@@ -1,5 +1,5 @@
-// The tiles of a large surface that are in memory, as frames see them. A loader thread fills places of the
-// arenas and says so through a ring; the frame's thread alone changes what can be found. Nothing waits.
+// Tiles of a large surface that are in memory. A loader thread fills places of the arenas and says so through
+// a ring; the frame's thread alone changes what can be found. Nothing waits.
 #pragma once
 
 #include <array>
@@ -55,7 +55,7 @@ class SpscRing {
   alignas(kApart) std::atomic<std::size_t> tail_{0};
 };
 
-/// Tiles of which a frame is told, at most; the rest is told to the next ones.
+/// Tiles reported to a frame, at most; later frames get the rest.
 inline constexpr int kNewsPerFrame = 4;
 /// Tiles that a frame misses by name; a frame that misses more asks again.
 inline constexpr int kNamedMissing = 16;
@@ -72,7 +72,7 @@ struct LoaderAim {
   int missing_count = 0;
 };
 
-/// What the loader tells a frame: a tile is at this group now, or shall be forgotten.
+/// Message of the loader to a frame: a tile is at this group now, or shall be forgotten.
 struct TileNews {
   std::uint32_t tile = 0;
   std::uint32_t root = 0;  ///< its group in the arena

@@ -89,7 +89,7 @@ constexpr double kLitSlack = 1e-9;
 /// Periods that a late frame takes longer.
 constexpr double kLatePeriods = 3.0;
 
-/// What a seed is used for, so that one error's numbers do not change with another's.
+/// Uses of a seed, so that one error's numbers do not change with another's.
 enum class Draw : std::uint64_t { kLook, kDepth, kTransport, kFault };
 
 Random random_of(std::uint64_t seed, Draw draw, std::uint64_t frame, std::uint64_t row) {

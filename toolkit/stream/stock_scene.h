@@ -1,4 +1,5 @@
-// Stock scenes for simulated cameras, a metre in front of them: sim:NAME[:option=value..].
+// Stock scenes for simulated cameras: sim:NAME[:option=value..]. The scenes stand a metre in front of the
+// camera.
 //
 //   wall          a plane
 //   moving-wall   a plane that swings along its normal

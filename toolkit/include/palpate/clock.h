@@ -62,7 +62,7 @@ class MonotonicClock final : public Clock {
   std::int64_t start_ns_ = monotonic_ns();
 };
 
-/// Moves only when told to, never back. For one thread.
+/// A clock that moves only by advance() and advance_to(), never back. For one thread.
 class VirtualClock final : public Clock {
  public:
   [[nodiscard]] std::int64_t now_ns() const noexcept override { return now_ns_; }

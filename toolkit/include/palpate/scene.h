@@ -65,7 +65,8 @@ struct CleaningStep {
   std::string summary;  ///< one line
   std::string source;   ///< paper and library
   std::vector<OptionSpec> options;
-  /// May fail; must not throw. The result does not depend on the number of threads.
+  /// The step's function: it may fail and must not throw. The result does not depend on the number of
+  /// threads.
   std::function<Result<CleaningStepOutput>(const CleaningStepInput& input)> run;
 };
 

@@ -131,10 +131,9 @@ class Device {
   virtual bool cut_force() noexcept { return false; }
 };
 
-/// Maps device positions to scene positions, and scene forces to device forces. Positions map by a
-/// similarity: a device mm is `world_per_device` scene mm. Forces keep their newtons. A surface of k N/mm
-/// therefore feels like k times world_per_device, which decides stability; all limits are judged in the
-/// device's frame.
+/// Maps positions and forces between device and scene. Positions map by a similarity: a device mm is
+/// `world_per_device` scene mm. Forces keep their newtons. A surface of k N/mm therefore feels like k times
+/// world_per_device, which decides stability; all limits are judged in the device's frame.
 struct DeviceMap {
   geometry::RigidTransform world_from_device;  ///< of a device whose mm are the scene's
   double world_per_device = 1.0;               ///< above 0; 0: the HIP is held at the translation
