@@ -113,8 +113,8 @@ Vec3 pull_to(const TriangleFan& fan, const Vec3& r) noexcept {
 
 }  // namespace
 
-Vec3 pull_at_crease(const PointModel& model, const WalkResult& end, const Vec3& outward, const Vec3& h,
-                    const Vec3& pull) noexcept {
+Vec3 pull_at_crease(const points::PointModel& model, const points::WalkResult& end, const Vec3& outward,
+                    const Vec3& h, const Vec3& pull) noexcept {
   const Vec3 g = model.points[end.place].at();
   const TriangleFan fan = triangle_fan(
       outward, [&](std::size_t k) { return Vec3(Vec3(end.x_mm[k], end.y_mm[k], end.z_mm[k]) - g); });
@@ -127,7 +127,7 @@ namespace {
 /// one thread. The model stays where it is once its contact is attached, which refers to the points.
 class VerticesModel {
  public:
-  using Memory = WalkResult;
+  using Memory = points::WalkResult;
   static constexpr bool kTemplatedOnFeatures = true;
 
   [[nodiscard]] ModelPose& pose() noexcept { return body.pose; }
@@ -147,8 +147,8 @@ class VerticesModel {
   void release() noexcept { state.release(); }
 
   template <unsigned kFeatures>
-  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, WalkResult& end, SurfaceContact& answer,
-                           FrameStatus& status, FrameCounters& counters) noexcept {
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, points::WalkResult& end,
+                           SurfaceContact& answer, FrameStatus& status, FrameCounters& counters) noexcept {
     const bool held = contact.update(h, end, counters);
     if (contact.bound_hit()) status = FrameStatus::kBoundHit;
     if (held) answer = contact_at<kFeatures>(end, h);
@@ -158,11 +158,11 @@ class VerticesModel {
   [[nodiscard]] SurfaceResponse respond(const SurfaceContact& at) noexcept {
     return state.respond<kFeatures>(at, body.surface.texture, body.pose.origin_mm);
   }
-  void planes_near(const WalkResult& end, const Vec3& at_world, JointPlanes& planes,
+  void planes_near(const points::WalkResult& end, const Vec3& at_world, JointPlanes& planes,
                    FrameCounters& counters) const noexcept {
     planes.add(plane_near(end.place, body.pose.to_local(at_world), counters));
   }
-  PointInstance body;
+  points::PointInstance body;
   PointContact contact;
   SurfaceState state;
   geometry::Aabb prepared_box_mm;  ///< local; prepared points with the reach of their boxes
@@ -172,22 +172,22 @@ class VerticesModel {
 
  private:
   template <unsigned kFeatures>
-  [[nodiscard]] SurfaceContact contact_at(const WalkResult& end, const Vec3& h) const noexcept;
+  [[nodiscard]] SurfaceContact contact_at(const points::WalkResult& end, const Vec3& h) const noexcept;
   [[nodiscard]] geometry::HalfSpace plane_near(std::uint32_t start, const Vec3& at,
                                                FrameCounters& counters) const noexcept;
 };
 
 /// The frictionless contact at the walk's end, local.
 template <unsigned kFeatures>
-inline SurfaceContact VerticesModel::contact_at(const WalkResult& end, const Vec3& h) const noexcept {
-  const PointModel& model = *body.points;
+inline SurfaceContact VerticesModel::contact_at(const points::WalkResult& end, const Vec3& h) const noexcept {
+  const points::PointModel& model = *body.points;
   const Vec3 g = model.points[end.place].at();
   SurfaceContact at = uniform_contact(body.surface, h, g - h);
-  NearestTwo two{end.place, end.place};
+  points::NearestTwo two{end.place, end.place};
   const bool varied = (kFeatures & kVaried) != 0 && !body.surface.by_point.empty();
   if (shading != Shading::kNone || varied) {
     two = shading == Shading::kFacet || varied ? enclosing_two(model, end, contact.outward(), h)
-                                               : nearest_two(model, end);
+                                               : points::nearest_two(model, end);
     __builtin_prefetch(&model.neighbours[two.first]);  // the god object's likely next place
     const Vec3 b = model.points[two.first].at();
     if (shading != Shading::kNone && (!by_spacing || (b - g).squaredNorm() > felt_spacing_sq_mm2)) {
@@ -225,15 +225,15 @@ inline SurfaceContact VerticesModel::contact_at(const WalkResult& end, const Vec
 /// The surface's plane near a place, found without moving the contact: a half-space in the world.
 inline geometry::HalfSpace VerticesModel::plane_near(std::uint32_t start, const Vec3& at,
                                                      FrameCounters& counters) const noexcept {
-  const PointModel& model = *body.points;
+  const points::PointModel& model = *body.points;
   Sheet sheet = contact.sheet();
   sheet.place = start;
-  int steps = kMaxWalkSteps;
-  const WalkResult end = follow(model, sheet, at, steps, counters);
+  int steps = points::kMaxWalkSteps;
+  const points::WalkResult end = follow(model, sheet, at, steps, counters);
   const Vec3 g = model.points[end.place].at();
   Vec3 normal = sheet.outward;
   if (shading != Shading::kNone) {
-    const NearestTwo two = enclosing_two(model, end, sheet.outward, at);
+    const points::NearestTwo two = enclosing_two(model, end, sheet.outward, at);
     const FacetPlane plane = facet_plane(g, model.points[two.first].at(), model.points[two.second].at());
     if (plane.usable)
       normal = plane.scaled_normal.normalized() * (plane.scaled_normal.dot(sheet.outward) < 0.0 ? -1.0 : 1.0);
@@ -253,7 +253,7 @@ struct SpacedShading : ShadingDecision {
 
 /// A change of point moves the force by stiffness x spacing. Contacts are shaded by the facet where that is
 /// felt, and not at all if no spacing is so large, which spares time and bytes.
-SpacedShading shading_for(const std::string& choice, const PointModelDecision& decided) {
+SpacedShading shading_for(const std::string& choice, const points::PointModelDecision& decided) {
   if (choice != "auto") return {given_shading(choice)};
   const double stiffness = decided.surface.largest_stiffness_n_per_mm,
                spacing = decided.points.max_spacing_mm;
@@ -287,7 +287,7 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
                 "a model near the HIP: {} moves of the god object and {} along an edge, {} wider looks of 64 "
                 "points, {} box tests, segments of {} cells, at a crease {} facets and as many lines a "
                 "frame; what is left is done in the next; of models touched at once the {} deepest",
-                kMaxWalkSteps, kMaxFaceMoves, kMaxEscapes, kMaxBoxTests, kMaxSegmentCells,
+                points::kMaxWalkSteps, kMaxFaceMoves, kMaxEscapes, kMaxBoxTests, kMaxSegmentCells,
                 search::kNeighbours, kMaxTouched),
             options_};
   }
@@ -297,25 +297,26 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
     for (const ModelInput& input : scene.models) PALPATE_TRY(prepare_model(input, context, report));
     return Done{};
   }
-  [[nodiscard]] PointModelOptions point_options() const {
-    PointModelOptions o = point_model_options(options_);
+  [[nodiscard]] points::PointModelOptions point_options() const {
+    points::PointModelOptions o = points::point_model_options(options_);
     o.blend_resolutions = kBlendResolutions;
     return o;
   }
-  [[nodiscard]] SpacedShading shading_of(const PointModelDecision& decided) const {
+  [[nodiscard]] SpacedShading shading_of(const points::PointModelDecision& decided) const {
     return shading_for(options_.text("shading"), decided);
   }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
-    PALPATE_ASSIGN(const PointModelDecision decided, decide_point_model(input, point_options(), context));
+    PALPATE_ASSIGN(const points::PointModelDecision decided,
+                   points::decide_point_model(input, point_options(), context));
     return decisions_for(input, decided);
   }
   [[nodiscard]] ModelDecisions decisions_for(const ModelInput& input,
-                                             const PointModelDecision& decided) const {
-    const PointDecision& points = decided.points;
+                                             const points::PointModelDecision& decided) const {
+    const points::PointDecision& points = decided.points;
     ModelDecisions out;
     out.name = input.name;
-    describe_points(*input.cloud, point_options(), points, out);
+    points::describe_points(*input.cloud, point_options(), points, out);
     const double millions = 1e-6 * static_cast<double>(input.cloud->size());
     out.prepare_ms = millions * (points.from_scan ? kScanOrderMsPerMillion : kSearchMsPerMillion);
     out.frame_us = kFrameUs;
@@ -328,9 +329,9 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
 
   Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
     auto made = std::make_unique<VerticesModel>();
-    PALPATE_ASSIGN(made->body, build_point_body(input, point_options(), context, report));
-    const PointModel& points = *made->body.points;
-    const PointModelDecision decided = made->body.decided();
+    PALPATE_ASSIGN(made->body, points::build_point_body(input, point_options(), context, report));
+    const points::PointModel& points = *made->body.points;
+    const points::PointModelDecision decided = made->body.decided();
     const SpacedShading shading = shading_of(decided);
     report.decisions.models.push_back(decisions_for(input, decided));
     if (!shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
@@ -338,7 +339,7 @@ class CloudVertices final : public FrameLoopRenderer<VerticesModel> {
     made->by_spacing = shading.by_spacing;
     made->felt_spacing_sq_mm2 = shading.felt_spacing_mm * shading.felt_spacing_mm;
     made->contact.attach(points);
-    for (const StoredPoint& p : points.points) made->prepared_box_mm.add(p.at());
+    for (const points::StoredPoint& p : points.points) made->prepared_box_mm.add(p.at());
     made->prepared_box_mm.low_mm -= points.largest_half_box_mm;
     made->prepared_box_mm.high_mm += points.largest_half_box_mm;
     models_.add(std::move(made));
@@ -359,14 +360,14 @@ render::RendererInfo cloud_vertices_info() {
   info.summary = kSummary;
   info.source = kSource;
   info.supports = CloudVertices::kFelt;
-  info.options = point_model_specs();
+  info.options = points::point_model_specs();
   for (OptionSpec& spec : info.options) {
     if (spec.key != "cell") continue;
     spec.default_value = "0";
     spec.only_with = {{"partition", {"grid"}}};  // the leaves of a tree choose their own sizes
   }
-  for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
-  info.options.push_back(partition_spec());
+  for (OptionSpec& spec : points::box_test_specs()) info.options.push_back(std::move(spec));
+  info.options.push_back(points::partition_spec());
   info.options.push_back(shading_spec("force shading; auto: facet where stiffness x local spacing is felt"));
   info.make = [](const Options& options) { return std::make_unique<CloudVertices>(options); };
   return info;

@@ -19,7 +19,7 @@ constexpr double kRimCosine = 0.25;
 
 }  // namespace
 
-void PointContact::attach(const PointModel& model) {
+void PointContact::attach(const points::PointModel& model) {
   model_ = &model;
   sides_.attach(model);
   const double half_diagonal_sq = model.largest_half_box_mm.squaredNorm();
@@ -41,7 +41,7 @@ void PointContact::reset(const Vec3& h) noexcept {
 }
 
 /// Free: the watched sheets are followed, and boxes crossed since the last frame may add one.
-bool PointContact::update_free(const Vec3& h, WalkResult& end, FrameCounters& counters) noexcept {
+bool PointContact::update_free(const Vec3& h, points::WalkResult& end, FrameCounters& counters) noexcept {
   if (!scan_.running) {
     const Vec3 d = h - tested_to_;
     const double most = kMaxSegmentCells * model_->decision.cell_mm;
@@ -72,7 +72,7 @@ bool PointContact::update_free(const Vec3& h, WalkResult& end, FrameCounters& co
 
 /// The walk went around an edge to the points nearest to the HIP. At a convex one the god object stays on the
 /// face that it came from, as on a mesh, until its place there lies beyond the next one.
-void PointContact::stay_on_facet(const Vec3& h, WalkResult& end, FrameCounters& counters) noexcept {
+void PointContact::stay_on_facet(const Vec3& h, points::WalkResult& end, FrameCounters& counters) noexcept {
   Sheet& sheet = near_[0];
   Sheet face = sheet;
   face.place = std::exchange(sheet.turned_from, kNoPlace);
@@ -88,8 +88,8 @@ void PointContact::stay_on_facet(const Vec3& h, WalkResult& end, FrameCounters& 
   for (int move = 0; move < kMaxFaceMoves; ++move) {
     const std::uint32_t before = face.place;
     for (const std::uint32_t other : model_->neighbours[before]) {
-      const StoredPoint& p = model_->points[other];
-      const double square = distance_sq(p, closest);
+      const points::StoredPoint& p = model_->points[other];
+      const double square = points::distance_sq(p, closest);
       if (!(square < least) || p.normal == surface::kNoNormal ||
           !(face.side * surface::decode_normal(p.normal).dot(face.outward) >= kEdgeCosine))
         continue;
@@ -101,7 +101,7 @@ void PointContact::stay_on_facet(const Vec3& h, WalkResult& end, FrameCounters& 
   }
   face.set_outward(*model_);
   end.place = face.place;
-  end.distance_sq_mm2 = face.distance_sq_mm2 = distance_sq(model_->points[face.place], h);
+  end.distance_sq_mm2 = face.distance_sq_mm2 = points::distance_sq(model_->points[face.place], h);
   end.load_neighbours(*model_, h);
   face.walk_truncated = false;
   sheet = face;
@@ -164,7 +164,7 @@ bool PointContact::is_watched(std::uint32_t place) const noexcept {
   const Vec3 p = model_->points[place].at();
   const surface::NormalCode code = model_->points[place].normal;
   for (std::size_t i = 0; i < sheets_; ++i) {
-    if (!(distance_sq(model_->points[near_[i].place], p) <= same_sheet_sq_mm2_)) continue;
+    if (!(points::distance_sq(model_->points[near_[i].place], p) <= same_sheet_sq_mm2_)) continue;
     if (code == surface::kNoNormal) return true;
     if (std::abs(surface::decode_normal(code).dot(near_[i].outward)) > kSameSheetCosine) return true;
   }
@@ -187,7 +187,7 @@ void PointContact::add_sheet(std::uint32_t place, const Vec3& from, FrameCounter
   if (below && surface::is_one_sided(model_->points[sheet.place].normal)) {
     // Inside the surface, unless a nearer sheet stands between: then this is the far side of a thin part.
     for (std::size_t i = 0; i < sheets_; ++i)
-      if (distance_sq(model_->points[near_[i].place], from) <= sheet.distance_sq_mm2) return;
+      if (points::distance_sq(model_->points[near_[i].place], from) <= sheet.distance_sq_mm2) return;
   } else if (below) {
     sheet.side = -sheet.side;
     sheet.outward = -sheet.outward;

@@ -61,16 +61,18 @@ struct BoxScan {
   /// Tests up to kMaxBoxTests more boxes. `skip(place)` excludes crossed boxes. True when the segment is
   /// complete. Dispatches once a frame, always alike for a model.
   template <class Skip>
-  bool advance(const PointModel& model, FrameCounters& counters, Skip&& skip) noexcept {
+  bool advance(const points::PointModel& model, FrameCounters& counters, Skip&& skip) noexcept {
     // The only call of the grid's scan, so that it is inlined: a tenth less work.
     if (model.tree.index() == 0) [[likely]]
       return scan_any(model, model.grid, counters, skip);
-    return with_tree(model, [&](const auto& tree) noexcept { return scan_any(model, tree, counters, skip); });
+    return points::with_tree(
+        model, [&](const auto& tree) noexcept { return scan_any(model, tree, counters, skip); });
   }
 
   /// advance() for one partition, whose order of places is the model's.
   template <bool kSwept, search::Partition P, class Skip>
-  bool scan(const PointModel& model, const P& partition, FrameCounters& counters, Skip&& skip) noexcept {
+  bool scan(const points::PointModel& model, const P& partition, FrameCounters& counters,
+            Skip&& skip) noexcept {
     const geometry::SegmentProbe probe(from_mm, to_mm);
     Vec3 reach = model.largest_half_box_mm;
     if constexpr (kSwept) reach += Vec3::Constant(model.sphere_mm);
@@ -93,7 +95,7 @@ struct BoxScan {
         ++counters.box_tests;
         const auto p = static_cast<std::uint32_t>(place);
         if (!touches<kSwept>(model, probe, p, counters)) continue;
-        if (!skip(p)) keep(p, distance_sq(model.points[p], from_mm));
+        if (!skip(p)) keep(p, points::distance_sq(model.points[p], from_mm));
       }
       return true;
     });
@@ -102,13 +104,14 @@ struct BoxScan {
 
  private:
   template <class P, class Skip>
-  bool scan_any(const PointModel& model, const P& partition, FrameCounters& counters, Skip&& skip) noexcept {
+  bool scan_any(const points::PointModel& model, const P& partition, FrameCounters& counters,
+                Skip&& skip) noexcept {
     return model.sphere_mm > 0.0 ? scan<true>(model, partition, counters, skip)
                                  : scan<false>(model, partition, counters, skip);
   }
   template <bool kSwept>
-  static bool touches(const PointModel& model, const geometry::SegmentProbe& probe, std::uint32_t place,
-                      FrameCounters& counters) noexcept {
+  static bool touches(const points::PointModel& model, const geometry::SegmentProbe& probe,
+                      std::uint32_t place, FrameCounters& counters) noexcept {
     const Vec3 centre = model.points[place].at(), half = model.half_box(place);
     if constexpr (!kSwept) return geometry::segment_touches_box(probe, centre, half);
     if (!geometry::swept_sphere_touches_box(probe, model.sphere_mm, centre, half)) return false;
@@ -122,14 +125,14 @@ struct BoxScan {
 class FreeSides {
  public:
   /// Call before use. Allocates.
-  void attach(const PointModel& model) { sides_.assign(model.closed_components, 1.0); }
+  void attach(const points::PointModel& model) { sides_.assign(model.closed_components, 1.0); }
   /// The HIP is free at `h`. O(n) if the model has closed pieces; allocates nothing.
-  void find(const PointModel& model, const Vec3& h) noexcept {
+  void find(const points::PointModel& model, const Vec3& h) noexcept {
     if (!sides_.empty())
       surface::point_sides(model.points, model.neighbours, model.closed_component_of, h, sides_);
   }
   /// For a place with a one-sided normal: 1 if its piece is touched from outside, else -1.
-  [[nodiscard]] double at(const PointModel& model, std::uint32_t place) const noexcept {
+  [[nodiscard]] double at(const points::PointModel& model, std::uint32_t place) const noexcept {
     return sides_[model.closed_component_of.empty() ? 0 : model.closed_component_of[place]];
   }
 
@@ -150,14 +153,14 @@ inline constexpr int kMaxFaceMoves = 4;
 class PointContact {
  public:
   /// Call before use. Allocates.
-  void attach(const PointModel& model);
+  void attach(const points::PointModel& model);
   /// Free at `h`, which defines the free side of closed surfaces. O(n) if there are any.
   void reset(const Vec3& h) noexcept;
   /// Free at `h`, known to be clear: the next update tests the way from there.
   void start_from(const Vec3& h) noexcept;
   /// Moves the HIP to `h`. True in contact: `end` then describes the god object's surroundings.
-  [[nodiscard]] bool update(const Vec3& h, WalkResult& end, FrameCounters& counters) noexcept {
-    steps_ = kMaxWalkSteps;
+  [[nodiscard]] bool update(const Vec3& h, points::WalkResult& end, FrameCounters& counters) noexcept {
+    steps_ = points::kMaxWalkSteps;
     behind_ = false;
     const bool touching = contact_ ? update_in_contact(h, end, counters) : update_free(h, end, counters);
     previous_ = h;
@@ -172,7 +175,7 @@ class PointContact {
 
  private:
   /// In contact: the god object follows; the HIP is out when above the plane there.
-  bool update_in_contact(const Vec3& h, WalkResult& end, FrameCounters& counters) noexcept {
+  bool update_in_contact(const Vec3& h, points::WalkResult& end, FrameCounters& counters) noexcept {
     Sheet& sheet = near_[0];
     const double before = height_mm_;  // of the last frame's HIP over the last frame's plane
     end = follow(*model_, sheet, h, steps_, counters);
@@ -188,8 +191,8 @@ class PointContact {
     return update_free(h, end, counters);
   }
 
-  bool update_free(const Vec3& h, WalkResult& end, FrameCounters& counters) noexcept;
-  void stay_on_facet(const Vec3& h, WalkResult& end, FrameCounters& counters) noexcept;
+  bool update_free(const Vec3& h, points::WalkResult& end, FrameCounters& counters) noexcept;
+  void stay_on_facet(const Vec3& h, points::WalkResult& end, FrameCounters& counters) noexcept;
   void follow_sheets(FrameCounters& counters) noexcept;
   [[nodiscard]] std::size_t touched_sheet() const noexcept;
   [[nodiscard]] bool under(const Sheet& sheet, const Vec3& h) const noexcept;
@@ -204,7 +207,7 @@ class PointContact {
   [[nodiscard]] bool is_watched(std::uint32_t place) const noexcept;
   void add_sheet(std::uint32_t place, const Vec3& from, FrameCounters& counters) noexcept;
 
-  const PointModel* model_ = nullptr;
+  const points::PointModel* model_ = nullptr;
   double leave_sq_mm2_ = 0.0;
   double same_sheet_sq_mm2_ = 0.0;
 

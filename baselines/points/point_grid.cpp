@@ -57,23 +57,23 @@ void report_grid(const cloud::Cloud& cloud, double spacing_mm, double cell_mm, r
 }
 
 void report_normals(const cloud::Cloud& cloud, const std::string& neighbours, render::ModelDecisions& out) {
-  render::PointModelOptions options;
+  points::PointModelOptions options;
   options.neighbours = neighbours;
   out.decisions.push_back({"normals", "planes of eight neighbours",
-                           "found as cloud finds them, by " + render::neighbours_for(cloud, options)});
+                           "found as cloud finds them, by " + points::neighbours_for(cloud, options)});
 }
 
 Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double cell_mm,
                                          const std::string& neighbours, bool keep_neighbours,
                                          const render::PrepareContext& context,
                                          render::PrepareReport& report) {
-  render::PointModelOptions options;
+  points::PointModelOptions options;
   options.neighbours = neighbours;
   options.resolution_mm = cell_mm;
   options.cell_per_resolution = 1.0;
   // The rival reports what it keeps itself.
   const std::size_t bytes = report.bytes;
-  PALPATE_ASSIGN(render::PointModel built, render::build_point_model(*input.cloud, options, context, report));
+  PALPATE_ASSIGN(points::PointModel built, points::build_point_model(*input.cloud, options, context, report));
   report.bytes = bytes;
   OrientedGrid made;
   made.points.points = std::move(built.points);

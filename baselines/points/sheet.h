@@ -43,33 +43,38 @@ struct Sheet {
   std::uint32_t turned_from = kNoPlace;  ///< start of the last walk, around an edge; the reader clears it
 
   /// Takes the normal of the new place.
-  void set_outward(const PointModel& model) noexcept {
+  void set_outward(const points::PointModel& model) noexcept {
     const surface::NormalCode code = model.points[place].normal;
     if (code != surface::kNoNormal) outward = side * surface::decode_normal(code);
   }
 };
 
 /// Height of `h` over the sheet's plane; negative inside.
-[[nodiscard]] inline double height_mm(const PointModel& model, const Sheet& sheet, const Vec3& h) noexcept {
+[[nodiscard]] inline double height_mm(const points::PointModel& model, const Sheet& sheet,
+                                      const Vec3& h) noexcept {
   return sheet.outward.dot(h - model.points[sheet.place].at());
 }
 
 /// Squared distance of the sheet's point to its farthest neighbour: the local resolution.
-[[nodiscard]] inline double local_resolution_sq(const PointModel& model, std::uint32_t place) noexcept {
+[[nodiscard]] inline double local_resolution_sq(const points::PointModel& model,
+                                                std::uint32_t place) noexcept {
   const search::Neighbours& around = model.neighbours[place];
   const Vec3 p = model.points[place].at();
   for (std::size_t k = search::kNeighbours; k-- > 0;)
-    if (around[k] != place) return distance_sq(model.points[around[k]], p);
+    if (around[k] != place) return points::distance_sq(model.points[around[k]], p);
   return 0.0;
 }
 
 /// Squared distance of a point to its fourth neighbour; 0 with fewer.
-[[nodiscard]] inline double fourth_neighbour_sq(const PointModel& model, std::uint32_t place) noexcept {
-  return distance_sq(model.points[model.neighbours[place][kFourthNeighbour]], model.points[place].at());
+[[nodiscard]] inline double fourth_neighbour_sq(const points::PointModel& model,
+                                                std::uint32_t place) noexcept {
+  return points::distance_sq(model.points[model.neighbours[place][kFourthNeighbour]],
+                             model.points[place].at());
 }
 
 /// Squared sideways distance of `h` from the sheet's normal line.
-[[nodiscard]] inline double sideways_sq(const PointModel& model, const Sheet& sheet, const Vec3& h) noexcept {
+[[nodiscard]] inline double sideways_sq(const points::PointModel& model, const Sheet& sheet,
+                                        const Vec3& h) noexcept {
   const Vec3 r = h - model.points[sheet.place].at();
   const double height = sheet.outward.dot(r);
   return r.squaredNorm() - height * height;
@@ -78,10 +83,10 @@ struct Sheet {
 /// Moves the sheet's god object to the local minimum of the distance to `h`. If it stops with the HIP far to
 /// the side, also tries the neighbours' neighbours, because greedy walks on eight-neighbour graphs can stop
 /// at false minima.
-[[nodiscard]] inline WalkResult follow(const PointModel& model, Sheet& sheet, const Vec3& h, int& steps,
-                                       FrameCounters& counters) noexcept {
+[[nodiscard]] inline points::WalkResult follow(const points::PointModel& model, Sheet& sheet, const Vec3& h,
+                                               int& steps, FrameCounters& counters) noexcept {
   const int before = steps;
-  WalkResult end = walk(model, sheet.place, h, steps, [](std::uint32_t) {});
+  points::WalkResult end = points::walk(model, sheet.place, h, steps, [](std::uint32_t) {});
   for (int rescue = 0;; ++rescue) {
     if (end.place != sheet.place || rescue > 0) {
       const Vec3 outward = sheet.outward;
@@ -99,7 +104,7 @@ struct Sheet {
     double nearest = end.distance_sq_mm2;
     for (const std::uint32_t first : model.neighbours[end.place])
       for (const std::uint32_t second : model.neighbours[first]) {
-        const double d = distance_sq(model.points[second], h);
+        const double d = points::distance_sq(model.points[second], h);
         if (d < nearest) {
           nearest = d;
           better = second;
@@ -107,7 +112,7 @@ struct Sheet {
       }
     if (better == end.place) break;
     ++counters.local_minima;
-    end = walk(model, better, h, steps, [](std::uint32_t) {});
+    end = points::walk(model, better, h, steps, [](std::uint32_t) {});
   }
   sheet.distance_sq_mm2 = end.distance_sq_mm2;
   sheet.walk_truncated = steps == 0;
@@ -118,9 +123,10 @@ struct Sheet {
 /// Two neighbours whose facet with the god object encloses the HIP's projection, as far as eight neighbours
 /// allow: the nearest to the HIP, then the nearest on the HIP's side of the line to the first. Unlike the
 /// printed shading's two nearest they are never collinear with the god object.
-[[nodiscard]] inline NearestTwo enclosing_two(const PointModel& model, const WalkResult& end,
-                                              const Vec3& outward, const Vec3& h) noexcept {
-  const NearestTwo two = nearest_two(model, end);
+[[nodiscard]] inline points::NearestTwo enclosing_two(const points::PointModel& model,
+                                                      const points::WalkResult& end, const Vec3& outward,
+                                                      const Vec3& h) noexcept {
+  const points::NearestTwo two = points::nearest_two(model, end);
   const Vec3 g = model.points[end.place].at();
   const Vec3 along = model.points[two.first].at() - g;
   const Vec3 across = outward.cross(along);  // in the surface, perpendicular to the line
@@ -137,13 +143,13 @@ struct Sheet {
   }
   // aside^2 = |across|^2 |step|^2 cos^2; points on or behind the line do not count. Branch-free, because the
   // outcome varies between frames.
-  std::uint64_t nearest = kNoKey;
+  std::uint64_t nearest = points::kNoKey;
   for (std::size_t k = 0; k < search::kNeighbours; ++k) {
     const bool counts = (aside[k] > 0.0) & (aside[k] * aside[k] >= enough[k]);
-    nearest = std::min(nearest, order_key(end.neighbour_sq_mm2[k], k) | (std::uint64_t{counts} - 1));
+    nearest = std::min(nearest, points::order_key(end.neighbour_sq_mm2[k], k) | (std::uint64_t{counts} - 1));
   }
   const search::Neighbours& around = model.neighbours[end.place];
-  return {two.first, nearest == kNoKey ? two.second : around[nearest & 7u]};
+  return {two.first, nearest == points::kNoKey ? two.second : around[nearest & 7u]};
 }
 
 /// A facet turned from its point's plane by less than this sine (3.6 degrees) stands for the whole surface:
@@ -167,7 +173,7 @@ inline constexpr double kCreaseSine = 1.0 / 16.0;
 /// each extended outward: a facet, a line between two, or the point. In grooves and corners it is the
 /// constraint solution of Zilles and Salisbury (1995), continuous in h. Returns `pull` if the neighbours do
 /// not surround the point. At most eight facets and lines; allocates nothing.
-[[nodiscard]] Vec3 pull_at_crease(const PointModel& model, const WalkResult& end, const Vec3& outward,
-                                  const Vec3& h, const Vec3& pull) noexcept;
+[[nodiscard]] Vec3 pull_at_crease(const points::PointModel& model, const points::WalkResult& end,
+                                  const Vec3& outward, const Vec3& h, const Vec3& pull) noexcept;
 
 }  // namespace palpate::baselines::vertices

@@ -119,7 +119,7 @@ void dent(benchmark::State& state, const char* spec) {
   const render::SceneInput scene = yielding_scene(state.range(0));
   const auto renderer = made(spec, scene);
   if (renderer == nullptr) return state.SkipWithError("preparation failed");
-  auto& editable = dynamic_cast<render::Editable&>(*renderer);
+  auto& editable = dynamic_cast<deformation::Editable&>(*renderer);
   const double half = 0.3 * scene.models[0].cloud->box_mm().extent_mm().x();
   Random random(1);
   double t = 0.0;

@@ -49,10 +49,11 @@ double bound_of(const std::string& name) {
            local_delaunay::kMaxFlights * 3.0 *
                (kPerNode * local_delaunay::kMaxNodes + kPerTriangle * local_delaunay::kMaxTestedTriangles);
   if (name == "cloud-smooth")
-    return kPerFrame + kPerNewton * render::kMaxNewtonSteps +
-           render::kMaxEntriesPerFrame *
-               (kPerValue * render::kMaxSegmentSamples + kPerCube * render::kMaxBrickLookups);
-  return kPerFrame + kPerLook * render::kMaxCrossingTests + kPerSheetMove * render::kMaxDescentMoves;
+    return kPerFrame + kPerNewton * spline_sdf::kMaxNewtonSteps +
+           spline_sdf::kMaxEntriesPerFrame *
+               (kPerValue * spline_sdf::kMaxSegmentSamples + kPerCube * spline_sdf::kMaxBrickLookups);
+  return kPerFrame + kPerLook * heightfield::kMaxCrossingTests +
+         kPerSheetMove * heightfield::kMaxDescentMoves;
 }
 
 constexpr double kSoupMm = 20.0;  // side of the cube

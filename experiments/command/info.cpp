@@ -113,7 +113,7 @@ nlohmann::ordered_json to_json(const Info& info) {
     j["prepared"] = {{"points", info.model.prepared->points()},
                      {"bytes", info.model.prepared->bytes()},
                      {"surfaces", nlohmann::ordered_json::array()}};
-    for (const render::StoredSurface& stored : info.model.prepared->surfaces())
+    for (const spline_sdf::StoredSurface& stored : info.model.prepared->surfaces())
       j["prepared"]["surfaces"].push_back({{"tiles", stored.keys.size()},
                                            {"bytes", stored.tile_bytes},
                                            {"spacing_mm", stored.surface.spacing_mm},
@@ -146,11 +146,11 @@ int corner_digits(const geometry::Aabb& box) {
   return std::min(kAllOfDouble, kNearOrigin + static_cast<int>(beyond));
 }
 
-void print_surfaces(const render::SurfaceFile& file) {
+void print_surfaces(const spline_sdf::SurfaceFile& file) {
   fmt::print("  prepared from      {} points, {:.3g} MB\n", file.points(),
              static_cast<double>(file.bytes()) * 1e-6);
   for (std::size_t level = 0; level < file.surfaces().size(); ++level) {
-    const render::StoredSurface& s = file.surfaces()[level];
+    const spline_sdf::StoredSurface& s = file.surfaces()[level];
     fmt::print(
         "  level {}            {} tiles, {:.3g} MB; spacing {:.4g} mm, noise {:.3g} mm; RMS of the sample "
         "{:.3g} mm\n",

@@ -37,7 +37,7 @@ struct PrepareArguments {
 /// Whether the file is there and was made by this command: then a new one may replace it.
 bool is_prepared(const std::string& path) {
   const std::vector<std::byte> first = first_bytes(path);
-  return render::SurfaceFile::begins_as_one(first) || prepared::CellFile::begins_as_one(first);
+  return spline_sdf::SurfaceFile::begins_as_one(first) || prepared::CellFile::begins_as_one(first);
 }
 
 void declare_prepare(const Declaration& declare, PrepareArguments& a) {
@@ -52,7 +52,7 @@ void declare_prepare(const Declaration& declare, PrepareArguments& a) {
   declare_model(declare, a.load);
 }
 
-void print_prepared(const render::SurfaceFile& file, const render::PrepareReport& report, bool json) {
+void print_prepared(const spline_sdf::SurfaceFile& file, const render::PrepareReport& report, bool json) {
   if (json) {
     nlohmann::ordered_json phases = nlohmann::ordered_json::array();
     for (const render::PreparePhase& phase : report.phases)
@@ -222,8 +222,8 @@ Result<int> run_large_surface(const PrepareArguments& arguments, Context& contex
   if (made->contradicted > kDoubtfulSeams)
     phases.warn(fmt::format("Along {:.2g} % of the seams the outer side is not certain.",
                             100.0 * made->contradicted));
-  PALPATE_ASSIGN(const std::shared_ptr<const render::SurfaceFile> written,
-                 render::SurfaceFile::open(arguments.out));
+  PALPATE_ASSIGN(const std::shared_ptr<const spline_sdf::SurfaceFile> written,
+                 spline_sdf::SurfaceFile::open(arguments.out));
   context.progress.clear();
   for (const std::string& warning : report.warnings) tell("palpate: warning: {}\n", warning);
   print_prepared(*written, report, arguments.json);
@@ -248,10 +248,10 @@ Result<int> run_prepare(const PrepareArguments& arguments, Context& context) {
   if (model.prepared != nullptr) return Error{"is a prepared file already", "give the scan", arguments.model};
   render::PrepareReport report;
   const render::PrepareContext prepare{arguments.load.threads, &context.progress};
-  PALPATE_TRY(render::prepare_surface_file(model.cloud, {}, prepare, report, arguments.out));
+  PALPATE_TRY(spline_sdf::prepare_surface_file(model.cloud, {}, prepare, report, arguments.out));
   stop_callback.drop();
-  PALPATE_ASSIGN(const std::shared_ptr<const render::SurfaceFile> written,
-                 render::SurfaceFile::open(arguments.out));
+  PALPATE_ASSIGN(const std::shared_ptr<const spline_sdf::SurfaceFile> written,
+                 spline_sdf::SurfaceFile::open(arguments.out));
   context.progress.clear();
   for (const std::string& warning : loaded.provenance.front().warnings)
     tell("palpate: warning: {}\n", warning);

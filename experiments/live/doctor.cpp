@@ -153,10 +153,10 @@ Check memory(const SystemFacts& facts) {
   const std::string limit = facts.memlock_limit_bytes == SystemFacts::kUnlimited
                                 ? "unlimited"
                                 : format_bytes(static_cast<double>(facts.memlock_limit_bytes));
-  const std::string wanted =
-      fmt::format("a prepared surface wants {} more than the program (resident_mb={})",
-                  format_bytes(static_cast<double>(render::kResidentBytes)), render::kResidentBytes >> 20);
-  if (facts.tried.memory_locked && facts.memlock_limit_bytes > render::kResidentBytes)
+  const std::string wanted = fmt::format("a prepared surface wants {} more than the program (resident_mb={})",
+                                         format_bytes(static_cast<double>(spline_sdf::kResidentBytes)),
+                                         spline_sdf::kResidentBytes >> 20);
+  if (facts.tried.memory_locked && facts.memlock_limit_bytes > spline_sdf::kResidentBytes)
     return fine("locked memory", "memory can be locked");
   return {"locked memory", CheckVerdict::kWarning,
           fmt::format("{} (the limit memlock is {}, and {}): a page that was swapped out stops a frame",

@@ -184,7 +184,7 @@ void prepare_file(const Cloud& cloud, const std::string& file, bool force) {
   check(ex::check_output({file, {"palsurf"}, force}, {}));
   without_lock([&](Progress& progress) -> Status {
     render::PrepareReport report;
-    return render::prepare_surface_file(cloud.points(), {}, {0, &progress}, report, file);
+    return spline_sdf::prepare_surface_file(cloud.points(), {}, {0, &progress}, report, file);
   });
 }
 

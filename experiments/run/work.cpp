@@ -78,7 +78,7 @@ Status save_mesh(const render::HapticRenderer& renderer, const std::string& file
 }
 
 Status save_edited(const render::HapticRenderer& renderer, const std::string& file) {
-  const auto* editable = dynamic_cast<const render::Editable*>(&renderer);
+  const auto* editable = dynamic_cast<const deformation::Editable*>(&renderer);
   if (editable == nullptr)
     return Error{"this renderer does not change its model",
                  "run cloud, on a scene with [model.surface.dent]"};

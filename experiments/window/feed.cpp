@@ -44,7 +44,7 @@ void WindowFeed::answer_question() noexcept {
   const device::MixedFrame& mixed = mixer_.last();
   const render::HapticRenderer* felt = nullptr;
   if (mixed.felt < mixed.tracked.size()) felt = mixed.tracked[mixed.felt].renderer;
-  if (felt != asked_) editable_ = dynamic_cast<const render::Editable*>(felt);
+  if (felt != asked_) editable_ = dynamic_cast<const deformation::Editable*>(felt);
   asked_ = felt;
   PointAnswer& into = answers_.back();
   into.of = questions_.front();

@@ -107,8 +107,8 @@ class WindowFeed final : public device::TickObserver {
   TripleBuffer<WatchedTick> newest_;
   TripleBuffer<PointQuestion> questions_;
   TripleBuffer<PointAnswer> answers_;
-  const render::HapticRenderer* asked_ = nullptr;  // the felt one, as last seen
-  const render::Editable* editable_ = nullptr;     // the same, if deformable
+  const render::HapticRenderer* asked_ = nullptr;    // the felt one, as last seen
+  const deformation::Editable* editable_ = nullptr;  // the same, if deformable
   SampleRing samples_;
   std::atomic<std::uint64_t> ticks_{0};
   std::atomic<float> force_n_{0.0f};

@@ -94,7 +94,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   settle();
   EXPECT_GT(window->scene().shifted(), 20u);
   // Every one where the renderer has it, and in the picture by the depth that was drawn.
-  const auto* editable = dynamic_cast<const render::Editable*>(
+  const auto* editable = dynamic_cast<const deformation::Editable*>(
       window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].renderer);
   ASSERT_NE(editable, nullptr);
   const cloud::Cloud& cloud = *session.input().models.front().cloud;
@@ -116,7 +116,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   ASSERT_TRUE(hit);
   EXPECT_LT((hit->place_mm - now_mm).norm(), 0.5 * deepest_mm) << "the picture has it where it was";
   // What is taken back is seen to go.
-  const_cast<render::Editable*>(editable)->restore(0);
+  const_cast<deformation::Editable*>(editable)->restore(0);
   for (int i = 0; i < 100 && window->scene().shifted() > 0; ++i) {
     virtual_session.run(0.01);
     ASSERT_TRUE(window->frame());

@@ -15,13 +15,13 @@ void require(bool holds) {
   if (!holds) std::abort();
 }
 
-void look(const palpate::render::BrickGrid& grid) {
+void look(const palpate::spline_sdf::BrickGrid& grid) {
   for (int i = 0; i < 64; ++i) {
     const double edge = grid.cube_edge() * 0.37;
     const palpate::Vec3 at(edge * (i % 4), edge * (i / 4 % 4), edge * (i / 16));
     const auto place = grid.find(at);
-    require(place.brick == palpate::render::BrickGrid::kNone || place.brick < grid.bricks.size());
-    if (place.brick != palpate::render::BrickGrid::kNone)
+    require(place.brick == palpate::spline_sdf::BrickGrid::kNone || place.brick < grid.bricks.size());
+    if (place.brick != palpate::spline_sdf::BrickGrid::kNone)
       require(grid.bricks[place.brick].piece <= grid.closed_components.size());
   }
 }
@@ -33,7 +33,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(file >= 0 && ::ftruncate(file, 0) == 0);
   require(::pwrite(file, data, size, 0) == static_cast<ssize_t>(size));
   const std::string path = "/proc/self/fd/" + std::to_string(file);
-  const auto opened = palpate::render::SurfaceFile::open(path);
+  const auto opened = palpate::spline_sdf::SurfaceFile::open(path);
   if (!opened) {
     require(opened.error().file == path && !opened.error().remedy.empty());
     return 0;

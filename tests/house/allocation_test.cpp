@@ -168,7 +168,7 @@ TEST(Frames, NoChangeOfShapeAllocates) {
   model.moves = std::make_shared<render::MoveQueue>();
   const test::Stepped renderer(stand.registry.make("cloud", {}).value());
   ASSERT_TRUE(renderer->prepare(stand.scene, {}));
-  auto& editable = dynamic_cast<render::Editable&>(*renderer);
+  auto& editable = dynamic_cast<deformation::Editable&>(*renderer);
   renderer->restart(stand.path.front());
   Random random(5);
   int undone = 0;

@@ -368,6 +368,34 @@ TEST(IncludeEdges, AllowedOnesPass) {
     EXPECT_EQ(forbidden(edge.file, edge.path), "") << edge.file << " -> " << edge.path;
 }
 
+/// Why a room of toolkit must not open the namespace of a line; empty if it may. A namespace has its folder's
+/// name; `core` and `renderers` are exceptions.
+std::string foreign_namespace(const std::string& file, const std::string& line) {
+  static const std::string kOpens = "namespace palpate";
+  if (!line.starts_with(kOpens) || !file.starts_with("toolkit/") || !public_name(file).empty()) return {};
+  const std::string room = second_folder(file);
+  if (room.empty() || room == "core") return {};
+  const std::string wanted = kOpens + "::" + (room == "renderers" ? "render" : room);
+  if (line.starts_with(wanted + " ") || line.starts_with(wanted + "::")) return {};
+  return "a file of " + room + " opens " + line;
+}
+
+TEST(Namespaces, HaveTheNamesOfTheirFolders) {
+  EXPECT_EQ(findings_by_line(is_source, foreign_namespace), "");
+}
+
+TEST(Namespaces, OthersAreFound) {
+  EXPECT_NE(foreign_namespace("toolkit/spline_sdf/a.h", "namespace palpate::render {"), "");
+  EXPECT_NE(foreign_namespace("toolkit/points/a.cpp", "namespace palpate::pointsets {"), "");
+  EXPECT_NE(foreign_namespace("toolkit/points/a.cpp", "namespace palpate {"), "");
+  EXPECT_EQ(foreign_namespace("toolkit/points/a.cpp", "namespace palpate::points {"), "");
+  EXPECT_EQ(foreign_namespace("toolkit/points/a.cpp", "namespace palpate::points::detail {"), "");
+  EXPECT_EQ(foreign_namespace("toolkit/renderers/a.cpp", "namespace palpate::render {"), "");
+  EXPECT_EQ(foreign_namespace("toolkit/core/a.cpp", "namespace palpate::option {"), "");
+  EXPECT_EQ(foreign_namespace("toolkit/include/palpate/registry.h", "namespace palpate::voronoi {"), "");
+  EXPECT_EQ(foreign_namespace("experiments/run/a.cpp", "namespace palpate::experiments {"), "");
+}
+
 TEST(PublicHeaders, IncludePublicOnesTheStandardLibraryAndEigenOnly) {
   const auto is_public = [](const std::string& file) { return !public_name(file).empty(); };
   std::vector<std::string> seen;

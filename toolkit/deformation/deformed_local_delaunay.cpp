@@ -6,7 +6,10 @@
 #include "toolkit/geometry/triangle_meshes.h"
 #include "toolkit/local_delaunay/planar_voronoi_cell.h"
 
-namespace palpate::render {
+namespace palpate::deformation {
+
+using namespace render;
+
 namespace {
 
 /// An edge is split where its halves are nearer to its first length than it is itself, in ratio: beyond the
@@ -109,4 +112,4 @@ std::size_t DeformedLocalDelaunay::bytes_for(std::size_t points, std::size_t spa
          (points + spare_points) * sizeof(First) + records * sizeof(Vec3f);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::deformation

@@ -14,7 +14,7 @@
 #include "toolkit/local_delaunay/mesh_descent.h"
 #include "toolkit/render/surface_field.h"
 
-namespace palpate::render {
+namespace palpate::deformation {
 
 class UndoJournal;
 
@@ -64,7 +64,7 @@ class DeformedLocalDelaunay {
   /// `mesh` is this renderer's own, still with its order(), and gets room for the spare points; `tree`
   /// becomes the tree over it; `surface` is what it is made of. All outlive this. Allocates.
   DeformedLocalDelaunay(local_delaunay::LocalDelaunayMesh& mesh, local_delaunay::BlockBvh& tree,
-                        SurfaceField& surface, std::size_t spare_points, int threads);
+                        render::SurfaceField& surface, std::size_t spare_points, int threads);
   DeformedLocalDelaunay(const DeformedLocalDelaunay&) = delete;
   DeformedLocalDelaunay& operator=(const DeformedLocalDelaunay&) = delete;
   ~DeformedLocalDelaunay() = default;
@@ -133,7 +133,7 @@ class DeformedLocalDelaunay {
   bool infer_between(std::uint32_t a, std::uint32_t b, UndoJournal& journal, MoveWatcher& watcher) noexcept;
 
   local_delaunay::DeformableMesh stars_;
-  SurfaceField* surface_;
+  render::SurfaceField* surface_;
   LargePageVector<std::uint32_t> place_of_;
   LargePageVector<First> first_;
   std::vector<Vec3f> records_;
@@ -225,4 +225,4 @@ class UndoJournal {
   std::uint64_t forgotten_ = 0;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::deformation

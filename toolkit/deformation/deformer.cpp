@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::render {
+namespace palpate::deformation {
+
+using namespace render;
+
 namespace {
 
 /// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
@@ -163,4 +166,4 @@ Result<cloud::Cloud> Deformer::edited() const {
   return cloud::build_cloud(points, cloud::NonFinite::kRefuse);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::deformation

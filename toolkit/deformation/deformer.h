@@ -21,7 +21,7 @@
 #include <palpate/result.h>
 #include "toolkit/deformation/deformed_local_delaunay.h"
 
-namespace palpate::render {
+namespace palpate::deformation {
 
 /// Points one call may move; of a larger dent the nearest to its middle move.
 inline constexpr std::size_t kMaxMovedPoints = 128;
@@ -74,11 +74,11 @@ class Deformer {
   /// Moves the batch's points; then what follows them does. Points that do not exist are left out.
   /// on_moved(place, from, to), mm, for each as soon as it has moved.
   template <class OnMoved>
-  std::size_t apply(const MoveBatch& batch, OnMoved on_moved) noexcept {
+  std::size_t apply(const render::MoveBatch& batch, OnMoved on_moved) noexcept {
     CallbackWatcher<OnMoved> watcher(on_moved);
     return apply_watched(batch, watcher);
   }
-  std::size_t apply(const MoveBatch& batch) noexcept { return apply(batch, kNoWatcher); }
+  std::size_t apply(const render::MoveBatch& batch) noexcept { return apply(batch, kNoWatcher); }
   /// Takes back the last stroke that is remembered. False where there is none. Work: the stroke's points.
   /// on_moved() as above.
   template <class OnMoved>
@@ -127,7 +127,7 @@ class Deformer {
  private:
   static constexpr auto kNoWatcher = [](std::uint32_t, const Vec3&, const Vec3&) noexcept {};
 
-  std::size_t apply_watched(const MoveBatch& batch, MoveWatcher& watcher) noexcept;
+  std::size_t apply_watched(const render::MoveBatch& batch, MoveWatcher& watcher) noexcept;
   bool undo_watched(MoveWatcher& watcher) noexcept;
   void reset_watched(MoveWatcher& watcher) noexcept;
   void move(std::uint32_t place, const Vec3& to_mm, MoveWatcher& watcher) noexcept;
@@ -139,13 +139,13 @@ class Deformer {
   std::vector<std::uint64_t> seen_;  ///< by place: the search that saw it last
   std::uint64_t searches_ = 0;
   std::array<std::uint32_t, kMaxMovedPoints> found_{};
-  std::array<MovedPoint, kMaxBatch> moved_{};
+  std::array<MovedPoint, render::kMaxBatch> moved_{};
   std::size_t moved_count_ = 0;
   geometry::Aabb box_mm_;
   DeformCounters counters_;
 };
 
-[[nodiscard]] inline bool is_deformable(const ModelInput& input) noexcept {
+[[nodiscard]] inline bool is_deformable(const render::ModelInput& input) noexcept {
   return input.surface.dent.any() || input.moves != nullptr;
 }
 
@@ -153,7 +153,7 @@ class Deformer {
 class DeformationState {
  public:
   /// Before the frames. `prepared_box_mm`: local, what the broad phase knows.
-  void begin(const ModelInput& input, std::unique_ptr<DeformedLocalDelaunay> points,
+  void begin(const render::ModelInput& input, std::unique_ptr<DeformedLocalDelaunay> points,
              std::size_t journal_points, const geometry::Aabb& prepared_box_mm) {
     points_ = std::move(points);
     deformer_ = std::make_unique<Deformer>(*points_, journal_points);
@@ -175,7 +175,7 @@ class DeformationState {
   template <class OnMoved>
   bool take_moves(OnMoved&& on_moved) noexcept {
     if (moves_ == nullptr) return false;
-    const MoveBatch* batch = moves_->take();
+    const render::MoveBatch* batch = moves_->take();
     if (batch == nullptr) return false;
     deformer_->apply(*batch, std::forward<OnMoved>(on_moved));
     return true;
@@ -211,8 +211,8 @@ class DeformationState {
   std::unique_ptr<DeformedLocalDelaunay> points_;
   std::unique_ptr<Deformer> deformer_;
   surface::Dent dent_;
-  std::shared_ptr<MoveReader> moves_;  ///< or null
-  bool pressed_ = false;               ///< in contact in the last frame: the stroke goes on
+  std::shared_ptr<render::MoveReader> moves_;  ///< or null
+  bool pressed_ = false;                       ///< in contact in the last frame: the stroke goes on
   geometry::Aabb prepared_box_mm_;
 };
 
@@ -233,4 +233,4 @@ class Editable {
   [[nodiscard]] virtual DeformCounters deform_counters(std::size_t model) const noexcept = 0;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::deformation

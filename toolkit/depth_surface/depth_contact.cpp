@@ -6,7 +6,10 @@
 #include "toolkit/depth_surface/depth_fusion.h"
 #include "toolkit/geometry/god_object_check.h"
 
-namespace palpate::render {
+namespace palpate::depth_surface {
+
+using namespace render;
+
 namespace {
 
 /// A move shorter than this share of a pixel is none: 2e-3 mm at 1 m, a thousandth of a newton at 0.5 N/mm.
@@ -320,4 +323,4 @@ bool DepthContact::fade_out(const DepthSheets& sheets, const Vec3& hip, double d
   return false;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

@@ -14,7 +14,7 @@
 #include <palpate/vec.h>
 #include "toolkit/depth_surface/depth_sheets.h"
 
-namespace palpate::render {
+namespace palpate::depth_surface {
 
 /// Moves of the god object in a frame, each onto the tangent plane of the last. At a depth of a third of the
 /// surface's radius each leaves a third of the error: 12 leave 2e-6.
@@ -40,7 +40,7 @@ class DepthContact {
   /// Moves the HIP. `swapped`: the surface is newer than in the last frame. True in contact, with the pull
   /// from the HIP to the felt god object.
   [[nodiscard]] bool step(const DepthSheets& sheets, bool swapped, const Vec3& hip, double dt_s, Vec3& pull,
-                          FrameStatus& status, FrameCounters& counters) noexcept;
+                          render::FrameStatus& status, render::FrameCounters& counters) noexcept;
 
  private:
   enum class State : std::uint8_t { kFree, kHeld, kLeaving };
@@ -54,14 +54,14 @@ class DepthContact {
 
   [[nodiscard]] Vec3 velocity_at(const DepthSheets& sheets, const Vec3& place) const noexcept;
   [[nodiscard]] Vec3 drift() const noexcept;
-  void swap(const DepthSheets& sheets, FrameStatus& status, FrameCounters& counters) noexcept;
+  void swap(const DepthSheets& sheets, render::FrameStatus& status, render::FrameCounters& counters) noexcept;
   bool cross(const DepthSheets& sheets, const Vec3& q, double pixels, double slack) noexcept;
-  [[nodiscard]] Descent descend(const DepthSheets& sheets, const Vec3& hip, double slack, FrameStatus& status,
-                                FrameCounters& counters) noexcept;
+  [[nodiscard]] Descent descend(const DepthSheets& sheets, const Vec3& hip, double slack,
+                                render::FrameStatus& status, render::FrameCounters& counters) noexcept;
   [[nodiscard]] static Sides sides_at(const DepthSheets& sheets, const Vec3& q) noexcept;
-  void enter(const DepthSheets& sheets, const Vec3& hip, FrameCounters& counters) noexcept;
-  [[nodiscard]] bool hold(const DepthSheets& sheets, const Vec3& hip, double dt_s, FrameStatus& status,
-                          FrameCounters& counters) noexcept;
+  void enter(const DepthSheets& sheets, const Vec3& hip, render::FrameCounters& counters) noexcept;
+  [[nodiscard]] bool hold(const DepthSheets& sheets, const Vec3& hip, double dt_s,
+                          render::FrameStatus& status, render::FrameCounters& counters) noexcept;
   void carry(const Vec3& moved, double followed, double dt_s) noexcept;
   [[nodiscard]] bool fade_out(const DepthSheets& sheets, const Vec3& hip, double dt_s) noexcept;
   void leave() noexcept;
@@ -85,4 +85,4 @@ class DepthContact {
   double share_ = 0.0;        ///< leaving: of the pull
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

@@ -4,7 +4,10 @@
 #include <cmath>
 #include <utility>
 
-namespace palpate::render {
+namespace palpate::depth_surface {
+
+using namespace render;
+
 namespace {
 
 /// Pixels that a window's result depends on beyond its border: comparing, linking and smoothing together.
@@ -491,4 +494,4 @@ void DepthFusion::write(const PixelWindow& window, DepthSheets& sheets) const no
   }
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

@@ -15,7 +15,7 @@
 #include "toolkit/depth_surface/depth_sheets.h"
 #include "toolkit/render/depth_camera.h"
 
-namespace palpate::render {
+namespace palpate::depth_surface {
 
 /// Time that a surface stays once something nearer hides it, s: a hand that passes takes a second.
 inline constexpr double kHiddenSeconds = 2.0;
@@ -35,7 +35,8 @@ class DepthFusion {
   /// Begins an image (of the camera's size, taken): its pose, noise and motion since the last.
   void begin(const stream::DepthFrame& image, DepthSheets& sheets) noexcept;
   /// Writes the image's surfaces in a window. Windows are independent of each other.
-  void update(const stream::DepthFrame& image, const PixelWindow& window, DepthSheets& sheets) noexcept;
+  void update(const stream::DepthFrame& image, const render::PixelWindow& window,
+              DepthSheets& sheets) noexcept;
   /// Ends the image, whose whole window was updated.
   void finish() noexcept { std::swap(before_, now_); }
 
@@ -54,19 +55,19 @@ class DepthFusion {
     }
   };
 
-  void invert(const stream::DepthFrame& image, const PixelWindow& window) noexcept;
+  void invert(const stream::DepthFrame& image, const render::PixelWindow& window) noexcept;
   [[nodiscard]] float inverse_at(const stream::DepthFrame& image, int u, int v) const noexcept;
   void estimate_noise(const stream::DepthFrame& image) noexcept;
   void choose_radius(double w) noexcept;
-  void warp(const PixelWindow& window) noexcept;
+  void warp(const render::PixelWindow& window) noexcept;
   void splat(std::size_t from, std::size_t to, float w, float shown) noexcept;
-  void compare(const PixelWindow& window) noexcept;
-  void fuse(const PixelWindow& window) noexcept;
+  void compare(const render::PixelWindow& window) noexcept;
+  void fuse(const render::PixelWindow& window) noexcept;
   void fuse_pixel(std::size_t i, float shift, bool together, bool still) noexcept;
-  void fill(const PixelWindow& window) noexcept;
-  void link(const PixelWindow& window) noexcept;
-  void smooth(const PixelWindow& window) noexcept;
-  void write(const PixelWindow& window, DepthSheets& sheets) const noexcept;
+  void fill(const render::PixelWindow& window) noexcept;
+  void link(const render::PixelWindow& window) noexcept;
+  void smooth(const render::PixelWindow& window) noexcept;
+  void write(const render::PixelWindow& window, DepthSheets& sheets) const noexcept;
 
   [[nodiscard]] float variance_of(float w) const noexcept {
     const float sigma = noise_near_ * w * w + noise_far_;
@@ -94,4 +95,4 @@ class DepthFusion {
   int radius_ = 0;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

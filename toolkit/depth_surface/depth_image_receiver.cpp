@@ -5,7 +5,7 @@
 
 #include <palpate/clock.h>
 
-namespace palpate::render {
+namespace palpate::depth_surface {
 
 DepthImageReceiver::DepthImageReceiver(const stream::DepthCamera& camera,
                                        const geometry::RigidTransform& local_from_world)
@@ -62,4 +62,4 @@ void DepthImageReceiver::forget_frames() noexcept {
   publish();
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

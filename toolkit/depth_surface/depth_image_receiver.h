@@ -11,7 +11,7 @@
 #include "toolkit/depth_surface/depth_sheets.h"
 #include "toolkit/render/depth_camera.h"
 
-namespace palpate::render {
+namespace palpate::depth_surface {
 
 /// Edge of the window around the HIP that can be felt first, in pixels.
 inline constexpr int kFirstWindow = 128;
@@ -36,10 +36,10 @@ class DepthImageReceiver final : public stream::DepthReceiver {
 
   stream::DepthCamera camera_;
   geometry::RigidTransform local_from_world_;
-  FrameGate gate_;
+  render::FrameGate gate_;
   DepthFusion fusion_;
   DepthSheets newest_;  ///< what is published next
   TripleBuffer<DepthSheets> published_;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

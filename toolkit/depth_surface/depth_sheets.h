@@ -16,7 +16,7 @@
 #include <palpate/depth_stream.h>
 #include <palpate/vec.h>
 
-namespace palpate::render {
+namespace palpate::depth_surface {
 
 /// tan 80 degrees: a surface steeper towards the line of sight returns next to no light, and neighbours that
 /// differ by more than it would show are two surfaces.
@@ -172,4 +172,4 @@ struct DepthSheets {
   }
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

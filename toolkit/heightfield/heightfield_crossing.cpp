@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate::render {
+namespace palpate::heightfield {
 namespace {
 
 constexpr std::int32_t kBlock = static_cast<std::int32_t>(cloud::HeightField::kBlock);
@@ -398,4 +398,4 @@ Descent descend(const HeightFieldView& sheet, CellPosition& position, const Plan
   return end;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::heightfield

@@ -11,7 +11,7 @@
 #include <palpate/vec.h>
 #include "toolkit/cloud/height_field.h"
 
-namespace palpate::render {
+namespace palpate::heightfield {
 
 /// A point in plan coordinates: x and y in posts, z in mm over the field's origin.
 struct PlanPoint {
@@ -159,4 +159,4 @@ struct Descent {
 Descent descend(const HeightFieldView& sheet, CellPosition& position, const PlanPoint& h,
                 int& moves) noexcept;
 
-}  // namespace palpate::render
+}  // namespace palpate::heightfield

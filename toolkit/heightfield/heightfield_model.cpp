@@ -15,7 +15,10 @@
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/render/prepare.h"
 
-namespace palpate::render {
+namespace palpate::heightfield {
+
+using namespace render;
+
 namespace {
 
 /// The eight posts around each (itself beyond the border), and the posts' places.
@@ -185,4 +188,4 @@ void describe_heightfield(const ModelInput& input, const HeightFieldOptions& bui
     out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::heightfield

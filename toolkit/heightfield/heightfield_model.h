@@ -13,7 +13,7 @@
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 
-namespace palpate::render {
+namespace palpate::heightfield {
 
 struct HeightFieldOptions {
   bool fills_gaps = false;            ///< fills gaps: gives their posts heights
@@ -47,15 +47,16 @@ struct LatticeSurvey {
 /// Lattice and surface of one model.
 struct HeightFieldDecision {
   LatticeDecision lattice;
-  SurfaceDecision surface;
+  render::SurfaceDecision surface;
 };
 /// The decisions that build_height_field_model() follows: survey_lattice() and decide_surface().
-[[nodiscard]] Result<HeightFieldDecision> decide_heightfield(const ModelInput& input,
+[[nodiscard]] Result<HeightFieldDecision> decide_heightfield(const render::ModelInput& input,
                                                              const HeightFieldOptions& build);
 
 /// Describes the decisions (except shading) and the bytes. `felt`: see describe_surface().
-void describe_heightfield(const ModelInput& input, const HeightFieldOptions& build,
-                          const HeightFieldDecision& decision, Features felt, ModelDecisions& out);
+void describe_heightfield(const render::ModelInput& input, const HeightFieldOptions& build,
+                          const HeightFieldDecision& decision, render::Features felt,
+                          render::ModelDecisions& out);
 
 /// The grid that frames read. Immutable and shared.
 struct HeightFieldGrid {
@@ -68,8 +69,8 @@ struct HeightFieldGrid {
 /// One model of one renderer.
 struct HeightFieldModel {
   std::shared_ptr<const HeightFieldGrid> grid;
-  ModelPose pose;
-  SurfaceField surface;  ///< places are posts
+  render::ModelPose pose;
+  render::SurfaceField surface;  ///< places are posts
 
   [[nodiscard]] HeightFieldDecision decided() const { return {grid->decision, surface}; }
   [[nodiscard]] const cloud::HeightField& field() const noexcept { return grid->field; }
@@ -77,9 +78,9 @@ struct HeightFieldModel {
 
 /// Prepares one model; takes the grid from the context's store if it has one. Errors: no stiffness, a cloud
 /// that is no regular height field. Phases, notes and bytes go to `report`.
-[[nodiscard]] Result<HeightFieldModel> build_height_field_model(const ModelInput& input,
+[[nodiscard]] Result<HeightFieldModel> build_height_field_model(const render::ModelInput& input,
                                                                 const HeightFieldOptions& build,
-                                                                const PrepareContext& context,
-                                                                PrepareReport& report);
+                                                                const render::PrepareContext& context,
+                                                                render::PrepareReport& report);
 
-}  // namespace palpate::render
+}  // namespace palpate::heightfield

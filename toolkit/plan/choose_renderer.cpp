@@ -40,7 +40,7 @@ struct Noise {
 };
 
 Noise noise_of(const render::ModelInput& model, const render::PrepareContext& context) {
-  const Result<render::SplineSdfDecision> measured = render::decide_spline_sdf(model, {}, context);
+  const Result<spline_sdf::SplineSdfDecision> measured = spline_sdf::decide_spline_sdf(model, {}, context);
   if (!measured || !(measured->spacing_mm > 0.0)) return {};
   return {measured->noise_mm / measured->spacing_mm, measured->spacing_mm};
 }

@@ -18,7 +18,10 @@
 #include "toolkit/search/uniform_grid.h"
 #include "toolkit/surface/oriented_points.h"
 
-namespace palpate::render {
+namespace palpate::points {
+
+using namespace render;
+
 namespace {
 
 /// Enough for a median that is right to some percent.
@@ -264,4 +267,4 @@ void describe_points(const cloud::Cloud& cloud, const PointModelOptions& options
   out.bytes += static_cast<std::uint64_t>(each * static_cast<double>(cloud.size()));
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::points

@@ -16,7 +16,10 @@
 #include "toolkit/render/prepare.h"
 #include "toolkit/search/knn.h"
 
-namespace palpate::render {
+namespace palpate::points {
+
+using namespace render;
+
 namespace {
 
 void partition_points(const cloud::Cloud& cloud, const PointDecision& decided, int threads,
@@ -233,4 +236,4 @@ Result<PointInstance> build_point_body(const ModelInput& input, const PointModel
   return body;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::points

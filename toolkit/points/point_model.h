@@ -24,7 +24,7 @@
 #include "toolkit/search/uniform_grid.h"
 #include "toolkit/surface/oriented_points.h"
 
-namespace palpate::render {
+namespace palpate::points {
 
 enum class BoxSize : std::uint8_t {
   kGlobal,         ///< one cube for all, of the worst resolution (section 3.1.1.1, rule of thumb)
@@ -88,22 +88,23 @@ struct PointSurvey {
 /// the cloud is empty or does not carry what the builder of neighbours reads. The same for any number of
 /// threads.
 [[nodiscard]] Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOptions& options,
-                                                const PrepareContext& context, PrepareReport& report);
+                                                const render::PrepareContext& context,
+                                                render::PrepareReport& report);
 
 /// Points and surface of one model.
 struct PointModelDecision {
   PointDecision points;
-  SurfaceDecision surface;
+  render::SurfaceDecision surface;
 };
 /// The decision that build_point_model() follows: survey_points() and decide_surface().
-[[nodiscard]] Result<PointModelDecision> decide_point_model(const ModelInput& input,
+[[nodiscard]] Result<PointModelDecision> decide_point_model(const render::ModelInput& input,
                                                             const PointModelOptions& options,
-                                                            const PrepareContext& context);
+                                                            const render::PrepareContext& context);
 
 /// The decisions in words, and the bytes of points, neighbours, boxes and partition (an estimate: nobody has
 /// counted the cells).
 void describe_points(const cloud::Cloud& cloud, const PointModelOptions& options,
-                     const PointDecision& decision, ModelDecisions& out);
+                     const PointDecision& decision, render::ModelDecisions& out);
 
 using StoredPoint = surface::OrientedPoint;
 
@@ -139,21 +140,23 @@ struct PointModel {
 /// One model as one renderer holds it.
 struct PointInstance {
   std::shared_ptr<const PointModel> points;
-  ModelPose pose;
-  SurfaceField surface;  ///< by place
+  render::ModelPose pose;
+  render::SurfaceField surface;  ///< by place
   [[nodiscard]] PointModelDecision decided() const { return {points->decision, surface}; }
 };
 
 /// Prepares one model. Its points come from the context's store where it has one. Phases, notes and bytes are
 /// added to `report`. The options that read themselves from a renderer's Options are point_model_specs().
-[[nodiscard]] Result<PointInstance> build_point_body(const ModelInput& input,
+[[nodiscard]] Result<PointInstance> build_point_body(const render::ModelInput& input,
                                                      const PointModelOptions& options,
-                                                     const PrepareContext& context, PrepareReport& report);
+                                                     const render::PrepareContext& context,
+                                                     render::PrepareReport& report);
 
 /// The points alone, for this renderer alone.
 [[nodiscard]] Result<PointModel> build_point_model(const cloud::Cloud& cloud,
                                                    const PointModelOptions& options,
-                                                   const PrepareContext& context, PrepareReport& report);
+                                                   const render::PrepareContext& context,
+                                                   render::PrepareReport& report);
 
 /// use(tree) for what a model has instead of the grid. Not std::visit, which may throw.
 template <class Model, class Use>
@@ -175,4 +178,4 @@ auto with_partition(Model& model, Use&& use) {
 [[nodiscard]] std::vector<OptionSpec> box_test_specs();
 [[nodiscard]] PointModelOptions point_model_options(const Options& options);
 
-}  // namespace palpate::render
+}  // namespace palpate::points

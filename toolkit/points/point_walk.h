@@ -8,7 +8,7 @@
 
 #include "toolkit/points/point_model.h"
 
-namespace palpate::render {
+namespace palpate::points {
 
 /// Moves a frame may make over the neighbour graph. At 50 mm/s the HIP crosses half a spacing of 0.1 mm a
 /// frame; 64 moves carry the god object over 6 mm of such a surface, 6 m/s at 1 kHz.
@@ -93,4 +93,4 @@ struct NearestTwo {
           second == kNoKey ? end.place : around[second & 7u]};
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::points

@@ -63,7 +63,7 @@ struct PrepareCellsReport {
 inline constexpr std::uint64_t kSurfaceBytesPerPoint = 160;
 
 struct PrepareSurfaceOptions {
-  render::SplineSdfOptions build;
+  spline_sdf::SplineSdfOptions build;
   std::uint64_t memory_bytes = kPrepareMemoryBytes;
   int threads = 0;                               ///< 0: all
   std::uint64_t most_chunk_points = UINT64_MAX;  ///< of a region and around it; for tests
@@ -74,7 +74,7 @@ struct PrepareSurfaceReport {
   std::uint64_t resumed = 0;  ///< chunks that were there from an earlier run
   std::uint64_t patches = 0, bricks = 0;
   double spacing_mm = 0.0, noise_mm = 0.0;
-  double contradicted = 0.0;  ///< render::JoinedChunks::contradicted
+  double contradicted = 0.0;  ///< spline_sdf::JoinedChunks::contradicted
 };
 
 /// Writes `path`, whole or not at all; the same bytes for any number of threads, and for any memory that

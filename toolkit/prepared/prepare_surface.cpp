@@ -20,9 +20,9 @@
 namespace palpate::prepared {
 namespace {
 
-using render::BrickGrid;
-using render::BrickRegion;
-using render::MortonPoints;
+using spline_sdf::BrickGrid;
+using spline_sdf::BrickRegion;
+using spline_sdf::MortonPoints;
 
 /// The program itself and buffers.
 constexpr std::uint64_t kFixedSurfaceBytes = std::uint64_t{96} << 20;
@@ -58,20 +58,20 @@ class SurfacePreparation {
       if (progress_.cancelled()) return Error{"preparing was stopped", "run it again to go on"};
       progress_.report("making the surface", static_cast<double>(r) / static_cast<double>(regions_.size()));
       PALPATE_ASSIGN(cloud::Cloud points, points_in(region_mm(regions_[r]).grown(frame_.margin_mm())));
-      PALPATE_TRY(
-          scratch.add(render::build_surface_chunk(std::move(points), regions_[r], frame_, options_.threads)));
+      PALPATE_TRY(scratch.add(
+          spline_sdf::build_surface_chunk(std::move(points), regions_[r], frame_, options_.threads)));
     }
     if (std::all_of(scratch.chunks().begin(), scratch.chunks().end(),
-                    [](const render::SurfaceChunk& chunk) { return chunk.own.empty(); })) {
+                    [](const spline_sdf::SurfaceChunk& chunk) { return chunk.own.empty(); })) {
       scratch.remove();
-      return render::no_surface();
+      return spline_sdf::no_surface();
     }
-    PALPATE_ASSIGN(render::SurfaceFileWriter writer,
-                   render::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
+    PALPATE_ASSIGN(spline_sdf::SurfaceFileWriter writer,
+                   spline_sdf::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
     PALPATE_TRY(write_joined(scratch, writer));
     const render::PrepareContext context{options_.threads, &progress_};
-    PALPATE_TRY(render::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
-                                             coarse_->size(), options_.build, context, writer));
+    PALPATE_TRY(spline_sdf::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
+                                                 coarse_->size(), options_.build, context, writer));
     PALPATE_TRY(writer.finish());
     scratch.remove();
     report_.chunks = regions_.size();
@@ -93,7 +93,7 @@ class SurfacePreparation {
       hash.u64(entry.shift);
       hash.u64(entry.hash);
     }
-    for (const BrickRegion& region : regions_) hash.u64(render::morton_code_of(region.low));
+    for (const BrickRegion& region : regions_) hash.u64(spline_sdf::morton_code_of(region.low));
     hash.u64(coarse_->size());
     return hash.value();
   }
@@ -148,14 +148,15 @@ class SurfacePreparation {
       if (cell % run < kCellsOfRun)
         PALPATE_TRY(add_points(cell, probe, [](std::size_t, const Vec3&) { return true; }));
     const MortonPoints probed(probe, options_.threads);
-    render::SplineSdfDecision& measured = frame_.measured;
+    spline_sdf::SplineSdfDecision& measured = frame_.measured;
     measured.spacing_mm = probed.spacing_mm();
-    if (!(measured.spacing_mm > 0.0)) return render::no_surface();
-    measured.noise_mm = render::estimate_noise(probed, options_.threads);
+    if (!(measured.spacing_mm > 0.0)) return spline_sdf::no_surface();
+    measured.noise_mm = spline_sdf::estimate_noise(probed, options_.threads);
     measured.voxel_mm = options_.build.voxel_spacings * measured.spacing_mm;
-    render::PointPatches any;
+    spline_sdf::PointPatches any;
     any.patch[0] = 0;
-    frame_.coarser = render::coarser_levels(probed, std::vector<render::PointPatches>(probed.size(), any));
+    frame_.coarser =
+        spline_sdf::coarser_levels(probed, std::vector<spline_sdf::PointPatches>(probed.size(), any));
     frame_.build = options_.build;
     frame_.points.box_mm =
         geometry::Aabb{info.bounds_mm.low_mm - origin_mm_, info.bounds_mm.high_mm - origin_mm_}.grown(
@@ -168,8 +169,8 @@ class SurfacePreparation {
                    "prepare the scan in parts, or remove points far away", cells_.path()};
     report_.spacing_mm = measured.spacing_mm;
     report_.noise_mm = measured.noise_mm;
-    std::uint64_t step = render::kCoarserShare;
-    while (info.points / step > most_points()) step *= render::kCoarserShare;
+    std::uint64_t step = spline_sdf::kCoarserShare;
+    while (info.points / step > most_points()) step *= spline_sdf::kCoarserShare;
     auto coarse = std::make_shared<cloud::Cloud>(empty_cloud());
     for (auto* axis : {&coarse->x_mm, &coarse->y_mm, &coarse->z_mm})
       axis->reserve(static_cast<std::size_t>(info.points / step + 1));
@@ -179,9 +180,9 @@ class SurfacePreparation {
                              [&](std::size_t i, const Vec3&) { return (first + i) % step == step / 2; }));
     coarse_ = std::move(coarse);
     const MortonPoints sorted(*coarse_, options_.threads);
-    frame_.sample = render::thinned(sorted, *coarse_, render::kSamplePoints);
+    frame_.sample = spline_sdf::thinned(sorted, *coarse_, spline_sdf::kSamplePoints);
     frame_.far = std::make_shared<const MortonPoints>(
-        *render::thinned(sorted, *coarse_, static_cast<std::size_t>(info.points / kFarShare)),
+        *spline_sdf::thinned(sorted, *coarse_, static_cast<std::size_t>(info.points / kFarShare)),
         options_.threads);
     return Done{};
   }
@@ -227,22 +228,22 @@ class SurfacePreparation {
     return divide(first_code | std::uint64_t{1} << (bits - 1), bits - 1, near);
   }
 
-  Status write_joined(const ChunkScratch& scratch, render::SurfaceFileWriter& writer) {
+  Status write_joined(const ChunkScratch& scratch, spline_sdf::SurfaceFileWriter& writer) {
     progress_.report("joining", 1.0);
-    const std::vector<render::SurfaceChunk>& chunks = scratch.chunks();
-    render::SplineSdf surface;
+    const std::vector<spline_sdf::SurfaceChunk>& chunks = scratch.chunks();
+    spline_sdf::SplineSdf surface;
     surface.grid = frame_.lattice();
     BrickGrid& grid = surface.grid;
-    const render::JoinedChunks joined =
-        render::join_chunks(chunks, grid, options_.build.both_sides, options_.threads);
-    std::vector<render::PlacedBrick> placed;
+    const spline_sdf::JoinedChunks joined =
+        spline_sdf::join_chunks(chunks, grid, options_.build.both_sides, options_.threads);
+    std::vector<spline_sdf::PlacedBrick> placed;
     std::vector<std::uint32_t> firsts;
-    render::SampleDistances distances;
-    for (const render::SurfaceChunk& chunk : chunks) {
+    spline_sdf::SampleDistances distances;
+    for (const spline_sdf::SurfaceChunk& chunk : chunks) {
       firsts.push_back(static_cast<std::uint32_t>(placed.size()));
-      for (const render::ChunkBrick& one : chunk.own) {
-        placed.push_back(
-            {{one.code, render::depth_of_level(grid, one.level)}, static_cast<std::uint32_t>(placed.size())});
+      for (const spline_sdf::ChunkBrick& one : chunk.own) {
+        placed.push_back({{one.code, spline_sdf::depth_of_level(grid, one.level)},
+                          static_cast<std::uint32_t>(placed.size())});
         surface.cubes += one.level == grid.coarser ? 1 : 0;
       }
       surface.patches += chunk.patches;
@@ -254,7 +255,7 @@ class SurfacePreparation {
     report_.contradicted = joined.contradicted;
     report_.patches = surface.patches;
     report_.bricks = placed.size();
-    const auto brick = [&](std::uint32_t number, render::Brick& out) -> Status {
+    const auto brick = [&](std::uint32_t number, spline_sdf::Brick& out) -> Status {
       const auto after = std::upper_bound(firsts.begin(), firsts.end(), number);
       const auto chunk = static_cast<std::size_t>(after - firsts.begin()) - 1;
       const std::size_t at = number - firsts[chunk];
@@ -262,7 +263,7 @@ class SurfacePreparation {
       joined.pieces[chunk][chunks[chunk].own[at].summary.piece].put(out);
       return Done{};
     };
-    return writer.add(surface, render::cut_into_tiles(std::move(placed)), brick, distances);
+    return writer.add(surface, spline_sdf::cut_into_tiles(std::move(placed)), brick, distances);
   }
 
   const CellFile& cells_;
@@ -270,7 +271,7 @@ class SurfacePreparation {
   std::string path_;
   Progress& progress_;
   Vec3 origin_mm_;
-  render::SurfaceFrame frame_;
+  spline_sdf::SurfaceFrame frame_;
   std::shared_ptr<const cloud::Cloud> coarse_;  ///< a share of the points: of the next surface
   std::vector<BrickRegion> regions_;            ///< in Morton order
   PrepareSurfaceReport report_;

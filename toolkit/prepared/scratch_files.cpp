@@ -138,8 +138,8 @@ Status PointScratch::read_sorted(std::uint64_t first, std::span<PackedPoint> poi
 
 namespace {
 
-using render::ChunkBrick;
-using render::SurfaceChunk;
+using spline_sdf::ChunkBrick;
+using spline_sdf::SurfaceChunk;
 
 /// First code, numbers of own and seam bricks and of pieces, sums of distances, patches.
 constexpr std::size_t kChunkHeadBytes = 7 * sizeof(std::uint64_t);
@@ -178,7 +178,7 @@ std::uint64_t hash_of_record(std::span<const std::byte> bytes) noexcept {
 std::vector<std::byte> encode_chunk(const SurfaceChunk& chunk) {
   std::vector<std::byte> bytes(kChunkHeadBytes + chunk.groups.size() * sizeof(std::uint32_t) +
                                (chunk.own.size() + chunk.seam.size()) * kChunkBrickBytes +
-                               chunk.bricks.size() * render::kStoredBrickBytes);
+                               chunk.bricks.size() * spline_sdf::kStoredBrickBytes);
   ByteWriter to{std::span(bytes)};
   to.u64(chunk.first_code);
   to.u64(chunk.own.size());
@@ -190,7 +190,7 @@ std::vector<std::byte> encode_chunk(const SurfaceChunk& chunk) {
   for (const std::uint32_t group : chunk.groups) to.u32(group);
   for (const ChunkBrick& one : chunk.own) write_chunk_brick(one, to);
   for (const ChunkBrick& one : chunk.seam) write_chunk_brick(one, to);
-  for (const render::Brick& brick : chunk.bricks) render::write_stored_brick(brick, to);
+  for (const spline_sdf::Brick& brick : chunk.bricks) spline_sdf::write_stored_brick(brick, to);
   return bytes;
 }
 
@@ -202,7 +202,7 @@ bool decode_chunk(std::span<const std::byte> bytes, SurfaceChunk& chunk) {
   const std::uint64_t most = bytes.size();  // each takes more than one, so that the sum below cannot overflow
   if (own > most || seam > most || groups > most ||
       kChunkHeadBytes + groups * sizeof(std::uint32_t) + (own + seam) * kChunkBrickBytes +
-              own * render::kStoredBrickBytes !=
+              own * spline_sdf::kStoredBrickBytes !=
           most)
     return false;
   chunk.own.resize(static_cast<std::size_t>(own));
@@ -215,7 +215,7 @@ bool decode_chunk(std::span<const std::byte> bytes, SurfaceChunk& chunk) {
   for (ChunkBrick& one : chunk.own) read_chunk_brick(from, one);
   for (ChunkBrick& one : chunk.seam) read_chunk_brick(from, one);
   const auto is_numbered = [&](const ChunkBrick& one) {
-    return one.summary.piece < groups && one.level < render::BrickGrid::kMaxLevels;
+    return one.summary.piece < groups && one.level < spline_sdf::BrickGrid::kMaxLevels;
   };
   return std::all_of(chunk.own.begin(), chunk.own.end(), is_numbered) &&
          std::all_of(chunk.seam.begin(), chunk.seam.end(), is_numbered);
@@ -264,7 +264,7 @@ Result<bool> ChunkScratch::read_record(std::uint64_t file_size) {
   if (!decode_chunk(bytes, chunk)) return false;
   chunks_.push_back(std::move(chunk));
   end_ += 2 * kRecordEdgeBytes + length;
-  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunks_.back().own.size() * render::kStoredBrickBytes);
+  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunks_.back().own.size() * spline_sdf::kStoredBrickBytes);
   return true;
 }
 
@@ -277,7 +277,7 @@ Status ChunkScratch::add(SurfaceChunk chunk) {
   ByteWriter{std::span<std::byte>(edge)}.u64(hash_of_record(bytes));
   PALPATE_TRY(file_.write_at(end_ + kRecordEdgeBytes + bytes.size(), edge));
   end_ += 2 * kRecordEdgeBytes + bytes.size();
-  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunk.bricks.size() * render::kStoredBrickBytes);
+  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunk.bricks.size() * spline_sdf::kStoredBrickBytes);
   release_memory(chunk.bricks);
   // Kept to the end, by the million.
   chunk.own.shrink_to_fit();
@@ -286,10 +286,10 @@ Status ChunkScratch::add(SurfaceChunk chunk) {
   return Done{};
 }
 
-Status ChunkScratch::read_brick(std::size_t chunk, std::size_t brick, render::Brick& out) const {
-  std::array<std::byte, render::kStoredBrickBytes> bytes;
+Status ChunkScratch::read_brick(std::size_t chunk, std::size_t brick, spline_sdf::Brick& out) const {
+  std::array<std::byte, spline_sdf::kStoredBrickBytes> bytes;
   PALPATE_TRY(file_.read_at(bricks_at_[chunk] + brick * bytes.size(), bytes));
-  render::read_stored_brick(bytes, out);
+  spline_sdf::read_stored_brick(bytes, out);
   return Done{};
 }
 

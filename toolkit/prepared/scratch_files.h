@@ -95,9 +95,9 @@ class ChunkScratch {
   /// the chunks depend on. A second user is an Error.
   [[nodiscard]] static Result<ChunkScratch> open(const std::string& path, std::uint64_t key);
   /// Writes a chunk and forgets its bricks.
-  [[nodiscard]] Status add(render::SurfaceChunk chunk);
-  [[nodiscard]] const std::vector<render::SurfaceChunk>& chunks() const noexcept { return chunks_; }
-  [[nodiscard]] Status read_brick(std::size_t chunk, std::size_t brick, render::Brick& out) const;
+  [[nodiscard]] Status add(spline_sdf::SurfaceChunk chunk);
+  [[nodiscard]] const std::vector<spline_sdf::SurfaceChunk>& chunks() const noexcept { return chunks_; }
+  [[nodiscard]] Status read_brick(std::size_t chunk, std::size_t brick, spline_sdf::Brick& out) const;
   void remove() const noexcept { file_.remove(); }
 
  private:
@@ -108,7 +108,7 @@ class ChunkScratch {
 
   PartFile file_;
   std::uint64_t end_ = 0;
-  std::vector<render::SurfaceChunk> chunks_;
+  std::vector<spline_sdf::SurfaceChunk> chunks_;
   std::vector<std::uint64_t> bricks_at_;  ///< by chunk: offset of its bricks
 };
 

@@ -36,24 +36,26 @@ class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
     literal.text_form = options_.text("exit_test") == "text";
     return literal;
   }
-  [[nodiscard]] PointModelOptions point_options() const {
-    PointModelOptions o = point_model_options(options_);
+  [[nodiscard]] points::PointModelOptions point_options() const {
+    points::PointModelOptions o = points::point_model_options(options_);
     o.normals = false;
     return o;
   }
-  [[nodiscard]] ShadingDecision shading_of(const PointDecision& points) const {
+  [[nodiscard]] ShadingDecision shading_of(const points::PointDecision& points) const {
     return decide_literal_shading(options_.text("shading"), points.resolution_mm);
   }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
-    PALPATE_ASSIGN(const PointModelDecision decided, decide_point_model(input, point_options(), context));
+    PALPATE_ASSIGN(const points::PointModelDecision decided,
+                   points::decide_point_model(input, point_options(), context));
     return explanation(input, decided);
   }
-  [[nodiscard]] ModelDecisions explanation(const ModelInput& input, const PointModelDecision& decided) const {
-    const PointDecision& points = decided.points;
+  [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
+                                           const points::PointModelDecision& decided) const {
+    const points::PointDecision& points = decided.points;
     ModelDecisions out;
     out.name = input.name;
-    describe_points(*input.cloud, point_options(), points, out);
+    points::describe_points(*input.cloud, point_options(), points, out);
     out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
     out.frame_us = kFrameUs;
     const bool sampled = literal_options().cells == CellRule::kSampled;
@@ -72,13 +74,13 @@ class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     const LiteralOptions literal = literal_options();
-    const PointModelOptions o = point_options();
+    const points::PointModelOptions o = point_options();
     if (literal.cells == CellRule::kSampled && o.swept_sphere)
       report.notes.push_back(
           "cells: all that the swept sphere crosses, which no sampling of a segment finds");
     for (const ModelInput& input : scene.models) {
-      PALPATE_ASSIGN(PointInstance built, build_point_body(input, o, context, report));
-      const PointModelDecision decided = built.decided();
+      PALPATE_ASSIGN(points::PointInstance built, points::build_point_body(input, o, context, report));
+      const points::PointModelDecision decided = built.decided();
       const ShadingDecision shading = shading_of(decided.points);
       report.decisions.models.push_back(explanation(input, decided));
       if (!shading.explanation.given) report.notes.push_back(note_text(shading.explanation));
@@ -98,8 +100,8 @@ RendererInfo cloud_literal_info() {
   info.source = "El-Far, chapter 3, figures 36 and 42";
   info.role = Role::kLiteral;
   info.supports = CloudLiteral::kSupportedFeatures;
-  info.options = point_model_specs(false);
-  for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
+  info.options = points::point_model_specs(false);
+  for (OptionSpec& spec : points::box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));
   info.options.push_back(
       option::choice("cells", "sampled",

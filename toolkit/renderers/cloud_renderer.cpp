@@ -43,7 +43,7 @@ constexpr Features kFeaturesOnLocalDelaunay = kFeltRigid | Feature::kDent | Feat
 /// Search for triangles near the HIP.
 enum class StarSearch : std::uint8_t { kTree, kNone };
 
-class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public Editable {
+class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public deformation::Editable {
  public:
   CloudRenderer(const Options& options, StarSearch search)
       : FrameLoopRenderer(options),
@@ -61,35 +61,35 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
             "{} deepest; where points move, {} of a dent or {} of a batch, {} new ones and {} blocks of the "
             "tree",
             walk_steps(), local_delaunay::kMaxFlights, local_delaunay::kMaxNodes,
-            local_delaunay::kMaxTestedTriangles, kMaxTouched, kMaxMovedPoints, kMaxBatch, kMaxInferredPoints,
-            local_delaunay::kMaxRefitBlocks),
+            local_delaunay::kMaxTestedTriangles, kMaxTouched, deformation::kMaxMovedPoints, kMaxBatch,
+            deformation::kMaxInferredPoints, local_delaunay::kMaxRefitBlocks),
         options_};
   }
 
   bool undo(std::size_t model) noexcept override {
-    Deformer* const deformer = deformer_of(model);
+    deformation::Deformer* const deformer = deformer_of(model);
     if (deformer == nullptr) return false;
     bool any = false;
     put_back(model, [&](auto&& on_moved) noexcept { any = deformer->undo(on_moved); });
     return any;
   }
   void restore(std::size_t model) noexcept override {
-    Deformer* const deformer = deformer_of(model);
+    deformation::Deformer* const deformer = deformer_of(model);
     if (deformer == nullptr) return;
     put_back(model, [&](auto&& on_moved) noexcept { deformer->reset(on_moved); });
   }
   Result<cloud::Cloud> edited(std::size_t model) const override {
-    if (const Deformer* const deformer = deformer_of(model)) return deformer->edited();
+    if (const deformation::Deformer* const deformer = deformer_of(model)) return deformer->edited();
     return Error{"this model does not give way", "give it a [model.surface.dent]"};
   }
   std::optional<Vec3> point_position_mm(std::size_t model, std::uint32_t point) const noexcept override {
-    const Deformer* const deformer = deformer_of(model);
+    const deformation::Deformer* const deformer = deformer_of(model);
     if (deformer == nullptr) return std::nullopt;
     return deformer->point_mm(point);
   }
-  DeformCounters deform_counters(std::size_t model) const noexcept override {
-    const Deformer* const deformer = deformer_of(model);
-    return deformer == nullptr ? DeformCounters{} : deformer->counters();
+  deformation::DeformCounters deform_counters(std::size_t model) const noexcept override {
+    const deformation::Deformer* const deformer = deformer_of(model);
+    return deformer == nullptr ? deformation::DeformCounters{} : deformer->counters();
   }
 
  private:
@@ -111,7 +111,7 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
   [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
   [[nodiscard]] bool has_no_tree() const { return search_ == StarSearch::kNone; }
   [[nodiscard]] bool can_deform(const ModelInput& input) const {
-    return !has_no_tree() && is_deformable(input);
+    return !has_no_tree() && deformation::is_deformable(input);
   }
   /// Moving points need every corner to be a cloud point, so no places are added.
   [[nodiscard]] int levels_of(const ModelInput& input) const {
@@ -145,14 +145,15 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
     out.frame_us = kDelaunayFrameUs;
     describe_surface(input, surface, has_no_tree() ? kFeltRigid : kFeaturesOnLocalDelaunay, out.points, out);
     if (can_deform(input)) {
-      const DeformerCapacity room = deformer_capacity(out.points);
+      const deformation::DeformerCapacity room = deformation::deformer_capacity(out.points);
       out.decisions.push_back(
           {"deformable geometry", "points move with their triangles",
            fmt::format("up to {} points a frame, {} spare ones, {} changes undone; the first shape is kept",
-                       kMaxMovedPoints, room.spare_points, room.journal_points),
+                       deformation::kMaxMovedPoints, room.spare_points, room.journal_points),
            true});
-      out.bytes += Deformer::bytes_for(out.points, room) +
-                   DeformedLocalDelaunay::bytes_for(out.points, room.spare_points, room.journal_points);
+      out.bytes +=
+          deformation::Deformer::bytes_for(out.points, room) +
+          deformation::DeformedLocalDelaunay::bytes_for(out.points, room.spare_points, room.journal_points);
     }
     if (input.motion != nullptr)
       out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
@@ -243,19 +244,19 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
   static void prepare_deformation(const ModelInput& input, const PrepareContext& context,
                                   LocalDelaunayModel& made, PrepareReport& report) {
     LocalDelaunayGeometry& own = *made.moving;
-    const DeformerCapacity room = deformer_capacity(own.mesh.size());
+    const deformation::DeformerCapacity room = deformation::deformer_capacity(own.mesh.size());
     PreparePhases phases(report, context);
     phases.begin("tree");
     report.bytes -= own.bytes() + made.surface.bytes();
-    auto points = std::make_unique<DeformedLocalDelaunay>(own.mesh, own.tree, made.surface, room.spare_points,
-                                                          context.threads);
+    auto points = std::make_unique<deformation::DeformedLocalDelaunay>(own.mesh, own.tree, made.surface,
+                                                                       room.spare_points, context.threads);
     own.mesh.drop_order();
     report.bytes += own.bytes() + made.surface.bytes();
     made.deformation.begin(input, std::move(points), room.journal_points, own.tree.box_mm());
     report.bytes += made.deformation.deformer()->bytes();
     report.notes.push_back(
-        fmt::format("deformation: up to {} points a frame, {} spare ones, {} changes undone", kMaxMovedPoints,
-                    room.spare_points, room.journal_points));
+        fmt::format("deformation: up to {} points a frame, {} spare ones, {} changes undone",
+                    deformation::kMaxMovedPoints, room.spare_points, room.journal_points));
     phases.end();
   }
 
@@ -311,7 +312,7 @@ class CloudRenderer final : public FrameLoopRenderer<LocalDelaunayModel>, public
           fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
   }
 
-  [[nodiscard]] Deformer* deformer_of(std::size_t model) const noexcept {
+  [[nodiscard]] deformation::Deformer* deformer_of(std::size_t model) const noexcept {
     return model < models_.size() ? models_[model].deformation.deformer() : nullptr;
   }
   template <class Change>

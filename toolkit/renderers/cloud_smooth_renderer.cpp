@@ -25,7 +25,8 @@ class SplineSdfModel {
   static constexpr bool kTemplatedOnFeatures = true;
 
   /// `paged`: null for a surface that is whole in memory.
-  SplineSdfModel(SplineSdfBody body, int most_steps, std::unique_ptr<PagedContact> paged)
+  SplineSdfModel(spline_sdf::SplineSdfBody body, int most_steps,
+                 std::unique_ptr<spline_sdf::PagedContact> paged)
       : body_(std::move(body)), paged_(std::move(paged)) {
     if (paged_ != nullptr) return;
     contact_.attach(body_.smooth->grid, body_.smooth->spacing_mm);
@@ -87,7 +88,8 @@ class SplineSdfModel {
     return spread_.answer(h, held, contact, [&] { contact = contact_at<kFeatures>(h, *touched_); });
   }
   template <unsigned kFeatures>
-  [[nodiscard]] SurfaceContact contact_at(const Vec3& h, const SplineSdfContact& by) const noexcept {
+  [[nodiscard]] SurfaceContact contact_at(const Vec3& h,
+                                          const spline_sdf::SplineSdfContact& by) const noexcept {
     SurfaceContact contact = uniform_contact(body_.surface, h, by.god_object_mm() - h);
     if constexpr ((kFeatures & kVaried) != 0)
       if (!body_.corners.empty()) read_properties(contact);
@@ -96,9 +98,10 @@ class SplineSdfModel {
 
   /// Trilinear in the cell, with the stiffness's gradient along the surface.
   void read_properties(SurfaceContact& contact) const noexcept {
-    const BrickPosition at = contact_.place();
-    const CornerProperties& corners = body_.corners[contact_.brick()];
-    const int base = (at.cell[0] * kBrickCorners + at.cell[1]) * kBrickCorners + at.cell[2];
+    const spline_sdf::BrickPosition at = contact_.place();
+    const spline_sdf::CornerProperties& corners = body_.corners[contact_.brick()];
+    const int base =
+        (at.cell[0] * spline_sdf::kBrickCorners + at.cell[1]) * spline_sdf::kBrickCorners + at.cell[2];
     const Vec3 t(static_cast<double>(at.t[0]), static_cast<double>(at.t[1]), static_cast<double>(at.t[2]));
     double stiffness = 0.0, still = 0.0, moving = 0.0;
     Vec3 gradient = Vec3::Zero();
@@ -106,7 +109,7 @@ class SplineSdfModel {
       const int x = i / 4, y = i / 2 % 2, z = i % 2;
       const double wx = x != 0 ? t.x() : 1.0 - t.x(), wy = y != 0 ? t.y() : 1.0 - t.y(),
                    wz = z != 0 ? t.z() : 1.0 - t.z();
-      const int index = base + (x * kBrickCorners + y) * kBrickCorners + z;
+      const int index = base + (x * spline_sdf::kBrickCorners + y) * spline_sdf::kBrickCorners + z;
       const PointSurface& corner = corners[static_cast<std::size_t>(index)];
       const auto k = static_cast<double>(corner.stiffness_n_per_mm);
       stiffness += wx * wy * wz * k;
@@ -123,10 +126,10 @@ class SplineSdfModel {
         (body_.smooth->grid.per_voxel * body_.smooth->grid.per_voxel_of(contact_.level()));
   }
 
-  SplineSdfBody body_;
-  SplineSdfContact contact_;
-  std::unique_ptr<PagedContact> paged_;
-  const SplineSdfContact* touched_ = &contact_;  ///< the one that answers
+  spline_sdf::SplineSdfBody body_;
+  spline_sdf::SplineSdfContact contact_;
+  std::unique_ptr<spline_sdf::PagedContact> paged_;
+  const spline_sdf::SplineSdfContact* touched_ = &contact_;  ///< the one that answers
   CorrectionRamp spread_;
   SurfaceState state_;
 };
@@ -147,61 +150,65 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
             fmt::format(
                 "a model near the HIP: {} steps of the god object, {} values and {} looks along the HIP's "
                 "segment, {} entries a frame; what is left is done in the next",
-                walk_steps(), kMaxSegmentSamples, kMaxBrickLookups, kMaxEntriesPerFrame),
+                walk_steps(), spline_sdf::kMaxSegmentSamples, spline_sdf::kMaxBrickLookups,
+                spline_sdf::kMaxEntriesPerFrame),
             options_};
   }
 
  private:
-  [[nodiscard]] SplineSdfOptions build() const {
+  [[nodiscard]] spline_sdf::SplineSdfOptions build() const {
     return {options_.number("detail"), options_.number("voxel"), options_.text("sides") == "both"};
   }
 
   [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
 
   /// The surfaces of a prepared file, in place of building.
-  Result<SplineSdfBody> open_prepared(const ModelInput& input, const PrepareContext& context,
-                                      PrepareReport& report, std::unique_ptr<PagedContact>& paged) const {
-    const PagedOptions options{static_cast<std::size_t>(options_.integer("level")),
-                               static_cast<std::size_t>(options_.integer("resident_mb")) << 20, context.paced,
-                               walk_steps()};
-    return open_prepared_body(input, options, report, paged);
+  Result<spline_sdf::SplineSdfBody> open_prepared(const ModelInput& input, const PrepareContext& context,
+                                                  PrepareReport& report,
+                                                  std::unique_ptr<spline_sdf::PagedContact>& paged) const {
+    const spline_sdf::PagedOptions options{static_cast<std::size_t>(options_.integer("level")),
+                                           static_cast<std::size_t>(options_.integer("resident_mb")) << 20,
+                                           context.paced, walk_steps()};
+    return spline_sdf::open_prepared_body(input, options, report, paged);
   }
 
   [[nodiscard]] Status check_build(const ModelInput& input) const {
-    if (input.prepared == nullptr || build() == SplineSdfOptions{}) return Done{};
+    if (input.prepared == nullptr || build() == spline_sdf::SplineSdfOptions{}) return Done{};
     return Error{"detail, voxel and sides of a prepared file were chosen when it was prepared",
                  "leave them out, or prepare the scan again", input.prepared->path()};
   }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
     PALPATE_TRY(check_build(input));
-    PALPATE_ASSIGN(const SplineSdfDecision decided,
-                   input.prepared != nullptr
-                       ? decide_prepared(input, static_cast<std::size_t>(options_.integer("level")))
-                       : decide_spline_sdf(input, build(), context));
+    PALPATE_ASSIGN(const spline_sdf::SplineSdfDecision decided,
+                   input.prepared != nullptr ? spline_sdf::decide_prepared(
+                                                   input, static_cast<std::size_t>(options_.integer("level")))
+                                             : spline_sdf::decide_spline_sdf(input, build(), context));
     return explanation(input, decided);
   }
-  [[nodiscard]] ModelDecisions explanation(const ModelInput& input, const SplineSdfDecision& decision) const {
+  [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
+                                           const spline_sdf::SplineSdfDecision& decision) const {
     ModelDecisions out;
     out.prepare_ms =
         input.prepared != nullptr ? kOpenMs : kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
     out.frame_us = kFrameUs;
-    describe_spline_sdf(input, build(), decision, kSupportedFeatures, out);
+    spline_sdf::describe_spline_sdf(input, build(), decision, kSupportedFeatures, out);
     return out;
   }
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
       PALPATE_TRY(check_build(input));
-      std::unique_ptr<PagedContact> paged;
-      PALPATE_ASSIGN(SplineSdfBody built, input.prepared != nullptr
-                                              ? open_prepared(input, context, report, paged)
-                                              : build_spline_sdf_body(input, build(), context, report));
+      std::unique_ptr<spline_sdf::PagedContact> paged;
+      PALPATE_ASSIGN(spline_sdf::SplineSdfBody built,
+                     input.prepared != nullptr
+                         ? open_prepared(input, context, report, paged)
+                         : spline_sdf::build_spline_sdf_body(input, build(), context, report));
       report.decisions.models.push_back(explanation(input, built.decided()));
       report.notes.push_back(note_text(report.decisions.models.back().decisions.front()));
       report.read_rounding_mm =
-          std::max(report.read_rounding_mm,
-                   kReadRounding * built.smooth->grid.voxel_mm / built.smooth->grid.per_voxel_of(0));
+          std::max(report.read_rounding_mm, spline_sdf::kReadRounding * built.smooth->grid.voxel_mm /
+                                                built.smooth->grid.per_voxel_of(0));
       models_.add(std::make_unique<SplineSdfModel>(std::move(built), walk_steps(), std::move(paged)));
     }
     return Done{};
@@ -217,7 +224,7 @@ RendererInfo cloud_smooth_info() {
   info.source = "ours: robust quadrics of growing radius, baked into a B-spline of distance";
   info.role = Role::kOurs;
   info.supports = CloudSmooth::kSupportedFeatures;
-  const SplineSdfOptions standard;
+  const spline_sdf::SplineSdfOptions standard;
   info.options = {
       option::number(
           "detail", fmt::format("{}", standard.detail),
@@ -233,16 +240,16 @@ RendererInfo cloud_smooth_info() {
                      "felt (auto), or "
                      "both, as of a vase",
                      {"auto", "both"}),
-      option::integer("walk_steps", fmt::format("{}", kMaxNewtonSteps),
+      option::integer("walk_steps", fmt::format("{}", spline_sdf::kMaxNewtonSteps),
                       "steps of the god object in a frame, at most; what is left is done in the next", 4.0,
                       256.0),
       option::integer(
           "level", "0",
           "of a prepared file: which of its surfaces is felt; 0 is the finest, `palpate info` lists them",
           0.0, 15.0),
-      option::integer("resident_mb", std::to_string(kResidentBytes >> 20),
+      option::integer("resident_mb", std::to_string(spline_sdf::kResidentBytes >> 20),
                       "of a prepared file: MB of its surface in memory at a time",
-                      static_cast<double>(kLeastResidentBytes >> 20), 1048576.0)};
+                      static_cast<double>(spline_sdf::kLeastResidentBytes >> 20), 1048576.0)};
   info.make = [](const Options& options) { return std::make_unique<CloudSmooth>(options); };
   return info;
 }

@@ -29,7 +29,7 @@ class DepthImageModel {
   DepthImageModel(const ModelInput& input, SurfaceField surface)
       : pose_(input, Vec3::Zero()),
         surface_(std::move(surface)),
-        silent_s_(kStalledPeriods * input.camera->period_s),
+        silent_s_(depth_surface::kStalledPeriods * input.camera->period_s),
         receiver_(*input.camera, pose_.model_from_world),
         contact_(surface_.stiffness_n_per_mm, input.camera->period_s) {}
 
@@ -56,7 +56,7 @@ class DepthImageModel {
   template <unsigned kFeatures>
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
-    const DepthSheets& sheets = receiver_.sheets();
+    const depth_surface::DepthSheets& sheets = receiver_.sheets();
     counters.swaps += swapped_;
     counters.stalled_frames += sheets.image != 0 && now_s_ - taken_s_ > silent_s_;
     Vec3 pull;
@@ -73,8 +73,8 @@ class DepthImageModel {
   ModelPose pose_;
   SurfaceField surface_;
   double silent_s_;
-  DepthImageReceiver receiver_;
-  DepthContact contact_;
+  depth_surface::DepthImageReceiver receiver_;
+  depth_surface::DepthContact contact_;
   SurfaceState state_;
   bool timed_ = false, swapped_ = false;
   double now_s_ = 0.0, dt_s_ = 0.0;
@@ -96,7 +96,7 @@ class DepthImageRenderer final : public FrameLoopRenderer<DepthImageModel> {
             fmt::format(
                 "a model: {} looks along the HIP's way at two layers when free, {} moves of the god object "
                 "when held, twice that when a new surface is taken; an image is exchanged in O(1)",
-                kMaxDepthSamples, kMaxDepthMoves + 1),
+                depth_surface::kMaxDepthSamples, depth_surface::kMaxDepthMoves + 1),
             options_};
   }
 

@@ -33,7 +33,7 @@ class LiteralHeightField {
   struct Memory {};
   static constexpr bool kForcesAddUp = true;
 
-  LiteralHeightField(HeightFieldModel model, bool walks, Shading shading)
+  LiteralHeightField(heightfield::HeightFieldModel model, bool walks, Shading shading)
       : model_(std::move(model)),
         field_(model_.field()),
         columns_(static_cast<std::int32_t>(field_.columns)),
@@ -189,7 +189,7 @@ class LiteralHeightField {
     answer_ = {stiffness * pull, god};
   }
 
-  HeightFieldModel model_;
+  heightfield::HeightFieldModel model_;
   const cloud::HeightField& field_;
   std::int32_t columns_, rows_;
   double end_x_, end_y_;  ///< columns and rows
@@ -225,7 +225,7 @@ class HeightFieldLiteral final : public FrameLoopRenderer<LiteralHeightField> {
   }
 
  private:
-  [[nodiscard]] ShadingDecision shading_of(const HeightFieldDecision& decision) const {
+  [[nodiscard]] ShadingDecision shading_of(const heightfield::HeightFieldDecision& decision) const {
     if (walks()) return decide_literal_shading(options_.text("shading"), decision.lattice.plan_resolution_mm);
     ShadingDecision none;
     none.explanation = {"shading", "none", "the box top over the HIP is looked up, no point is walked to"};
@@ -234,15 +234,16 @@ class HeightFieldLiteral final : public FrameLoopRenderer<LiteralHeightField> {
 
   Result<ModelDecisions> decide_model(const ModelInput& input,
                                       const PrepareContext& /*context*/) const override {
-    PALPATE_ASSIGN(const HeightFieldDecision decided, decide_heightfield(input, {}));
+    PALPATE_ASSIGN(const heightfield::HeightFieldDecision decided,
+                   heightfield::decide_heightfield(input, {}));
     return explanation(input, decided);
   }
   [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
-                                           const HeightFieldDecision& decision) const {
+                                           const heightfield::HeightFieldDecision& decision) const {
     ModelDecisions out;
     out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(decision.lattice.posts());
     out.frame_us = walks() ? kWalkUs : kLookupUs;
-    describe_heightfield(input, {}, decision, kSupportedFeatures, out);
+    heightfield::describe_heightfield(input, {}, decision, kSupportedFeatures, out);
     out.decisions.push_back(walks()
                                 ? Decision{"response", "walk", "from the entry cell on, as printed (4.3.2)"}
                                 : Decision{"response", "lookup", "as given", true});
@@ -252,7 +253,8 @@ class HeightFieldLiteral final : public FrameLoopRenderer<LiteralHeightField> {
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
-      PALPATE_ASSIGN(HeightFieldModel built, build_height_field_model(input, {}, context, report));
+      PALPATE_ASSIGN(heightfield::HeightFieldModel built,
+                     heightfield::build_height_field_model(input, {}, context, report));
       const ShadingDecision shading = shading_of(built.decided());
       report.decisions.models.push_back(explanation(input, built.decided()));
       if (walks() && !shading.explanation.given) report.notes.push_back(note_text(shading.explanation));

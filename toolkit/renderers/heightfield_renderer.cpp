@@ -35,7 +35,7 @@ constexpr double kMiddle = 0.5;
 constexpr double kFarPosts = 0x1p40;
 constexpr double kFarMm = 1e150;
 
-bool is_near(const PlanPoint& p) noexcept {
+bool is_near(const heightfield::PlanPoint& p) noexcept {
   return std::abs(p.x) < kFarPosts && std::abs(p.y) < kFarPosts && std::abs(p.z) < kFarMm;
 }
 
@@ -53,7 +53,7 @@ class HeightFieldSurface {
   struct Memory {};
   static constexpr bool kTemplatedOnFeatures = true;
 
-  HeightFieldSurface(HeightFieldModel model, bool nearest_post)
+  HeightFieldSurface(heightfield::HeightFieldModel model, bool nearest_post)
       : model_(std::move(model)), sheet_(model_.field()), nearest_post_(nearest_post) {}
   HeightFieldSurface(const HeightFieldSurface&) = delete;  // the sheet points into the field
   HeightFieldSurface& operator=(const HeightFieldSurface&) = delete;
@@ -76,7 +76,7 @@ class HeightFieldSurface {
   template <unsigned kFeatures>
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
-    const PlanPoint plan = sheet_.plan(h);
+    const heightfield::PlanPoint plan = sheet_.plan(h);
     bool held = (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
     if (held) contact = contact_at<kFeatures>(h);
     if (held && ++frames_since_check_ >= geometry::kCheckPeriodFrames) [[unlikely]] {
@@ -97,17 +97,17 @@ class HeightFieldSurface {
  private:
   /// The rule of geometry/god_object_check.h: compares the held place with the surface above or below the
   /// HIP. True if that changed it.
-  bool correct(const PlanPoint& plan, const Vec3& h, const Vec3& pull, FrameStatus& status,
+  bool correct(const heightfield::PlanPoint& plan, const Vec3& h, const Vec3& pull, FrameStatus& status,
                FrameCounters& counters) noexcept {
     const double far = pull.norm(), spacing = std::min(sheet_.step_x, sheet_.step_y);
     if (!(far > geometry::kAdjacentSpacings * spacing)) return false;
-    CellPosition under;
+    heightfield::CellPosition under;
     const auto query = [&](const Vec3& place) noexcept -> geometry::NearestSurface {
-      const PlanPoint at = sheet_.plan(place);
+      const heightfield::PlanPoint at = sheet_.plan(place);
       if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < sheet_.last_column && at.y < sheet_.last_row)) return {};
       under = {static_cast<std::int32_t>(at.x), static_cast<std::int32_t>(at.y), at.x - std::floor(at.x),
                at.y - std::floor(at.y)};
-      const BilinearPatch patch = sheet_.patch(under.column, under.row);
+      const heightfield::BilinearPatch patch = sheet_.patch(under.column, under.row);
       const Vec3 normal(-(patch.b + patch.d * under.t) * sheet_.inverse_x,
                         -(patch.c + patch.d * under.s) * sheet_.inverse_y, 1.0);
       const double size = normal.norm();
@@ -119,7 +119,7 @@ class HeightFieldSurface {
       case geometry::GodObjectVerdict::kKeep:
         return false;
       case geometry::GodObjectVerdict::kMove: {
-        int moves = kMaxDescentMoves;
+        int moves = heightfield::kMaxDescentMoves;
         (void)query(h);
         position_ = under;
         (void)stay(plan, moves, status, counters);
@@ -130,19 +130,20 @@ class HeightFieldSurface {
     }
     contact_ = false;
     tested_to_ = plan;
-    side_ = SheetSide::kAbove;
+    side_ = heightfield::SheetSide::kAbove;
     return true;
   }
 
-  void start(const PlanPoint& h) noexcept {
+  void start(const heightfield::PlanPoint& h) noexcept {
     tested_to_ = h;
-    side_ = is_near(h) ? side_of(sheet_, h) : SheetSide::kNowhere;
+    side_ = is_near(h) ? heightfield::side_of(sheet_, h) : heightfield::SheetSide::kNowhere;
   }
 
   /// The fast path for most contact frames: moves the god object with the HIP and corrects it by one or two
   /// Newton steps. False, with nothing changed, if it left the neighbouring cells, a crease or rim holds it,
   /// the distance is not convex, or it came out.
-  [[gnu::always_inline]] bool follow_quickly(const PlanPoint& h, FrameCounters& counters) noexcept {
+  [[gnu::always_inline]] bool follow_quickly(const heightfield::PlanPoint& h,
+                                             FrameCounters& counters) noexcept {
     // Extrapolates the vector from the HIP to the god object by its last change.
     double x = h.x + lead_x_ + turn_x_, y = h.y + lead_y_ + turn_y_;
     const double enough = kQuickError * std::min(sheet_.x_sq, sheet_.y_sq);
@@ -153,10 +154,10 @@ class HeightFieldSurface {
       if (!is_beside(column, position_.column) || !is_beside(row, position_.row)) return false;
       // Oscillation: a crease holds the god object.
       if (column == last_column && row == last_row) return false;
-      const BilinearPatch patch = sheet_.patch(column, row);
+      const heightfield::BilinearPatch patch = sheet_.patch(column, row);
       const double hs = h.x - column, ht = h.y - row;
       double s = x - column, t = y - row;
-      const DistanceDerivatives jet(sheet_, patch, s, t, hs, ht, h.z);
+      const heightfield::DistanceDerivatives jet(sheet_, patch, s, t, hs, ht, h.z);
       const double det = jet.determinant();
       if (!(det > 0.0)) return false;  // also false over holes
       const double scale = 1.0 / det;
@@ -170,7 +171,7 @@ class HeightFieldSurface {
         const double size = std::abs(ds) + std::abs(dt);
         if (twist * (size * size) <= enough) return accept({column, row, s, t}, patch, h, counters);
         // Reuses the Hessian, which the first step changed equally little.
-        const DistanceDerivatives now(sheet_, patch, s, t, hs, ht, h.z);
+        const heightfield::DistanceDerivatives now(sheet_, patch, s, t, hs, ht, h.z);
         const double more_s = (jet.hst * now.gt - jet.htt * now.gs) * scale;
         const double more_t = (jet.hst * now.gs - jet.hss * now.gt) * scale;
         s += more_s;
@@ -188,10 +189,11 @@ class HeightFieldSurface {
     return false;
   }
 
-  [[gnu::always_inline]] bool accept(const CellPosition& position, const BilinearPatch& patch,
-                                     const PlanPoint& h, FrameCounters& counters) noexcept {
-    const PlanPoint god{position.column + position.s, position.row + position.t,
-                        patch.height(position.s, position.t)};
+  [[gnu::always_inline]] bool accept(const heightfield::CellPosition& position,
+                                     const heightfield::BilinearPatch& patch, const heightfield::PlanPoint& h,
+                                     FrameCounters& counters) noexcept {
+    const heightfield::PlanPoint god{position.column + position.s, position.row + position.t,
+                                     patch.height(position.s, position.t)};
     if (!(h.z < god.z) || !(sheet_.distance_sq(god, h) <= sheet_.distance_sq(god_, h) * kNoFarther))
       return false;
     counters.walk_steps += position.column != position_.column || position.row != position_.row;
@@ -202,8 +204,10 @@ class HeightFieldSurface {
     return true;
   }
 
-  [[gnu::always_inline]] void set_god(const CellPosition& position, const BilinearPatch& patch,
-                                      const PlanPoint& god, const PlanPoint& h) noexcept {
+  [[gnu::always_inline]] void set_god(const heightfield::CellPosition& position,
+                                      const heightfield::BilinearPatch& patch,
+                                      const heightfield::PlanPoint& god,
+                                      const heightfield::PlanPoint& h) noexcept {
     position_ = position;
     god_ = god;
     patch_ = patch;
@@ -214,26 +218,27 @@ class HeightFieldSurface {
 
   /// The general path: descent over cells, leaving, the free HIP's segment. Returns whether it ends in
   /// contact.
-  [[gnu::noinline]] bool update(const PlanPoint& h, FrameStatus& status, FrameCounters& counters) noexcept {
+  [[gnu::noinline]] bool update(const heightfield::PlanPoint& h, FrameStatus& status,
+                                FrameCounters& counters) noexcept {
     if (!is_near(h) || !started_) {
       contact_ = false;
       started_ = true;
       start(h);
       return false;
     }
-    int moves = kMaxDescentMoves, tests_left = kMaxCrossingTests;
+    int moves = heightfield::kMaxDescentMoves, tests_left = heightfield::kMaxCrossingTests;
     bool from_sheet = contact_;
     if (contact_ && stay(h, moves, status, counters)) return true;
     for (int entry = 0; entry < kMaxEntries; ++entry) {
-      if (from_sheet && side_ == SheetSide::kNowhere) return false;  // past the rim
-      const Crossing crossing =
-          find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &position_ : nullptr, tests_left);
+      if (from_sheet && side_ == heightfield::SheetSide::kNowhere) return false;  // past the rim
+      const heightfield::Crossing crossing = heightfield::find_crossing(
+          sheet_, tested_to_, h, side_, from_sheet ? &position_ : nullptr, tests_left);
       counters.edges += static_cast<std::uint64_t>(crossing.edges);
       tested_to_ = crossing.reached;
       side_ = crossing.side;
       if (crossing.cut) status = FrameStatus::kBoundHit;
       if (!crossing.hit) {
-        counters.cells_visited += static_cast<std::uint64_t>(kMaxCrossingTests - tests_left);
+        counters.cells_visited += static_cast<std::uint64_t>(heightfield::kMaxCrossingTests - tests_left);
         return false;
       }
       position_ = crossing.position;
@@ -247,9 +252,10 @@ class HeightFieldSurface {
 
   /// In contact: moves the god object to its minimum. False if the HIP came out: above the sheet, with its
   /// way from the god object still to test, or past the rim, on no side.
-  bool stay(const PlanPoint& h, int& moves, FrameStatus& status, FrameCounters& counters) noexcept {
+  bool stay(const heightfield::PlanPoint& h, int& moves, FrameStatus& status,
+            FrameCounters& counters) noexcept {
     const int before = moves;
-    const Descent end = descend(sheet_, position_, h, moves);
+    const heightfield::Descent end = heightfield::descend(sheet_, position_, h, moves);
     counters.walk_steps += static_cast<std::uint64_t>(before - moves);
     set_god(position_, sheet_.patch(position_.column, position_.row), sheet_.point(position_), h);
     if (!end.arrived) {
@@ -259,13 +265,13 @@ class HeightFieldSurface {
     if (!(h.z < god_.z)) {
       contact_ = false;
       tested_to_ = god_;
-      side_ = SheetSide::kAbove;
+      side_ = heightfield::SheetSide::kAbove;
       return false;
     }
-    if (end.at_rim && side_of(sheet_, h) == SheetSide::kNowhere) {
+    if (end.at_rim && heightfield::side_of(sheet_, h) == heightfield::SheetSide::kNowhere) {
       contact_ = false;
       tested_to_ = h;
-      side_ = SheetSide::kNowhere;
+      side_ = heightfield::SheetSide::kNowhere;
       ++counters.edges;
       return false;
     }
@@ -310,7 +316,7 @@ class HeightFieldSurface {
     const PointSurface* const up = low + sheet_.columns;
     const auto k = [](const PointSurface& place) { return static_cast<double>(place.stiffness_n_per_mm); };
     const double a = k(low[0]), b = k(low[1]) - a, c = k(up[0]) - a, d = k(up[1]) - k(up[0]) - b;
-    contact.stiffness_n_per_mm = BilinearPatch{a, b, c, d}.height(position_.s, position_.t);
+    contact.stiffness_n_per_mm = heightfield::BilinearPatch{a, b, c, d}.height(position_.s, position_.t);
     const Vec3 plan((b + d * position_.t) * sheet_.inverse_x, (c + d * position_.s) * sheet_.inverse_y, 0.0);
     const Vec3 normal(-(patch_.b + patch_.d * position_.t) * sheet_.inverse_x,
                       -(patch_.c + patch_.d * position_.s) * sheet_.inverse_y, 1.0);
@@ -318,8 +324,8 @@ class HeightFieldSurface {
     contact.stiffness_gradient = plan - normal * (plan.dot(normal) / normal.squaredNorm());
   }
 
-  HeightFieldModel model_;
-  HeightFieldView sheet_;
+  heightfield::HeightFieldModel model_;
+  heightfield::HeightFieldView sheet_;
   bool nearest_post_;
 
   SurfaceState state_;
@@ -327,13 +333,13 @@ class HeightFieldSurface {
   int frames_since_check_ = 0;  ///< contact frames since the last check of the HIP's surroundings
   bool started_ = false;
   bool contact_ = false;
-  CellPosition position_;                 ///< god object, in contact
-  PlanPoint god_;                         ///< god object as a point
-  BilinearPatch patch_;                   ///< patch of its cell
-  double lead_x_ = 0.0, lead_y_ = 0.0;    ///< from the HIP to the god object, posts
-  double turn_x_ = 0.0, turn_y_ = 0.0;    ///< its change in the last frame
-  PlanPoint tested_to_;                   ///< free: end of the tested path
-  SheetSide side_ = SheetSide::kNowhere;  ///< side of tested_to_
+  heightfield::CellPosition position_;                              ///< god object, in contact
+  heightfield::PlanPoint god_;                                      ///< god object as a point
+  heightfield::BilinearPatch patch_;                                ///< patch of its cell
+  double lead_x_ = 0.0, lead_y_ = 0.0;                              ///< from the HIP to the god object, posts
+  double turn_x_ = 0.0, turn_y_ = 0.0;                              ///< its change in the last frame
+  heightfield::PlanPoint tested_to_;                                ///< free: end of the tested path
+  heightfield::SheetSide side_ = heightfield::SheetSide::kNowhere;  ///< side of tested_to_
 };
 
 class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
@@ -349,12 +355,12 @@ class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
         "heightfield", "chapter 4 made right", "El-Far, chapter 4; bilinear surface and side ours",
         fmt::format("a model near the HIP: {} moves of the god object over cells, {} cells or blocks of the "
                     "HIP's segment, {} entries a frame; what is left is done in the next",
-                    kMaxDescentMoves, kMaxCrossingTests, kMaxEntries),
+                    heightfield::kMaxDescentMoves, heightfield::kMaxCrossingTests, kMaxEntries),
         options_};
   }
 
  private:
-  [[nodiscard]] HeightFieldOptions build() const {
+  [[nodiscard]] heightfield::HeightFieldOptions build() const {
     const bool fills = options_.text("holes") == "fill";
     return {fills, !fills, kBlendResolutions};
   }
@@ -362,15 +368,16 @@ class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
 
   Result<ModelDecisions> decide_model(const ModelInput& input,
                                       const PrepareContext& /*context*/) const override {
-    PALPATE_ASSIGN(const HeightFieldDecision decided, decide_heightfield(input, build()));
+    PALPATE_ASSIGN(const heightfield::HeightFieldDecision decided,
+                   heightfield::decide_heightfield(input, build()));
     return explanation(input, decided);
   }
   [[nodiscard]] ModelDecisions explanation(const ModelInput& input,
-                                           const HeightFieldDecision& decision) const {
+                                           const heightfield::HeightFieldDecision& decision) const {
     ModelDecisions out;
     out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(decision.lattice.posts());
     out.frame_us = kFrameUs;
-    describe_heightfield(input, build(), decision, kSupportedFeatures, out);
+    heightfield::describe_heightfield(input, build(), decision, kSupportedFeatures, out);
     out.decisions.push_back(
         nearest_post()
             ? Decision{"shading", "nearest", "as given: the god object is the post next to it", true}
@@ -380,7 +387,8 @@ class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
 
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
-      PALPATE_ASSIGN(HeightFieldModel built, build_height_field_model(input, build(), context, report));
+      PALPATE_ASSIGN(heightfield::HeightFieldModel built,
+                     heightfield::build_height_field_model(input, build(), context, report));
       report.decisions.models.push_back(explanation(input, built.decided()));
       models_.add(std::make_unique<HeightFieldSurface>(std::move(built), nearest_post()));
     }

@@ -61,16 +61,16 @@ bool LiteralModel::touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/
 
 void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status,
                           FrameCounters& counters) noexcept {
-  int steps = kMaxWalkSteps;
-  WalkResult end = walk(model_, from, h, steps, [](std::uint32_t) {});
-  counters.walk_steps += static_cast<std::uint64_t>(kMaxWalkSteps - steps);
+  int steps = points::kMaxWalkSteps;
+  points::WalkResult end = points::walk(model_, from, h, steps, [](std::uint32_t) {});
+  counters.walk_steps += static_cast<std::uint64_t>(points::kMaxWalkSteps - steps);
   if (steps == 0) status = FrameStatus::kBoundHit;
   // Section 3.5.2, then 3.4, then figure 46: friction moves the god object, shading reads the points around
   // it, deformation scales the rigid force there. The moved god object is the only one: the next walk starts
   // from it, and the sphere shares its point.
   if (collided_ && (body_.surface.features & kFriction) != 0) {
     const std::uint32_t rolled = roll_back_friction(
-        end.place, god_, h, body_.surface.static_friction(god_), kMaxWalkSteps,
+        end.place, god_, h, body_.surface.static_friction(god_), points::kMaxWalkSteps,
         [this](std::uint32_t p) { return model_.points[p].at(); },
         [this](std::uint32_t p, auto&& use) {
           for (const std::uint32_t other : model_.neighbours[p]) use(other);
@@ -88,7 +88,7 @@ void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status
   // The sphere's side is the direction of the last contact's pull.
   if (length > 0.0) last_direction_ = pull / length;
   if (shading_ != Shading::kNone) {
-    const NearestTwo two = nearest_two(model_, end);
+    const points::NearestTwo two = points::nearest_two(model_, end);
     pull = shaded_vector(shading_, h, g, model_.points[two.first].at(), model_.points[two.second].at());
   }
   const double stiffness = (body_.surface.features & kVaried) != 0
@@ -193,9 +193,9 @@ std::uint32_t LiteralModel::nearest_crossed(const Vec3& h, const Vec3& before,
   double nearest = 0.0;
   any_in_cells(before, b, counters, [&](std::uint32_t place) {
     ++counters.box_tests;
-    const StoredPoint& p = model_.points[place];
+    const points::StoredPoint& p = model_.points[place];
     if (!touches(probe, place, counters)) return false;
-    const double d = distance_sq(p, before);
+    const double d = points::distance_sq(p, before);
     if (found == kNone || d < nearest || (d == nearest && place < found)) {
       found = place;
       nearest = d;

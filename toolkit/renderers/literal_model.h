@@ -27,7 +27,7 @@ struct LiteralOptions {
 /// of at most kMaxWalkSteps moves.
 class LiteralModel {
  public:
-  LiteralModel(PointInstance body, Shading shading, const LiteralOptions& options) noexcept
+  LiteralModel(points::PointInstance body, Shading shading, const LiteralOptions& options) noexcept
       : body_(std::move(body)), model_(*body_.points), shading_(shading), options_(options) {}
 
   // A local model of the frame loop. The thesis does not say how several contacts combine.
@@ -56,8 +56,8 @@ class LiteralModel {
   [[nodiscard]] std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before,
                                               FrameCounters& counters) const noexcept;
 
-  PointInstance body_;
-  const PointModel& model_;
+  points::PointInstance body_;
+  const points::PointModel& model_;
   Shading shading_;
   LiteralOptions options_;
   Vec3 previous_ = Vec3::Zero();

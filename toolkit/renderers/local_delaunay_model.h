@@ -116,7 +116,7 @@ class LocalDelaunayModel {
   SurfaceField surface;  ///< by place
   SurfaceState state;
   ModelPose placed;  ///< its pose
-  DeformationState deformation;
+  deformation::DeformationState deformation;
 
  private:
   void add_planes(local_delaunay::MeshContact::Held held, const Vec3& at, JointPlanes& planes,

@@ -229,8 +229,8 @@ Status refuse_changes(const SceneModel& model, double scale, const LoadOptions& 
 Status load_prepared(const SceneModel& model, double scale, const LoadOptions& options,
                      render::ModelInput& input, Provenance& provenance) {
   PALPATE_TRY(refuse_changes(model, scale, options, true));
-  PALPATE_ASSIGN(const std::shared_ptr<const render::SurfaceFile> file,
-                 render::SurfaceFile::open(model.cloud));
+  PALPATE_ASSIGN(const std::shared_ptr<const spline_sdf::SurfaceFile> file,
+                 spline_sdf::SurfaceFile::open(model.cloud));
   provenance.source = model.cloud;
   provenance.format = fmt::format("prepared, {} surfaces; other renderers get {} of its points",
                                   file->surfaces().size(), file->sample()->size());
@@ -277,7 +277,7 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
     return Error{fmt::format("the scan '{}' is not here", model.scan),
                  fmt::format("`palpate fetch {}` brings it", model.scan)};
   const std::vector<std::byte> first = first_bytes(model.cloud);
-  if (render::SurfaceFile::begins_as_one(first))
+  if (spline_sdf::SurfaceFile::begins_as_one(first))
     return load_prepared(model, scale, options, input, provenance);
   if (prepared::CellFile::begins_as_one(first))
     return load_cells(model, scale, options, progress, input, provenance);

@@ -9,7 +9,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/geometry/winding_number.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 namespace {
 
@@ -167,4 +167,4 @@ std::vector<PieceClass> find_closed_components(BrickGrid& grid, std::size_t coun
   return classes;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -10,7 +10,7 @@
 #include "toolkit/spline_sdf/brick_grid.h"
 #include "toolkit/spline_sdf/fit_patches.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Half the diagonal of a cell in voxels: the largest distance from a cell's centre to a surface that crosses
 /// it at unit gradient, with a margin.
@@ -76,4 +76,4 @@ void add_cubes_near_points(const MortonPoints& points, std::span<const PointPatc
                            const std::function<bool(std::uint64_t)>& wanted,
                            std::vector<std::uint64_t>& codes);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

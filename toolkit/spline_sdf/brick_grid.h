@@ -16,7 +16,7 @@
 #include "toolkit/geometry/winding_number.h"
 #include "toolkit/search/morton_order.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 inline constexpr int kBrickCells = 4;
 inline constexpr int kBrickNodes = kBrickCells + 3;
@@ -156,4 +156,4 @@ struct BrickGrid {
   [[nodiscard]] std::vector<BrickRef> places() const;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

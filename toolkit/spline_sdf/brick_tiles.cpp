@@ -6,7 +6,7 @@
 #include <cstring>
 #include <utility>
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 class TileCutter {
@@ -197,4 +197,4 @@ TileNode read_stored_node(std::span<const std::byte> from) noexcept {
   return node;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

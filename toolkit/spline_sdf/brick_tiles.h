@@ -12,7 +12,7 @@
 #include "toolkit/core/bytes.h"
 #include "toolkit/spline_sdf/brick_grid.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Bricks of a tile, at most: some 180 kB, which an SSD reads as fast as smaller pieces.
 inline constexpr std::size_t kTileBricks = 256;
@@ -118,4 +118,4 @@ void unpack_tile(std::span<const std::byte> image, std::span<TileNode> nodes, st
     read_stored_brick(image.subspan(at), bricks[brick_at(b)]);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

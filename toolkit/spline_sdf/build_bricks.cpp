@@ -16,7 +16,7 @@
 #include "toolkit/spline_sdf/point_interior.h"
 #include "toolkit/spline_sdf/spline.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// The lattice's offset before the box, in bricks: flat faces of axis-aligned boxes then avoid brick walls.
@@ -463,4 +463,4 @@ BrickGrid build_bricks(const MortonPoints& points, std::span<const QuadricPatch>
   return std::move(out.grid);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

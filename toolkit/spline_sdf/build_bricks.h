@@ -9,7 +9,7 @@
 #include "toolkit/spline_sdf/brick_grid.h"
 #include "toolkit/spline_sdf/fit_patches.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 struct BrickBuildOptions {
   double voxel_mm = 1.0;  ///< of bricks for the common spacing
@@ -68,4 +68,4 @@ struct SampledBricks {
                                           const BrickBuildOptions& build, const BrickRegion* region,
                                           int threads);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

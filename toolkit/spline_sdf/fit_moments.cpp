@@ -6,7 +6,7 @@
 
 #include "toolkit/core/simd.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Up to this many points, a median is found by counting smaller ones for each: quadratic, but four at a time
@@ -149,4 +149,4 @@ double FitPoints::weights(const FitFrame& frame, const FitHeight& height, double
   return narrow_sums::weights(lanes(), frame, height, per_scale);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -7,7 +7,7 @@
 
 #include <palpate/vec.h>
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// The fit's frame; lengths in ball radii.
 struct FitFrame {
@@ -56,4 +56,4 @@ class FitPoints {
   std::vector<double> between_;  ///< scratch of the median
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -10,7 +10,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/spline_sdf/point_noise.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// The area doubles each step, seven sizes: up to 17.6 spacings, 970 points.
@@ -378,4 +378,4 @@ FittedPatches fit_patches(const MortonPoints& points, const PatchFitOptions& rul
   return out;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

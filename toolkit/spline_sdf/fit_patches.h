@@ -12,7 +12,7 @@
 #include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/quadric.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 struct QuadricPatch {
   Quadric quadric;
@@ -65,4 +65,4 @@ struct PointPatches {
 [[nodiscard]] std::vector<PointPatches> assign_patches(const MortonPoints& points,
                                                        std::span<const QuadricPatch> patches, int threads);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

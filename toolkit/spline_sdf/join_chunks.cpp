@@ -8,7 +8,7 @@
 #include "toolkit/core/disjoint_sets.h"
 #include "toolkit/spline_sdf/orient_patches.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Numbers of groups and pieces over all chunks.
@@ -157,4 +157,4 @@ JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& gri
   return out;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

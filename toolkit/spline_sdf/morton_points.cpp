@@ -9,7 +9,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/statistics.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 namespace {
 
@@ -217,4 +217,4 @@ std::uint32_t MortonPoints::points_around_cell(const Level& level, std::uint64_t
   return count;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

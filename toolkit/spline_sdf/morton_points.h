@@ -14,7 +14,7 @@
 #include <palpate/vec.h>
 #include "toolkit/search/morton_order.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Makes points of a part of a cloud the same, and in the same order, as among all points: what the whole
 /// cloud decides. Lengths in mm, relative to the cloud's origin.
@@ -150,4 +150,4 @@ class MortonPoints {
   double spacing_mm_ = 0.0;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -13,7 +13,7 @@
 #include "toolkit/core/disjoint_sets.h"
 #include "toolkit/core/parallel.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 namespace {
 
@@ -422,4 +422,4 @@ void drop_outlier_patches(std::vector<QuadricPatch>& patches, int threads) {
   patches.resize(kept);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

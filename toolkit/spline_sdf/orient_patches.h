@@ -13,7 +13,7 @@
 #include "toolkit/search/morton_order.h"
 #include "toolkit/spline_sdf/fit_patches.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// By patch: its piece, the least index of that; and what is turned with it if it must be turned.
 struct OrientedPieces {
@@ -132,4 +132,4 @@ class PatchHashGrid {
   std::array<Scale, kPatchScales> scales_;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

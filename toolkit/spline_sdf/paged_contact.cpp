@@ -2,7 +2,10 @@
 
 #include <utility>
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 /// The finest surface answers again when all within this many bricks of the HIP's is here, which is what a
@@ -127,4 +130,4 @@ bool PagedContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   return go_fine(h_mm, contact, counters) ? fine_.contact() : contact;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <utility>
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 using std::chrono::microseconds;
@@ -300,4 +300,4 @@ bool PagedSurface::read(std::uint32_t tile) {
   }
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -11,7 +11,7 @@
 #include "toolkit/spline_sdf/surface_file.h"
 #include "toolkit/spline_sdf/tile_window.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Bytes in memory unless asked otherwise (resident_mb): a hand at 0.5 m/s crosses them in several seconds.
 inline constexpr std::size_t kResidentBytes = std::size_t{256} << 20;
@@ -103,4 +103,4 @@ class PagedSurface {
   std::jthread loader_;  ///< last: it uses all above
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

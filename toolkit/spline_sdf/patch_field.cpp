@@ -6,7 +6,7 @@
 
 #include "toolkit/core/simd.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Area factor for finding a second face: its points are farther where chance left a void at an edge.
@@ -318,4 +318,4 @@ void PatchDistanceField::evaluate(const NodePlaces& at_mm, FieldLanes& out) {
   out.normal = mean.normal;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

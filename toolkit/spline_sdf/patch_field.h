@@ -11,7 +11,7 @@
 #include "toolkit/spline_sdf/fit_patches.h"
 #include "toolkit/spline_sdf/patch_lanes.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Distances along the normals, mm, and unit normals of eight places.
 struct alignas(kLanesAlignment) FieldLanes {
@@ -85,4 +85,4 @@ class PatchDistanceField {
   std::vector<std::uint32_t> slot_;  ///< each patch's index in used_, or kNone
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -12,7 +12,7 @@
 #include "toolkit/spline_sdf/brick_grid.h"
 #include "toolkit/spline_sdf/fit_patches.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 inline constexpr std::size_t kNodesAtOnce = 8;
 using NodeLanes = Float8;
@@ -127,4 +127,4 @@ class TilePatches {
 [[nodiscard]] bool blend_tile(std::span<const QuadricPatch> patches, std::span<const std::uint32_t> here,
                               const Vec3& middle, double voxel_mm, double tolerance_mm, Tile& out);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -8,7 +8,7 @@
 
 #include "toolkit/spline_sdf/point_interior.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// A point counts for a surface place within kInfluenceSpacings of its spacings, and at most this share of
@@ -131,4 +131,4 @@ bool InteriorTest::is_interior(const Vec3& closest, const Vec3& n) {
   return !exact.open();
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

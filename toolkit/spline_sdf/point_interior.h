@@ -10,7 +10,7 @@
 
 #include "toolkit/spline_sdf/morton_points.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// A direction's angle in turns, 0 to 1, accurate to 0.0008; 0 for a zero direction.
 [[nodiscard]] inline double angle_in_turns(double a, double b) noexcept {
@@ -117,4 +117,4 @@ class InteriorTest {
   bool gathered_ = false;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -13,7 +13,7 @@
 #include "toolkit/core/statistics.h"
 #include "toolkit/spline_sdf/point_interior.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 namespace {
 
@@ -299,4 +299,4 @@ InputQuality assess_input_quality(const MortonPoints& points, double noise, int 
   return out;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

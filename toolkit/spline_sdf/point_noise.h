@@ -10,7 +10,7 @@
 #include "toolkit/spline_sdf/morton_points.h"
 #include "toolkit/spline_sdf/quadric.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Radius of a first ball in spacings: 15 points, a little over twice what a quadric needs.
 inline constexpr double kSeedRadiusSpacings = 2.2;
@@ -74,4 +74,4 @@ struct InputQuality {
 /// `noise`: estimate_noise() of the points, mm. O(1), parallel; independent of the number of threads.
 [[nodiscard]] InputQuality assess_input_quality(const MortonPoints& points, double noise, int threads);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

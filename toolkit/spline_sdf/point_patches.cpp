@@ -5,7 +5,7 @@
 
 #include "toolkit/core/parallel.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Points follow a patch beyond its support by this share and this many spacings: face edges lie in a ring
@@ -77,4 +77,4 @@ std::vector<PointPatches> assign_patches(const MortonPoints& points, std::span<c
   return out;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

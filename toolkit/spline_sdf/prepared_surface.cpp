@@ -10,7 +10,10 @@
 #include "toolkit/render/prepare.h"
 #include "toolkit/spline_sdf/morton_points.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 /// The coarsest surface is whole in memory: its bricks take less than this.
@@ -121,4 +124,4 @@ Result<SplineSdfBody> open_prepared_body(const ModelInput& input, const PagedOpt
   return body;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -11,7 +11,7 @@
 #include "toolkit/spline_sdf/spline_sdf_contact.h"
 #include "toolkit/spline_sdf/surface_writer.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Contact with a surface of tiles. Only those near the hand are in memory. Where one is not here yet, a
 /// coarser surface that is whole in memory answers; what a hand would feel as a step is spread as a
@@ -27,7 +27,7 @@ class PagedContact {
   void start_from(const Vec3& h_mm) noexcept;
   /// As SplineSdfContact::update. Without `waits` bounded and wait-free: the work of two such and of
   /// TileWindow's calls.
-  [[nodiscard]] bool update(const Vec3& h_mm, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool update(const Vec3& h_mm, render::FrameCounters& counters) noexcept;
 
   /// The contact that answered last.
   [[nodiscard]] const SplineSdfContact& active() const noexcept { return coarse_on_ ? coarse_ : fine_; }
@@ -35,7 +35,7 @@ class PagedContact {
 
  private:
   [[nodiscard]] bool here(const Vec3& at_mm) const noexcept;
-  [[nodiscard]] bool go_fine(const Vec3& h_mm, bool contact, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool go_fine(const Vec3& h_mm, bool contact, render::FrameCounters& counters) noexcept;
   void go_coarse(const SplineSdfContact& from) noexcept;
   template <class Act>
   [[nodiscard]] bool without_missing(const Vec3& h_mm, const HeldBrick* held, Act&& act) noexcept;
@@ -53,7 +53,8 @@ class PagedContact {
 /// Makes the surface and coarser ones, each of a sixteenth of the points, until one is small, and writes them
 /// to `path`. Properties of points are not kept. O(n), parallel.
 Status prepare_surface_file(const std::shared_ptr<const cloud::Cloud>& cloud, const SplineSdfOptions& build,
-                            const PrepareContext& context, PrepareReport& report, const std::string& path);
+                            const render::PrepareContext& context, render::PrepareReport& report,
+                            const std::string& path);
 
 /// A coarser surface has a sixteenth of the points: four times the spacing.
 inline constexpr std::size_t kCoarserShare = 16;
@@ -66,7 +67,7 @@ inline constexpr std::size_t kSamplePoints = 200'000;
 /// Adds surfaces of `count` of the points and of fewer, until one is small.
 [[nodiscard]] Status add_coarser_surfaces(const cloud::Cloud& cloud, const MortonPoints& points,
                                           std::size_t count, const SplineSdfOptions& build,
-                                          const PrepareContext& context, SurfaceFileWriter& writer);
+                                          const render::PrepareContext& context, SurfaceFileWriter& writer);
 /// The Error where no surface is found.
 [[nodiscard]] Error no_surface();
 
@@ -78,11 +79,12 @@ struct PagedOptions {
 };
 
 /// The decision with which the file was prepared. Errors as open_prepared_body().
-[[nodiscard]] Result<SplineSdfDecision> decide_prepared(const ModelInput& input, std::size_t level);
+[[nodiscard]] Result<SplineSdfDecision> decide_prepared(const render::ModelInput& input, std::size_t level);
 
 /// `paged` receives the contact. Errors: values by point, a level that the file does not have, no stiffness.
-[[nodiscard]] Result<SplineSdfBody> open_prepared_body(const ModelInput& input, const PagedOptions& options,
-                                                       PrepareReport& report,
+[[nodiscard]] Result<SplineSdfBody> open_prepared_body(const render::ModelInput& input,
+                                                       const PagedOptions& options,
+                                                       render::PrepareReport& report,
                                                        std::unique_ptr<PagedContact>& paged);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

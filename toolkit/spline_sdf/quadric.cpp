@@ -9,7 +9,7 @@
 
 #include "toolkit/spline_sdf/fit_moments.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Reweighting rounds from an unknown plane, and from a known one.
@@ -333,4 +333,4 @@ bool separate_sheets(Ball& ball, double spacing, double sigma_floor, QuadricFit&
   return true;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

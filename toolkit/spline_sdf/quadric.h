@@ -7,7 +7,7 @@
 #include <palpate/vec.h>
 #include "toolkit/spline_sdf/morton_points.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// The height along n over (u, v) at `at`: uu a^2 + uv a b + vv b^2. Lengths in mm, curvatures in 1/mm. u, v
 /// and n are orthogonal, left-handed after a flip.
@@ -82,4 +82,4 @@ struct Spread {
 /// nothing changed, for one sheet, or noise that spans both. `spacing`: of the points.
 [[nodiscard]] bool separate_sheets(Ball& ball, double spacing, double sigma_floor, QuadricFit& fit);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

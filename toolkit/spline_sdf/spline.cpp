@@ -5,7 +5,7 @@
 
 #include "toolkit/core/simd.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 using Weights = std::array<Float4, 4>;
@@ -240,4 +240,4 @@ float spline_value(const Brick& brick, const BrickPosition& at) noexcept {
   return narrow_spline_value(brick, at);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -10,7 +10,7 @@
 #include <palpate/vec.h>
 #include "toolkit/spline_sdf/brick_grid.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// The evaluation at a place, in voxels.
 struct Jet {
@@ -128,4 +128,4 @@ struct NewtonStep {
   return s;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

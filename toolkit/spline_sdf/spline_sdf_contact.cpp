@@ -8,7 +8,10 @@
 #include "toolkit/spline_sdf/spline.h"
 #include "toolkit/spline_sdf/spline_sdf_contact.inl"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 /// A Newton step of at most this length leaves an error of its square times the curvature's change over a
@@ -374,4 +377,4 @@ bool SplineSdfContact::find_entry(const Vec3& h, FrameCounters& counters) noexce
   return false;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -9,7 +9,7 @@
 #include "toolkit/core/simd.h"
 #include "toolkit/spline_sdf/spline.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Bounds per frame: contact steps, values along the HIP's segment (one spline of 16 rows each), brick
 /// look-ups along the segment, entries.
@@ -38,7 +38,7 @@ class SplineSdfContact {
   /// start_from().
   bool hold_if_inside(const Vec3& h_mm, double most_mm) noexcept;
   /// Moves the HIP to h. True in contact. Allocates nothing.
-  [[nodiscard]] bool update(const Vec3& h_mm, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool update(const Vec3& h_mm, render::FrameCounters& counters) noexcept;
 
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   /// Most god-object steps in a frame; the rest waits for the next.
@@ -74,10 +74,10 @@ class SplineSdfContact {
   [[nodiscard]] bool follow(const Vec3& h) noexcept;
   [[nodiscard]] bool follow_avx2(const Vec3& h) noexcept;
   [[nodiscard]] bool follow_quickly(const Vec3& h) noexcept;
-  [[nodiscard]] Stay descend(const Vec3& h, int& steps, FrameCounters& counters) noexcept;
+  [[nodiscard]] Stay descend(const Vec3& h, int& steps, render::FrameCounters& counters) noexcept;
   [[nodiscard]] bool find_clear(const Vec3& h, Vec3& clear) const noexcept;
-  [[nodiscard]] bool update_slowly(const Vec3& h, FrameCounters& counters) noexcept;
-  [[nodiscard]] bool find_entry(const Vec3& h, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool update_slowly(const Vec3& h, render::FrameCounters& counters) noexcept;
+  [[nodiscard]] bool find_entry(const Vec3& h, render::FrameCounters& counters) noexcept;
   [[nodiscard]] bool crossing(const Vec3& from, const Vec3& way, double low, double high, double f_low,
                               double f_high, double& at) noexcept;
   /// Begins or continues contact with the god object at a surface place.
@@ -111,4 +111,4 @@ class SplineSdfContact {
   double clear_ = -1.0;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -4,7 +4,7 @@
 #include "toolkit/spline_sdf/spline.h"
 #include "toolkit/spline_sdf/spline_sdf_contact.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// A brick is valid this many voxels beyond its walls, where no other exists.
 inline constexpr double kBrickMargin = 0.25;
@@ -55,4 +55,4 @@ inline constexpr double kLongestStep = 1.0;
   return true;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -5,7 +5,7 @@
 #include "toolkit/geometry/god_object_check.h"
 #include "toolkit/spline_sdf/spline_sdf_contact.inl"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// A HIP deeper behind a closed piece than this did not enter legally: it exceeds the surface's accuracy.
@@ -140,4 +140,4 @@ void SplineSdfContact::check_held_position(const Vec3& h) noexcept {
   }
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

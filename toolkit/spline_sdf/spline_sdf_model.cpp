@@ -23,7 +23,10 @@
 #include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/spline.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 /// Properties are averaged over points within this many spacings of the surface below a corner, nearer ones
@@ -359,4 +362,4 @@ Result<SplineSdfBody> build_spline_sdf_body(const ModelInput& input, const Splin
   return body;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

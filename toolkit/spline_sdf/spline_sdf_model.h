@@ -11,7 +11,7 @@
 #include "toolkit/render/surface_field.h"
 #include "toolkit/spline_sdf/brick_grid.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// The options of a build.
 struct SplineSdfOptions {
@@ -28,7 +28,7 @@ struct SplineSdfDecision {
   double noise_mm = 0.0;
   double voxel_mm = 0.0;
   std::uint64_t cubes = 0;  ///< estimated brick-size cubes that the surface crosses: as many bricks
-  SurfaceDecision surface;
+  render::SurfaceDecision surface;
 };
 
 struct BrickBuildOptions;
@@ -37,13 +37,14 @@ struct BrickBuildOptions;
                                               const SplineSdfOptions& build);
 
 /// O(n), parallel. Errors: no stiffness.
-[[nodiscard]] Result<SplineSdfDecision> decide_spline_sdf(const ModelInput& input,
+[[nodiscard]] Result<SplineSdfDecision> decide_spline_sdf(const render::ModelInput& input,
                                                           const SplineSdfOptions& build,
-                                                          const PrepareContext& context);
+                                                          const render::PrepareContext& context);
 
 /// Describes the decision in words.
-void describe_spline_sdf(const ModelInput& input, const SplineSdfOptions& build,
-                         const SplineSdfDecision& decision, Features felt, ModelDecisions& out);
+void describe_spline_sdf(const render::ModelInput& input, const SplineSdfOptions& build,
+                         const SplineSdfDecision& decision, render::Features felt,
+                         render::ModelDecisions& out);
 
 /// The bricks and findings of the build. Immutable and shared.
 struct SplineSdf {
@@ -58,12 +59,12 @@ struct SplineSdf {
 /// Corners of a brick's cells.
 inline constexpr int kBrickCorners = kBrickCells + 1;
 inline constexpr int kBrickCornerCount = kBrickCorners * kBrickCorners * kBrickCorners;
-using CornerProperties = std::array<PointSurface, kBrickCornerCount>;
+using CornerProperties = std::array<render::PointSurface, kBrickCornerCount>;
 
 struct SplineSdfBody {
   std::shared_ptr<const SplineSdf> smooth;
-  ModelPose pose;
-  SurfaceField surface;                       ///< by_point is empty: see corners
+  render::ModelPose pose;
+  render::SurfaceField surface;               ///< by_point is empty: see corners
   LargePageVector<CornerProperties> corners;  ///< one per brick if properties vary, else empty
 
   [[nodiscard]] SplineSdfDecision decided() const {
@@ -74,13 +75,13 @@ struct SplineSdfBody {
 /// The surface of a cloud, from the context's store if it has one. O(n), parallel.
 [[nodiscard]] Result<std::shared_ptr<const SplineSdf>> build_spline_sdf(const cloud::Cloud& cloud,
                                                                         const SplineSdfOptions& build,
-                                                                        const PrepareContext& context,
-                                                                        PrepareReport& report);
+                                                                        const render::PrepareContext& context,
+                                                                        render::PrepareReport& report);
 
 /// Prepares one model; takes bricks from the context's store if it has one. Errors: no stiffness.
-[[nodiscard]] Result<SplineSdfBody> build_spline_sdf_body(const ModelInput& input,
+[[nodiscard]] Result<SplineSdfBody> build_spline_sdf_body(const render::ModelInput& input,
                                                           const SplineSdfOptions& build,
-                                                          const PrepareContext& context,
-                                                          PrepareReport& report);
+                                                          const render::PrepareContext& context,
+                                                          render::PrepareReport& report);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

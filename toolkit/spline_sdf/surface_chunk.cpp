@@ -8,7 +8,7 @@
 
 #include "toolkit/spline_sdf/orient_patches.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Spacings from a patch's middle to the last node that it gives a distance: the support of the largest patch
@@ -116,4 +116,4 @@ SurfaceChunk build_surface_chunk(cloud::Cloud cloud, const BrickRegion& region, 
   return out;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

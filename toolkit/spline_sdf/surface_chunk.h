@@ -12,7 +12,7 @@
 #include "toolkit/spline_sdf/spline_sdf_model.h"
 #include "toolkit/spline_sdf/surface_writer.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Frame that all parts share.
 struct SurfaceFrame {
@@ -72,4 +72,4 @@ struct JoinedChunks {
 [[nodiscard]] JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& grid,
                                        bool both_sides, int threads);
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

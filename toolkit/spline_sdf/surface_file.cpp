@@ -11,7 +11,7 @@
 
 #include "toolkit/core/bytes.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 using namespace surface_layout;
@@ -274,4 +274,4 @@ Result<std::shared_ptr<const SplineSdf>> SurfaceFile::load(std::size_t surface) 
   return std::shared_ptr<const SplineSdf>(std::move(out));
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

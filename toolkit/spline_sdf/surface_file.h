@@ -20,7 +20,7 @@
 
 /// Layout of a file of surfaces, on which reader and writer agree: a head, the tiles of all surfaces back to
 /// back, the index, an end that says where the index is.
-namespace palpate::render::surface_layout {
+namespace palpate::spline_sdf::surface_layout {
 
 inline constexpr std::array<char, 8> kMagic{'P', 'A', 'L', 'P', 'S', 'U', 'R', 'F'};
 inline constexpr std::uint32_t kVersion = 1;
@@ -38,9 +38,9 @@ inline constexpr std::size_t kPartBytes = 24;
   return hash.value();
 }
 
-}  // namespace palpate::render::surface_layout
+}  // namespace palpate::spline_sdf::surface_layout
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Bytes of the index, at most: forty million tiles, ten billion points.
 inline constexpr std::uint64_t kMaxIndexBytes = std::uint64_t{1} << 31;
@@ -97,4 +97,4 @@ class SurfaceFile {
   std::vector<StoredSurface> surfaces_;
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -10,7 +10,7 @@
 #include "toolkit/spline_sdf/spline.h"
 #include "toolkit/spline_sdf/surface_file.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 using namespace surface_layout;
@@ -193,4 +193,4 @@ Status SurfaceFileWriter::finish() {
   return file_.commit();
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -13,7 +13,7 @@
 #include "toolkit/spline_sdf/build_bricks.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// Distances of points from a surface, in whole numbers: the sum of a part after a part is that of all.
 struct SampleDistances {
@@ -66,4 +66,4 @@ class SurfaceFileWriter {
   IndexBytes index_;  ///< of the surfaces
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -10,7 +10,7 @@
 #include "toolkit/core/simd.h"
 #include "toolkit/spline_sdf/brick_components.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Largest distance from the surface to nodes of bricks that it crosses, voxels.
@@ -160,4 +160,4 @@ bool blend_tile(std::span<const QuadricPatch> patches, std::span<const std::uint
   return agreed;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

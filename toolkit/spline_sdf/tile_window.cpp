@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 namespace {
 
 /// Share of the newest motion in the smoothed one: a mean over some 16 frames.
@@ -184,4 +184,4 @@ bool TileWindow::covers(const BrickGrid& grid, const Vec3& at, double reach) con
   return all;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -14,7 +14,7 @@
 #include "toolkit/core/hash.h"
 #include "toolkit/spline_sdf/brick_tiles.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 /// A bounded lock-free queue from one thread to another. Unlike a TripleBuffer it loses nothing: a full ring
 /// refuses. Exactly one thread pushes and one pops. Both are wait-free and allocate nothing. `kSize`: a power
@@ -178,4 +178,4 @@ class TileWindow {
   Vec3 last_hip_ = Vec3::Zero();
 };
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -11,7 +11,10 @@
 #include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/deformation/deformer.h"
 
-namespace palpate::render {
+namespace palpate::deformation {
+
+using namespace render;
+
 namespace {
 
 constexpr double kDt = 1e-3;
@@ -313,4 +316,4 @@ TEST(Deformer, HostileCallsChangeNothing) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::deformation

@@ -6,7 +6,10 @@
 #include <memory>
 #include <thread>
 
-namespace palpate::render {
+namespace palpate::deformation {
+
+using namespace render;
+
 namespace {
 
 TEST(MoveQueue, LosesNothingBetweenTwoThreads) {
@@ -66,4 +69,4 @@ TEST(MoveQueue, AReaderThatIsGoneHoldsNobodyUp) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::deformation

@@ -12,7 +12,10 @@
 #include "toolkit/deformation/deformed_local_delaunay.h"
 #include "toolkit/deformation/deformer.h"
 
-namespace palpate::render {
+namespace palpate::deformation {
+
+using namespace render;
+
 namespace {
 
 constexpr double kDentDt = 1e-3;
@@ -299,4 +302,4 @@ TEST(StarDent, NewPointsHaveTheStiffnessBetween) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::deformation

@@ -6,7 +6,10 @@
 
 #include "tests/toolkit/depth_surface/simulated_depth.h"
 
-namespace palpate::render {
+namespace palpate::depth_surface {
+
+using namespace render;
+
 namespace {
 
 using test::Felt;
@@ -256,4 +259,4 @@ TEST(DepthImage, WhatStandsOnATableHoldsWhoSlidesAgainstItUntilItsTopIsNearer) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

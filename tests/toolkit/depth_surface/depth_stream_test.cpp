@@ -7,7 +7,10 @@
 #include "tests/house/allocation_count.h"
 #include "tests/toolkit/depth_surface/simulated_depth.h"
 
-namespace palpate::render {
+namespace palpate::depth_surface {
+
+using namespace render;
+
 namespace {
 
 using stream::FrameFate;
@@ -224,4 +227,4 @@ TEST(DepthStream, NothingIsAllocatedAndNothingGrows) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

@@ -8,7 +8,7 @@
 
 #include "tests/toolkit/depth_surface/simulated_depth.h"
 
-namespace palpate::render {
+namespace palpate::depth_surface {
 namespace {
 
 using test::SimulatedCamera;
@@ -45,4 +45,4 @@ TEST(DepthStreamThreads, AServoFeelsWhileImagesCome) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::depth_surface

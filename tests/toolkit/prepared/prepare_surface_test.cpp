@@ -79,8 +79,8 @@ class PreparedSurface : public Prepared {
     const CellFile cells = open();
     return value_of(prepare_surface(cells, options, in(name)));
   }
-  [[nodiscard]] std::shared_ptr<const render::SurfaceFile> surface(const std::string& name) const {
-    return value_of(render::SurfaceFile::open(in(name)));
+  [[nodiscard]] std::shared_ptr<const spline_sdf::SurfaceFile> surface(const std::string& name) const {
+    return value_of(spline_sdf::SurfaceFile::open(in(name)));
   }
 };
 

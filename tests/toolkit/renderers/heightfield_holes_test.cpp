@@ -277,8 +277,8 @@ TEST(HeightFieldSurface, ALiteralGodObjectIsRolledBack) {
 const std::vector<std::string> kModels = {"sphere:points=5000", "sinusoid:points=10201:jitter=0.4",
                                           "slab:points=4000:extent_mm=20:thickness_mm=1.6"};
 
-PointModelOptions options_of(PartitionKind partition, BoxSize box) {
-  PointModelOptions o;
+points::PointModelOptions options_of(points::PartitionKind partition, points::BoxSize box) {
+  points::PointModelOptions o;
   o.partition = partition;
   o.box = box;
   o.cell_per_resolution = 0.0;
@@ -286,16 +286,17 @@ PointModelOptions options_of(PartitionKind partition, BoxSize box) {
   return o;
 }
 
-void expect_built(const ModelInput& input, const PointModelOptions& options) {
+void expect_built(const ModelInput& input, const points::PointModelOptions& options) {
   PrepareReport unused, report;
-  const auto survey = survey_points(*input.cloud, options, {1, nullptr}, unused);
-  const auto built = build_point_model(*input.cloud, options, {1, nullptr}, report);
+  const auto survey = points::survey_points(*input.cloud, options, {1, nullptr}, unused);
+  const auto built = points::build_point_model(*input.cloud, options, {1, nullptr}, report);
   ASSERT_TRUE(survey && built);
-  const PointDecision& said = survey->decision;
-  if (options.partition == PartitionKind::kGrid) {
+  const points::PointDecision& said = survey->decision;
+  if (options.partition == points::PartitionKind::kGrid) {
     EXPECT_EQ(said.cell_mm, built->grid.cell_mm());
   }
-  EXPECT_EQ(std::holds_alternative<std::monostate>(built->tree), options.partition == PartitionKind::kGrid);
+  EXPECT_EQ(std::holds_alternative<std::monostate>(built->tree),
+            options.partition == points::PartitionKind::kGrid);
   Vec3 largest = built->global_half_box_mm;
   if (!built->half_box_mm.empty()) {
     largest = Vec3::Zero();
@@ -315,8 +316,10 @@ void expect_built(const ModelInput& input, const PointModelOptions& options) {
 
 TEST(PointDecisions, AreFollowed) {
   for (const std::string& model : kModels)
-    for (const PartitionKind kind : {PartitionKind::kGrid, PartitionKind::kOctree, PartitionKind::kQuadtree})
-      for (const BoxSize box : {BoxSize::kGlobal, BoxSize::kPerVertex, BoxSize::kPerVertexCube}) {
+    for (const points::PartitionKind kind :
+         {points::PartitionKind::kGrid, points::PartitionKind::kOctree, points::PartitionKind::kQuadtree})
+      for (const points::BoxSize box :
+           {points::BoxSize::kGlobal, points::BoxSize::kPerVertex, points::BoxSize::kPerVertexCube}) {
         SCOPED_TRACE(model);
         expect_built(generated(model).input.models[0], options_of(kind, box));
       }
@@ -326,11 +329,11 @@ TEST(PointDecisions, AreFollowed) {
 /// A grid doubles its cells where the cloud would span too many of them.
 TEST(PointDecisions, KnowThatTheGridTakesLargerCells) {
   const SceneInput far = cloud_of({{0, 0, 0}, {0.001, 0, 0}, {0, 0.001, 0}, {1e5, 0, 0}, {1e5, 0.001, 0}});
-  PointModelOptions o;
+  points::PointModelOptions o;
   o.resolution_mm = 0.001;
   o.swept_sphere = true;
   PrepareReport unused;
-  EXPECT_GT(survey_points(*far.models[0].cloud, o, {1, nullptr}, unused)->decision.cell_mm, 0.005);
+  EXPECT_GT(points::survey_points(*far.models[0].cloud, o, {1, nullptr}, unused)->decision.cell_mm, 0.005);
   expect_built(far.models[0], o);
 }
 
@@ -350,12 +353,12 @@ ModelInput holed() {
 TEST(HeightFieldDecisions, AreFollowed) {
   const ModelInput input = holed();
   for (const bool fills : {true, false}) {
-    const HeightFieldOptions build{fills, !fills, 0.0};
+    const heightfield::HeightFieldOptions build{fills, !fills, 0.0};
     PrepareReport report;
-    const auto decided = decide_heightfield(input, build);
-    const auto built = build_height_field_model(input, build, {1, nullptr}, report);
+    const auto decided = heightfield::decide_heightfield(input, build);
+    const auto built = heightfield::build_height_field_model(input, build, {1, nullptr}, report);
     ASSERT_TRUE(decided && built);
-    const LatticeDecision& said = decided->lattice;
+    const heightfield::LatticeDecision& said = decided->lattice;
     EXPECT_EQ(said.posts(), built->field().posts());
     EXPECT_EQ(said.posts(), 10201u);
     EXPECT_GE(said.missing, 900u);
@@ -363,7 +366,7 @@ TEST(HeightFieldDecisions, AreFollowed) {
     EXPECT_EQ(said.filled > 0, fills);
     EXPECT_EQ(said.plan_resolution_mm, built->field().plan_resolution_mm());
     ModelDecisions out;
-    describe_heightfield(input, build, *decided, kAllOfRigidSurfaces, out);
+    heightfield::describe_heightfield(input, build, *decided, kAllOfRigidSurfaces, out);
     EXPECT_EQ(out.bytes, report.bytes);
   }
 }

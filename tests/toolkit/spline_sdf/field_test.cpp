@@ -21,7 +21,10 @@
 #include "toolkit/spline_sdf/spline.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 /// Points, and what preparation makes of them before the field.
@@ -435,4 +438,4 @@ TEST(NoiseField, CleanPointsHaveNone) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

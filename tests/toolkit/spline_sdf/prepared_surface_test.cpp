@@ -18,7 +18,10 @@
 #include "toolkit/spline_sdf/prepared_surface.h"
 #include "toolkit/spline_sdf/tile_window.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 using cloud::Cloud;
@@ -465,4 +468,4 @@ TEST(PreparedCloudSmooth, RefusesWhatTheFileCannotGive) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

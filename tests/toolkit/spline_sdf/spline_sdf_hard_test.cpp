@@ -13,7 +13,10 @@
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/render/surface_response.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 void expect_finite(const std::vector<Vec3>& points) {
@@ -320,4 +323,4 @@ TEST_P(OverEdges, AHandIsNeitherLostNorCaught) {
 INSTANTIATE_TEST_SUITE_P(Noise, OverEdges, ::testing::Values(0.0, 0.15));
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

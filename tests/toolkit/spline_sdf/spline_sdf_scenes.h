@@ -15,7 +15,7 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
 
 inline constexpr double kTestStiffness = 0.5;  // N/mm, the default
 
@@ -107,7 +107,7 @@ inline Score score(test::Stepped& renderer, const std::vector<Vec3>& path, const
   Vec3 last = Vec3::Zero(), last_true = Vec3::Zero();
   renderer->restart(path.front());
   for (const Vec3& h : path) {
-    const Frame frame = renderer->step(h, 0.001);
+    const render::Frame frame = renderer->step(h, 0.001);
     Vec3 closest;
     const double d = truth(h, closest);
     const Vec3 force = d < 0.0 ? Vec3(kTestStiffness * (closest - h)) : Vec3(Vec3::Zero());
@@ -118,7 +118,7 @@ inline Score score(test::Stepped& renderer, const std::vector<Vec3>& path, const
     out.missed += d < -slack && !frame.contact;
     out.false_ones += d > slack && frame.contact;
     out.jumps += (frame.force_n - last).norm() - (force - last_true).norm() > felt_n;
-    out.bounds += frame.status != FrameStatus::kOk;
+    out.bounds += frame.status != render::FrameStatus::kOk;
     last = frame.force_n;
     last_true = force;
   }
@@ -134,8 +134,8 @@ inline void expect_kept(const Score& s) {
 
 inline Score torus_score(const TorusSpec& t, const std::string& spec = "cloud-smooth",
                          std::size_t frames = 9000) {
-  test::Stepped renderer = prepared(cloud_of(torus_points(t)), spec, 2);
+  test::Stepped renderer = render::prepared(render::cloud_of(torus_points(t)), spec, 2);
   return score(renderer, torus_path(t, frames), torus_truth(t), 0.1 * t.scale, 0.0275 * t.scale);
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -12,7 +12,10 @@
 #include "toolkit/spline_sdf/orient_patches.h"
 #include "toolkit/spline_sdf/point_noise.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 void expect_no_fault(const Score& s) {
@@ -293,4 +296,4 @@ TEST(Strays, WhereTheKnownSurfaceEndsTheyStay) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -9,7 +9,10 @@
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/geometry/winding_number.h"
 
-namespace palpate::render {
+namespace palpate::spline_sdf {
+
+using namespace render;
+
 namespace {
 
 Score felt_on_torus(const std::vector<Vec3>& points) {
@@ -419,4 +422,4 @@ TEST(CloudSmoothSides, AVaseIsFeltOnBothSidesOfItsWallAndOnItsRim) {
 }
 
 }  // namespace
-}  // namespace palpate::render
+}  // namespace palpate::spline_sdf

@@ -26,9 +26,11 @@
 #include <palpate/surface.h>
 #include <palpate/vec.h>
 
-namespace palpate::render {
-
+namespace palpate::spline_sdf {
 class SurfaceFile;  // toolkit/spline_sdf/surface_file.h
+}
+
+namespace palpate::render {
 
 /// A model as a renderer sees it, in the model frame except world_from_model. Parts are shared, never copied;
 /// a renderer keeps those that its frames read.
@@ -36,7 +38,7 @@ struct ModelInput {
   std::string name;
   std::shared_ptr<const cloud::Cloud> cloud;  ///< never null
   /// Surfaces on disk that were prepared before, or null. `cloud` is then a sample of their points.
-  std::shared_ptr<const SurfaceFile> prepared{};
+  std::shared_ptr<const spline_sdf::SurfaceFile> prepared{};
   std::shared_ptr<const geometry::TriangleMesh> original_mesh;  ///< the file's own faces, or null
   std::shared_ptr<const geometry::AnalyticSurface> analytic;    ///< the generating formula, or null
   geometry::RigidTransform world_from_model;                    ///< pose at the start
