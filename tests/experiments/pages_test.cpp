@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <set>
 
 #include <palpate/scene.h>
@@ -44,10 +45,10 @@ std::vector<Help> helps() {
   return all;
 }
 
-/// A folder with what the pages' commands speak of.
-class Shown : public OnCommandLine {
+/// A folder with what the pages' commands speak of; they run in it.
+class Shown : public OnCommandLine, public testing::WithParamInterface<std::string> {
  protected:
-  Shown() {
+  Shown() : before_(std::filesystem::current_path()) {
     std::string points, grid = "ncols 31\nnrows 31\nxllcorner 0\nyllcorner 0\ncellsize 1\n";
     for (int i = 0; i < 31; ++i) {
       for (int j = 0; j < 31; ++j) {
@@ -80,7 +81,9 @@ class Shown : public OnCommandLine {
     copy_scenes();
     std::filesystem::create_directories(folder_ / "build/release/bin");
     std::filesystem::create_symlink(PALPATE_PROGRAM, folder_ / "build/release/bin/palpate");
+    std::filesystem::current_path(folder_);
   }
+  ~Shown() override { std::filesystem::current_path(before_); }
 
   /// The scenes of the tables, made small.
   void copy_scenes() const {
@@ -102,51 +105,101 @@ class Shown : public OnCommandLine {
       write_text(folder_ / words[3], words[1] + "\n");
       return {};
     }
-    words.front() = PALPATE_PROGRAM;
-    constexpr double kLimitS = 120.0;
-    const Result<ProcessOutcome> done =
-        run_process(words, {.time_limit_s = kLimitS, .folder = folder_.string()});
-    if (!done) return done.error().message();
-    return done->exit_code == 0 ? "" : fmt::format("exit {}: {}", done->exit_code, done->err);
+    words.erase(words.begin());
+    const ProcessOutcome done = needs_a_process(command) ? palpate_process(words) : palpate_command(words);
+    return done.exit_code == 0 ? "" : fmt::format("exit {}: {}", done.exit_code, done.err);
   }
   void check_and_run(const ShownCommand& command) {
     const std::string problem = problem_of(command);
     EXPECT_EQ(problem, "") << command.where << ": " << command.text();
     if (!problem.empty() || !why_not_run(command).empty()) return;
-    ++ran_;
     EXPECT_EQ(run(command), "") << command.where << ": " << command.text();
   }
+  /// Runs an example, and before it those that write what it reads; each once.
+  void check_and_run(const ShownCommand& example, const std::vector<ShownCommand>& all) {
+    if (!done_.insert(example.text()).second) return;
+    if (problem_of(example).empty() && why_not_run(example).empty())
+      for (const ShownCommand& other : all)
+        if (const std::string out = output_of(other); !out.empty() && reads(example, out))
+          check_and_run(other, all);
+    check_and_run(example);
+  }
 
-  std::size_t ran_ = 0;
+ private:
+  static std::string output_of(const ShownCommand& command) {
+    const auto option = std::find(command.words.begin(), command.words.end(), "--out");
+    return command.words.end() - option > 1 ? option[1] : std::string();
+  }
+  static bool reads(const ShownCommand& command, const std::string& file) {
+    for (std::size_t i = 1; i < command.words.size(); ++i) {
+      const std::string& word = command.words[i];
+      if (command.words[i - 1] != "--out" && (word == file || word.starts_with(file + "/"))) return true;
+    }
+    return false;
+  }
+
+  std::filesystem::path before_;
+  std::set<std::string> done_;
 };
 
-TEST_F(Shown, EveryCommandOfThePagesIsUnderstoodAndRuns) {
-  for (const std::string& page : pages())
-    for (const ShownCommand& command : commands_in_blocks(page, house::text_of(page))) check_and_run(command);
-  EXPECT_GT(ran_, 15u) << "are the pages there?";
+/// Letters and digits of a page's or command's name.
+const auto kNameOfShown = [](const testing::TestParamInfo<std::string>& shown) {
+  std::string name = shown.param;
+  for (char& c : name)
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  return name;
+};
+
+std::vector<ShownCommand> commands_of_page(const std::string& page) {
+  return commands_in_blocks(page, house::text_of(page));
 }
 
-TEST_F(Shown, EveryExampleOfTheHelpTextsIsUnderstoodAndRuns) {
-  std::vector<Help> all = helps();
-  // Others read the recording and the sweeps that these make.
-  for (const char* first : {"compare sweep", "compare merge", "live record"})
-    std::stable_partition(all.begin(), all.end(),
-                          [&](const Help& help) { return help.command.name == first; });
-  for (const Help& help : all) {
-    bool shows_itself = false;
-    std::vector<std::string> texts = help.command.examples;
-    // What its first example reads, the others make.
-    if (help.command.name == "compare merge") std::rotate(texts.begin(), texts.begin() + 1, texts.end());
-    for (const std::string& text : texts)
-      for (const ShownCommand& example : commands_in_blocks(help.command.name, "```\n" + text + "\n```\n")) {
-        EXPECT_EQ(example.words[0], "palpate") << example.where;
-        shows_itself =
-            shows_itself || (example.text() + " ").starts_with("palpate " + help.command.name + " ");
-        check_and_run(example);
-      }
-    EXPECT_TRUE(shows_itself) << help.command.name;
-  }
+std::vector<std::string> pages_with_commands() {
+  std::vector<std::string> all;
+  for (const std::string& page : pages())
+    if (!commands_of_page(page).empty()) all.push_back(page);
+  return all;
 }
+
+class ShownOnPage : public Shown {};
+class ShownInHelp : public Shown {};
+class Figures : public Shown {};
+
+TEST_P(ShownOnPage, EveryCommandIsUnderstoodAndRuns) {
+  for (const ShownCommand& command : commands_of_page(GetParam())) check_and_run(command);
+}
+INSTANTIATE_TEST_SUITE_P(Pages, ShownOnPage, testing::ValuesIn(pages_with_commands()), kNameOfShown);
+
+std::vector<ShownCommand> examples_of(const Subcommand& command) {
+  std::vector<ShownCommand> all;
+  for (const std::string& text : command.examples)
+    for (ShownCommand& example : commands_in_blocks(command.name, "```\n" + text + "\n```\n"))
+      all.push_back(std::move(example));
+  return all;
+}
+
+std::vector<std::string> names_of_commands() {
+  std::vector<std::string> all;
+  for (const Subcommand& command : all_subcommands()) all.push_back(command.name);
+  return all;
+}
+
+TEST_P(ShownInHelp, EveryExampleIsUnderstoodAndRuns) {
+  std::vector<ShownCommand> all, its_own;
+  for (const Subcommand& command : all_subcommands()) {
+    const std::vector<ShownCommand> examples = examples_of(command);
+    all.insert(all.end(), examples.begin(), examples.end());
+    if (command.name == GetParam()) its_own = examples;
+  }
+  bool shows_itself = false;
+  for (const ShownCommand& example : its_own) {
+    EXPECT_EQ(example.words[0], "palpate") << example.where;
+    shows_itself = shows_itself || (example.text() + " ").starts_with("palpate " + GetParam() + " ");
+    check_and_run(example, all);
+  }
+  EXPECT_TRUE(shows_itself);
+}
+INSTANTIATE_TEST_SUITE_P(Commands, ShownInHelp, testing::ValuesIn(names_of_commands()), kNameOfShown);
 
 class HelpTexts : public OnCommandLine {};
 class FormerNames : public OnCommandLine {};
@@ -286,10 +339,17 @@ TEST(Pages, CommandsInRunningTextExist) {
   EXPECT_GT(seen, 20u);
 }
 
+TEST(Pages, ShowCommandsThatRun) {
+  std::size_t run = 0;
+  for (const std::string& page : pages())
+    for (const ShownCommand& command : commands_of_page(page)) run += why_not_run(command).empty() ? 1 : 0;
+  EXPECT_GT(run, 15u) << "are the pages there?";
+}
+
 TEST(Pages, SayHowPalpateIsFound) {
   for (const std::string& page : pages()) {
     bool said = false;
-    for (const ShownCommand& command : commands_in_blocks(page, house::text_of(page))) {
+    for (const ShownCommand& command : commands_of_page(page)) {
       said = said || house::text_of(page).find(kOnThePath) != std::string::npos;
       if (command.words[0] == "palpate") {
         EXPECT_TRUE(said) << command.where << ": write build/release/bin/palpate, or begin the page with "
@@ -328,7 +388,7 @@ TEST(Pages, FiguresAreWhatTheResultsSay) {
   EXPECT_GE(blocks, 30u);
 }
 
-TEST_F(Shown, FiguresAreWrittenFromARun) {
+TEST_F(Figures, AreWrittenFromARun) {
   const auto put = [&](const std::string& file, const std::string& text) {
     std::filesystem::create_directories((folder_ / file).parent_path());
     write_text(folder_ / file, text);
@@ -365,7 +425,7 @@ TEST_F(Shown, FiguresAreWrittenFromARun) {
   refuses({"a.txt:3: ", "frame.max_us"}, "report --docs", folder_.string());
 }
 
-TEST_F(Shown, FiguresOfTheTrialAreTakenFromItsOwnDocument) {
+TEST_F(Figures, OfTheTrialAreTakenFromItsOwnDocument) {
   std::filesystem::create_directories(folder_ / "docs/figures");
   std::filesystem::create_directories(folder_ / "run");
   write_text(folder_ / "README.md", "<!-- figures: felt -->\n<!-- end of figures -->\n");

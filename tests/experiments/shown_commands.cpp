@@ -302,6 +302,11 @@ std::string why_not_run(const ShownCommand& command) {
   return {};
 }
 
+bool needs_a_process(const ShownCommand& command) {
+  return is_of(command.words, "live") || is_of(command.words, "record") || is_of(command.words, "ablate") ||
+         is_of(command.words, "devices");
+}
+
 std::vector<std::string> made_small(const ShownCommand& command) {
   static const std::regex kPoints("points=[0-9]+"), kFrames("frames=[0-9]+");
   std::vector<std::string> words = command.words;

@@ -36,6 +36,8 @@ struct Block {
 
 /// Why a command is not run; empty where it is.
 [[nodiscard]] std::string why_not_run(const ShownCommand& command);
+/// Whether it is run in a process of its own: it starts itself again, or has threads in real time.
+[[nodiscard]] bool needs_a_process(const ShownCommand& command);
 /// The same command with few points and frames.
 [[nodiscard]] std::vector<std::string> made_small(const ShownCommand& command);
 
