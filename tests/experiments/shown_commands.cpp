@@ -225,6 +225,20 @@ std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::strin
   return all;
 }
 
+const std::vector<std::string>& pages() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> found;
+    for (const std::string& file : house::project_files())
+      if (file == "README.md" || (file.starts_with("docs/") && file.ends_with(".md"))) found.push_back(file);
+    return found;
+  }();
+  return all;
+}
+
+std::vector<ShownCommand> commands_of_page(const std::string& page) {
+  return commands_in_blocks(page, house::text_of(page));
+}
+
 std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page) {
   static const std::regex kSpan(
       "`((palpate|build/release/bin/palpate|experiments/reproduce|experiments/benchmarks/real_shapes|tests/"

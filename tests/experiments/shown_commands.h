@@ -16,9 +16,12 @@ struct ShownCommand {
   [[nodiscard]] std::string program() const;
 };
 
+/// README.md and the pages of docs, in their order.
+[[nodiscard]] const std::vector<std::string>& pages();
 /// Those of the fenced blocks that name no language, as a shell would split them: quotes, comments, lines
 /// that go on after a backslash, &&.
 [[nodiscard]] std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::string_view page);
+[[nodiscard]] std::vector<ShownCommand> commands_of_page(const std::string& page);
 /// `palpate ..`, `experiments/reproduce ..` and `tests/run ..` in running text; they may be cut short.
 [[nodiscard]] std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page);
 /// The blocks of a language, "toml", with the line of each.
