@@ -10,9 +10,6 @@ namespace {
 
 using nlohmann::json;
 
-const char* const kWavesToGoOn = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kPathToGoOn = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
-
 /// A command that is killed once `part` is kept, or the record that it is holds `text`. Then `text` in it
 /// becomes `marked`: only a run that goes on from it shows kMark in `document`.
 const char* const kMark = "987654";
@@ -77,8 +74,8 @@ std::vector<Killed> killed_commands() {
        R"("reason":"987654")",
        "sweep.json"},
       {"tune",
-       {"tune", kWavesToGoOn, "--renderers", "cloud,cloud-literal", "--max-error", "50", "--path",
-        kPathToGoOn, "--passes", "2", "--budget", "10"},
+       {"tune", kTinyWaves, "--renderers", "cloud,cloud-literal", "--max-error", "50", "--path", kTinyWeave,
+        "--passes", "2", "--budget", "10"},
        "rows.jsonl",
        R"("reason":"")",
        R"("reason":"987654")",
