@@ -41,7 +41,7 @@ struct Block {
 [[nodiscard]] std::string why_not_run(const ShownCommand& command);
 /// Whether it is run in a process of its own: it starts itself again, or has threads in real time.
 [[nodiscard]] bool needs_a_process(const ShownCommand& command);
-/// The same command with few points and frames.
+/// The same command with few points, frames, pixels and trials.
 [[nodiscard]] std::vector<std::string> made_small(const ShownCommand& command);
 
 }  // namespace palpate::experiments
