@@ -322,7 +322,7 @@ TEST(Hostile, CorpusReplays) {
     }
   }
   for (const auto& entry : std::filesystem::directory_iterator(std::string(PALPATE_CORPUS) + "/pcd")) {
-    const std::string content = load(entry.path());
+    const std::string content = file_text(entry.path());
     if (check_pcd(std::as_bytes(std::span(content)), {})) ++models;
     ++files;
   }
