@@ -54,7 +54,7 @@ std::vector<Killed> killed_commands() {
        R"("about":"987654 )",
        "goals.json"},
       {"hunt",
-       {"test", "hunt", "--renderers", "cloud,heightfield", "--trials", "20"},
+       {"test", "hunt", "--renderers", "cloud,heightfield", "--minutes", "0.06"},
        ".palpate-parts/cloud",
        R"("faulty":0)",
        R"("faulty":987654)",
