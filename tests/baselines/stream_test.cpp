@@ -41,6 +41,8 @@ Seen plane_at(double z_mm) {
   return [z_mm](const Vec3&) { return z_mm; };
 }
 const Seen kNothing = plane_at(0.0);
+/// Before and behind a plane 1 m away.
+const Vec3 kAbove{3, 4, 960}, kInside{3, 4, 1005};
 
 stream::DepthFrame image_of(const stream::DepthCamera& camera, const Seen& seen, std::uint64_t number) {
   stream::DepthFrame frame;
@@ -71,6 +73,11 @@ struct Rig {
   [[nodiscard]] stream::DepthReceiver& receiver() const { return *probe.renderer.get()->depth_receiver(); }
   stream::ReceiveReport show(const Seen& seen, const Vec3& hip) {
     return receiver().receive(image_of(camera, seen, images++), hip);
+  }
+  /// From above into a plane 1 m away, once it is shown.
+  void press() {
+    (void)show(plane_at(1000.0), kAbove);
+    (void)probe.press(kAbove, kInside, 0.5);
   }
 };
 
@@ -108,15 +115,13 @@ TEST(DepthRebuilds, WithoutMemoryTheLastSurfaceStays) {
 
 TEST_P(Streams, AHeldContactFollowsASurfaceThatComesAndGoes) {
   Rig rig(GetParam(), plane_at(1000.0));
-  const Vec3 above{3, 4, 960}, inside{3, 4, 1005};
-  (void)rig.show(plane_at(1000.0), above);
-  (void)rig.probe.press(above, inside, 0.5);
+  rig.press();
   // 50 mm a second at 30 images a second, to the user and away again.
   for (int image = 1; image <= 12; ++image) {
     const double z_mm = 1000.0 - (image <= 6 ? image : 12 - image) * 50.0 / 30.0;
-    (void)rig.show(plane_at(z_mm), inside);
+    (void)rig.show(plane_at(z_mm), kInside);
     render::Frame frame;
-    for (int tick = 0; tick < 33; ++tick) frame = rig.probe.to(inside);
+    for (int tick = 0; tick < 33; ++tick) frame = rig.probe.to(kInside);
     ASSERT_TRUE(frame.contact) << image;
     EXPECT_NEAR(frame.force_n.z(), -kStiffness * (1005.0 - z_mm), kStiffness * allowed_mm(GetParam()))
         << image;
@@ -126,34 +131,32 @@ TEST_P(Streams, AHeldContactFollowsASurfaceThatComesAndGoes) {
 
 TEST_P(Streams, FramesThatAreNoUseChangeNothing) {
   Rig rig(GetParam(), plane_at(1000.0));
-  const Vec3 above{3, 4, 960}, inside{3, 4, 1005};
   rig.images = 5;
-  (void)rig.show(plane_at(1000.0), above);
-  const render::Frame before = rig.probe.press(above, inside, 0.5);
+  (void)rig.show(plane_at(1000.0), kAbove);
+  const render::Frame before = rig.probe.press(kAbove, kInside, 0.5);
   const std::uint64_t swaps = rig.probe.renderer->counters().swaps;
-  EXPECT_EQ(rig.receiver().receive(image_of(rig.camera, plane_at(900.0), 5), inside).fate,
+  EXPECT_EQ(rig.receiver().receive(image_of(rig.camera, plane_at(900.0), 5), kInside).fate,
             stream::FrameFate::kRepeated);
-  EXPECT_EQ(rig.receiver().receive(image_of(rig.camera, plane_at(900.0), 4), inside).fate,
+  EXPECT_EQ(rig.receiver().receive(image_of(rig.camera, plane_at(900.0), 4), kInside).fate,
             stream::FrameFate::kLate);
   stream::DepthFrame cut = image_of(rig.camera, plane_at(900.0), 6);
   cut.depth_mm.pop_back();
-  EXPECT_EQ(rig.receiver().receive(cut, inside).fate, stream::FrameFate::kTruncated);
+  EXPECT_EQ(rig.receiver().receive(cut, kInside).fate, stream::FrameFate::kTruncated);
   cut = image_of(rig.camera, plane_at(900.0), 6);
   cut.world_from_camera.translation_mm.x() = std::nan("");
-  EXPECT_EQ(rig.receiver().receive(cut, inside).fate, stream::FrameFate::kTruncated);
-  EXPECT_EQ(rig.probe.to(inside).force_n, before.force_n);
+  EXPECT_EQ(rig.receiver().receive(cut, kInside).fate, stream::FrameFate::kTruncated);
+  EXPECT_EQ(rig.probe.to(kInside).force_n, before.force_n);
   EXPECT_EQ(rig.probe.renderer->counters().swaps, swaps);
 }
 
 TEST_P(Streams, WhatIsNotMeasuredIsFreeUntilItIsMeasuredAgain) {
   Rig rig(GetParam(), plane_at(1000.0));
-  const Vec3 above{3, 4, 960}, inside{3, 4, 1005};
-  (void)rig.show(kNothing, above);
-  EXPECT_FALSE(rig.probe.press(above, inside, 0.5).contact);
-  (void)rig.show(plane_at(1000.0), above);
-  EXPECT_TRUE(rig.probe.press(above, inside, 0.5).contact);
-  (void)rig.show(kNothing, above);
-  EXPECT_FALSE(rig.probe.to(inside).contact);
+  (void)rig.show(kNothing, kAbove);
+  EXPECT_FALSE(rig.probe.press(kAbove, kInside, 0.5).contact);
+  (void)rig.show(plane_at(1000.0), kAbove);
+  EXPECT_TRUE(rig.probe.press(kAbove, kInside, 0.5).contact);
+  (void)rig.show(kNothing, kAbove);
+  EXPECT_FALSE(rig.probe.to(kInside).contact);
 }
 
 TEST_P(Streams, AWholeImageIsFeltBesideTheWindow) {
@@ -179,15 +182,14 @@ TEST_P(Streams, ThePoseOfTheCameraPlacesTheSurface) {
 
 TEST_P(Streams, AReplayBeginsWithoutEarlierImages) {
   Rig rig(GetParam(), plane_at(1000.0));
-  const Vec3 above{3, 4, 960}, inside{3, 4, 1005};
   const auto replay = [&] {
     rig.receiver().forget_frames();
     rig.images = 0;
-    rig.probe.renderer->restart(above);
+    rig.probe.renderer->restart(kAbove);
     Vec3 sum = Vec3::Zero();
     for (int image = 0; image < 3; ++image) {
-      (void)rig.show(plane_at(1000.0 - image), inside);
-      sum += rig.probe.glide(above, inside, 0.5).force_n * (1.0 + image);
+      (void)rig.show(plane_at(1000.0 - image), kInside);
+      sum += rig.probe.glide(kAbove, kInside, 0.5).force_n * (1.0 + image);
     }
     return sum;
   };
@@ -198,14 +200,12 @@ TEST_P(Streams, AReplayBeginsWithoutEarlierImages) {
 
 TEST_P(Streams, FramesAllocateNothingWhileImagesCome) {
   Rig rig(GetParam(), plane_at(1000.0));
-  const Vec3 above{3, 4, 960}, inside{3, 4, 1005};
-  (void)rig.show(plane_at(1000.0), above);
-  (void)rig.probe.press(above, inside, 0.5);
+  rig.press();
   std::uint64_t blocks = 0;
   for (int image = 0; image < 4; ++image) {
-    (void)rig.show(image == 2 ? kNothing : plane_at(1000.0 - image), inside);
+    (void)rig.show(image == 2 ? kNothing : plane_at(1000.0 - image), kInside);
     const house::AllocationCount counted;
-    for (int tick = 0; tick < 5; ++tick) (void)rig.probe.to(inside);
+    for (int tick = 0; tick < 5; ++tick) (void)rig.probe.to(kInside);
     blocks += counted.count();
   }
   EXPECT_EQ(blocks, 0u);
@@ -214,18 +214,16 @@ TEST_P(Streams, FramesAllocateNothingWhileImagesCome) {
 /// One thread takes images of a wall that comes and goes while another presses on it.
 TEST_P(Streams, ImagesAndFramesRunInTwoThreads) {
   Rig rig(GetParam(), plane_at(1000.0));
-  const Vec3 above{3, 4, 960}, inside{3, 4, 1005};
-  (void)rig.show(plane_at(1000.0), above);
-  (void)rig.probe.press(above, inside, 0.5);
+  rig.press();
   std::atomic<bool> done{false};
   std::thread camera([&] {
-    for (int image = 0; image < 30; ++image) (void)rig.show(plane_at(1000.0 - (image % 3)), inside);
+    for (int image = 0; image < 30; ++image) (void)rig.show(plane_at(1000.0 - (image % 3)), kInside);
     done = true;
   });
   int held = 0, frames = 0;
   bool finite = true;
   while (!done || frames < 1000) {
-    const render::Frame frame = rig.probe.to(inside);
+    const render::Frame frame = rig.probe.to(kInside);
     finite = finite && is_finite(frame.force_n) && frame.force_n.norm() < kStiffness * 20.0;
     held += frame.contact;
     ++frames;

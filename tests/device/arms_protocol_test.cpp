@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 
 #include "device/arms/arm_description.h"
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
+#include "tests/files.h"
+#include "tests/in_folder.h"
 #include "toolkit/core/random.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,
@@ -207,27 +208,20 @@ TEST(ArmDescription, ALinkageThatCannotRestSoIsRefused) {
   EXPECT_TRUE(refused(parse_arm_description(text, "p.toml"), "rest pose"));
 }
 
-TEST(ArmDescription, TheUsersOwnStandForThoseBuiltIn) {
-  const std::filesystem::path folder = std::filesystem::temp_directory_path() / "palpate_arms_test";
-  std::filesystem::remove_all(folder);
-  std::filesystem::create_directories(folder / "palpate" / "devices");
+class ArmsOfTheUser : public InFolder {};
+
+TEST_F(ArmsOfTheUser, StandForThoseBuiltIn) {
+  std::filesystem::create_directories(folder_ / "palpate/devices");
   std::string text = wood_text();
   text.replace(text.find("force_n = 2.5"), 13, "force_n = 3");
-  std::ofstream(folder / "palpate" / "devices" / "woodenhaptics.toml") << text;
-  std::ofstream(folder / "palpate" / "devices" / "mine.toml") << text;
-  const char* before = std::getenv("XDG_CONFIG_HOME");
-  const std::string kept = before == nullptr ? "" : before;
-  ::setenv("XDG_CONFIG_HOME", folder.c_str(), 1);
+  for (const char* name : {"woodenhaptics", "mine"})
+    write_text(in(std::string("palpate/devices/") + name + ".toml"), text);
+  const Environment home("XDG_CONFIG_HOME", folder_.c_str());
   EXPECT_EQ(find_arm("woodenhaptics")->limits.force_max_n, 3.0);
   EXPECT_TRUE(find_arm("mine"));
   const auto none = find_arm("polhem-v4");
-  if (kept.empty())
-    ::unsetenv("XDG_CONFIG_HOME");
-  else
-    ::setenv("XDG_CONFIG_HOME", kept.c_str(), 1);
   ASSERT_FALSE(none);
   EXPECT_TRUE(says(none.error().remedy, "did you mean")) << none.error().message();
-  std::filesystem::remove_all(folder);
 }
 
 TEST(OpenDevicesFuzz, TheCorpusAndManyOthersPass) {

@@ -41,6 +41,14 @@ struct FalconRig {
   std::unique_ptr<FalconDevice> device;
 };
 
+/// The same, prepared and open.
+struct OpenFalcon : FalconRig {
+  explicit OpenFalcon(FalconOptions options = {}) : FalconRig(std::move(options)) {
+    prepared(board);
+    EXPECT_TRUE(ok(device->open()));
+  }
+};
+
 // Set-up.
 
 TEST(FalconBoot, LoadsTheImageByteForByteWhereNoneRuns) {
@@ -152,9 +160,7 @@ TEST(FalconBoot, TheEventCharacterIsOnInUseAloneAndOnlyWhenAsked) {
 // The device.
 
 TEST(FalconDevice, ReadsPositionsButtonsBytesAndTimes) {
-  FalconRig rig;
-  FalconRig::prepared(rig.board);
-  ASSERT_TRUE(rig.device->open());
+  OpenFalcon rig;
   (void)rig.exchange();
   rig.board.counts = falcon_counts_at(Vec3{10, -20, 15});
   rig.board.buttons = 5;
@@ -200,9 +206,7 @@ TEST(FalconDevice, AForceBeyondTheMotorsKeepsItsDirection) {
   FalconOptions options;
   options.calibrated = true;
   options.counts_per_n_mm = 100.0;
-  FalconRig rig(options);
-  FalconRig::prepared(rig.board);
-  ASSERT_TRUE(rig.device->open());
+  OpenFalcon rig(options);
   ASSERT_TRUE(rig.exchange().homed);
   rig.device->send(governed(Vec3{4.0, 0.0, 0.0}));
   EXPECT_EQ(rig.board.held().motors[1], 4095);
@@ -258,9 +262,7 @@ TEST(FalconDevice, EveryEndLetsTheMotorsGo) {
 }
 
 TEST(FalconDevice, AnglesThatNoPlaceHasHoldThePositionThenAreGarbled) {
-  FalconRig rig;
-  FalconRig::prepared(rig.board);
-  ASSERT_TRUE(rig.device->open());
+  OpenFalcon rig;
   const Vec3 before = rig.exchange().position_mm;
   rig.board.faults.jump = {20'000, -20'000, 20'000};
   std::vector<ReadStatus> seen;
@@ -276,9 +278,7 @@ TEST(FalconDevice, AnglesThatNoPlaceHasHoldThePositionThenAreGarbled) {
 }
 
 TEST(FalconDevice, AFlagThatDropsInOneOfManyRepliesHasDropped) {
-  FalconRig rig;
-  FalconRig::prepared(rig.board);
-  ASSERT_TRUE(rig.device->open());
+  OpenFalcon rig;
   ASSERT_TRUE(rig.exchange().homed);
   rig.device->cut_force();
   rig.board.faults.lost_homing = true;

@@ -15,6 +15,7 @@
 #include "device/falcon/falcon_device.h"
 #include "tests/device/helpers.h"
 #include "tests/device/mock/falcon_board.h"
+#include "tests/files.h"
 #include "tests/in_folder.h"
 #include "toolkit/core/random.h"
 
@@ -200,15 +201,12 @@ TEST_F(FirmwareFolder, IsSearchedInOrder) {
 }
 
 TEST_F(FirmwareFolder, PlacesComeFromTheEnvironment) {
-  const char* home = std::getenv("XDG_DATA_HOME");
-  const std::string before = home == nullptr ? "" : home;
-  ::setenv("XDG_DATA_HOME", in("a").c_str(), 1);
+  const Environment home("XDG_DATA_HOME", in("a").c_str());
   const FalconFirmwarePlaces places = falcon_firmware_places("one.bin");
   EXPECT_EQ(places.file, "one.bin");
   ASSERT_EQ(places.folders.size(), 3u);
   EXPECT_EQ(places.folders[0], folder_ / "a/palpate/falcon");
   EXPECT_EQ(places.folders[2], "/lib/firmware/novint");
-  before.empty() ? ::unsetenv("XDG_DATA_HOME") : ::setenv("XDG_DATA_HOME", before.c_str(), 1);
 }
 
 TEST(FalconFuzz, TheCorpusIsRead) {

@@ -17,9 +17,12 @@
 #include <palpate/clock.h>
 #include <palpate/device/drivers.h>
 #include <palpate/device/force_governor.h>
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::device {
+
+using test::refused;
 
 /// Waits until it is so; false after a patience that is no deadline: after it a test fails instead of
 /// hanging.
@@ -44,22 +47,13 @@ template <class Condition>
 
 /// Whether a text has this part; a failure shows the text.
 [[nodiscard]] inline testing::AssertionResult says(std::string_view text, std::string_view part) {
-  if (text.find(part) != std::string_view::npos)
-    return testing::AssertionSuccess() << "it says '" << part << "': " << text;
-  return testing::AssertionFailure() << "'" << part << "' is not in: " << text;
+  return test::contains(text, part);
 }
 
 /// Whether a Status or Result is none of an Error; a failure shows its message.
 template <class Answer>
 [[nodiscard]] testing::AssertionResult ok(const Answer& answer) {
   return answer ? testing::AssertionSuccess() : testing::AssertionFailure() << answer.error().message();
-}
-
-/// Whether it is an Error whose message has this part.
-template <class Answer>
-[[nodiscard]] testing::AssertionResult refused(const Answer& answer, std::string_view part) {
-  if (answer) return testing::AssertionFailure() << "it was not refused";
-  return says(answer.error().message(), part);
 }
 
 /// The driver of a device's name, which `add` registers.

@@ -16,6 +16,7 @@
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/hidraw_double.h"
 #include "tests/device/tty_board.h"
+#include "tests/files.h"
 
 namespace palpate::device {
 namespace {
@@ -226,8 +227,7 @@ TEST(TextArm, HalfACommandDoesNotSpoilTheGuardsZero) {
 }
 
 TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {
-  std::ifstream file(PALPATE_SOURCE_ROOT "/docs/results/hands-and-loops.md");
-  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  const std::string page = file_text(PALPATE_SOURCE_ROOT "/docs/results/hands-and-loops.md");
   const std::size_t table = page.find(
       "| fault | libusb, Falcon | hidapi, arm with reports | terminal, arm with text | UDP bridge |");
   ASSERT_NE(table, std::string::npos);

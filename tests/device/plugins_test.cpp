@@ -8,6 +8,7 @@
 #include "device/plugins/plugin_exchange.h"
 #include "tests/device/helpers.h"
 #include "tests/device/stubs/stub_device.h"
+#include "tests/files.h"
 #include "tests/in_folder.h"
 
 namespace palpate::device {
@@ -15,14 +16,6 @@ namespace {
 
 class Plugins : public InFolder {
  protected:
-  Plugins() {
-    ::setenv("PALPATE_PLUGINS", PALPATE_STUB_PLUGINS, 1);
-    ::setenv("GTDD_HOME", PALPATE_STUB_PLUGINS, 1);
-  }
-  ~Plugins() override {
-    ::unsetenv("PALPATE_PLUGINS");
-    ::unsetenv("GTDD_HOME");
-  }
   DeviceEntry entry(const std::string& name) const {
     return driver_of(&register_plugin_drivers, name).look().front();
   }
@@ -89,6 +82,8 @@ class Plugins : public InFolder {
     EXPECT_EQ(stub.open.load(), 0);
   }
 
+  const Environment plugins_{"PALPATE_PLUGINS", PALPATE_STUB_PLUGINS};
+  const Environment touch_{"GTDD_HOME", PALPATE_STUB_PLUGINS};
   MonotonicClock clock_;
   std::optional<ForceGovernor> governor_;
   DeviceState last_;
@@ -130,12 +125,12 @@ TEST_F(Plugins, WhatIsNotConnectedIsSaid) {
   ASSERT_TRUE(made);
   EXPECT_FALSE(made->device->open());
   stub_hd_device().connected = 1;
-  ::unsetenv("GTDD_HOME");
+  const Environment none("GTDD_HOME", nullptr);
   EXPECT_TRUE(says(entry("openhaptics").needs.front(), "GTDD_HOME"));
 }
 
 TEST_F(Plugins, OneThatIsNotThereSaysHowToGetIt) {
-  ::setenv("PALPATE_PLUGINS", folder_.c_str(), 1);
+  const Environment elsewhere("PALPATE_PLUGINS", folder_.c_str());
   for (const auto& [name, said] : {std::pair{"dhd", "DHD_ROOT"}, {"openhaptics", "OH_SDK_BASE"}}) {
     const DeviceEntry found = entry(name);
     EXPECT_EQ(found.status, DeviceStatus::kMissing);
@@ -146,8 +141,8 @@ TEST_F(Plugins, OneThatIsNotThereSaysHowToGetIt) {
 }
 
 TEST_F(Plugins, WhatIsNoPluginIsNotUsed) {
-  ::setenv("PALPATE_PLUGINS", folder_.c_str(), 1);
-  std::ofstream(folder_ / "palpate-dhd.so") << "not a module";
+  const Environment elsewhere("PALPATE_PLUGINS", folder_.c_str());
+  write_text(in("palpate-dhd.so"), "not a module");
   EXPECT_TRUE(says(entry("dhd").needs.front(), "cannot be loaded"));
   std::filesystem::remove(folder_ / "palpate-dhd.so");
   for (const char* module : {PALPATE_STUB_OLD, PALPATE_STUB_HALF}) {

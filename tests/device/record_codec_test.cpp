@@ -5,6 +5,7 @@
 
 #include "tests/device/helpers.h"
 #include "tests/device/record_rig.h"
+#include "tests/files.h"
 
 namespace palpate::device {
 namespace {
@@ -108,8 +109,7 @@ TEST(RecordCodec, TheCorpusIsReadOrRefused) {
   int files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     ++files;
-    std::ifstream file(entry.path(), std::ios::binary);
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    const std::string text = file_text(entry.path());
     const auto bytes = std::as_bytes(std::span<const char>(text));
     Result<Recording> recording = open_bytes({bytes.begin(), bytes.end()});
     const bool whole = entry.path().filename() == "whole.palrec";

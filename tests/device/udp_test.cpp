@@ -15,6 +15,7 @@
 #include "device/links/udp_link.h"
 #include "tests/device/bridge_rig.h"
 #include "tests/device/helpers.h"
+#include "tests/files.h"
 
 namespace palpate::device {
 namespace {
@@ -279,9 +280,8 @@ std::string udev_rules_file() {
 }
 
 TEST(UdevRules, TheInstalledFileIsThatOfTheTable) {
-  std::ifstream in(PALPATE_SOURCE_ROOT "/device/drivers/70-palpate.rules");
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  EXPECT_EQ(text, udev_rules_file()) << udev_rules_file();
+  EXPECT_EQ(file_text(PALPATE_SOURCE_ROOT "/device/drivers/70-palpate.rules"), udev_rules_file())
+      << udev_rules_file();
 }
 
 TEST(UdevRules, GiveAccessToWhoSitsThereAndToNobodyElse) {

@@ -22,11 +22,6 @@ class FeltSurface : public InFolder {
     EXPECT_TRUE(done) << (done ? "" : done.error().message());
     return done ? *done : ProcessOutcome{};
   }
-  static std::string text_of(const std::filesystem::path& file) {
-    std::ostringstream text;
-    text << std::ifstream(file).rdbuf();
-    return text.str();
-  }
 };
 
 TEST_F(FeltSurface, ScoresAndSaysWhyNot) {
@@ -35,7 +30,7 @@ TEST_F(FeltSurface, ScoresAndSaysWhyNot) {
       run({"--sets", "c5k,border", "--quick", "--frames", "2000", "--closed-paths", "3", "--json", file,
            "--renderers", "cloud,cloud:refine=1:label=fine,heightfield,nothing"});
   EXPECT_EQ(done.exit_code, 0) << done.err;
-  const auto document = nlohmann::json::parse(text_of(file));
+  const auto document = nlohmann::json::parse(file_text(file));
   ASSERT_EQ(document["rows"].size(), 8u);
   const auto row = [&](const std::string& label) -> nlohmann::json {
     for (const auto& one : document["rows"])
@@ -73,7 +68,7 @@ TEST_F(FeltSurface, TakesOtherSeedsAndSaysWhereItErrs) {
              "0", "--json", file, "--renderers", "cloud-smooth", "--seed", seed, "--where", "2"});
     EXPECT_EQ(done.exit_code, 0) << done.err;
     EXPECT_THAT(done.out, HasSubstr("% of the error; HIP ("));
-    return nlohmann::json::parse(text_of(file))["rows"][0]["trace_hash"].get<std::string>();
+    return nlohmann::json::parse(file_text(file))["rows"][0]["trace_hash"].get<std::string>();
   };
   const std::string first = told("1");
   EXPECT_EQ(told("1"), first);
@@ -94,7 +89,7 @@ TEST_F(FeltSurface, DrawsASlice) {
   const std::string file = (folder_ / "edge.svg").string();
   const ProcessOutcome done = run({"--slice", file, "--sets", "edge", "--renderers", "cloud"});
   EXPECT_EQ(done.exit_code, 0) << done.err;
-  const std::string svg = text_of(file);
+  const std::string svg = file_text(file);
   EXPECT_EQ(svg.rfind("<svg", 0), 0u);
   for (const char* part : {"<circle", "<polyline", ">truth<", ">cloud<", "</svg>"})
     EXPECT_THAT(svg, HasSubstr(part)) << part;

@@ -351,7 +351,11 @@ TEST(Base64, IsThatOfTheStandard) {
     EXPECT_EQ(base64(plain), coded);
 }
 
-class Charts : public InFolder {};
+class Charts : public InFolder {
+ protected:
+  Figure drawn(const Chart& chart) { return draw(chart, out_); }
+  OutputFolder out_ = OutputFolder::open(in("out")).value();
+};
 
 TEST_F(Charts, EverySeriesIsDrawnUnderItsOwnName) {
   // Longer and longer interruptions, and a series of nothing else.
@@ -364,9 +368,8 @@ TEST_F(Charts, EverySeriesIsDrawnUnderItsOwnName) {
       {"first", "#0072b2", {0, 1, 2, 3, 4, 5, 6}, {kNothing, 1, kNothing, kNothing, 2, 3, kNothing}},
       {"nothing", "#d55e00", {0, 1}, {kNothing, kNothing}},
       {"last", "#009e73", {7, 8}, {4, 5}}};
-  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
-  ASSERT_TRUE(folder.ok() && folder->begin("a").ok());
-  const Figure figure = draw(chart, *folder);
+  ASSERT_TRUE(out_.begin("a").ok());
+  const Figure figure = drawn(chart);
   const std::string data = file_text(in("out/gaps.dat"));
   std::vector<std::string> blocks;
   for (std::size_t at = 0; at < data.size();) {
@@ -389,9 +392,7 @@ TEST_F(Charts, WithoutAPointSaySo) {
   chart.log_y = true;
   chart.nothing = "No force is wrong.";
   chart.series = {{"exact", "#0072b2", {0, 1}, {std::nan(""), std::nan("")}}, {"failed", "#d55e00", {}, {}}};
-  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
-  ASSERT_TRUE(folder.ok());
-  const Figure figure = draw(chart, *folder);
+  const Figure figure = drawn(chart);
   EXPECT_EQ(figure.caption, "No force is wrong.") << "not gnuplot's words for it";
   EXPECT_TRUE(figure.svg.empty());
 }
@@ -405,9 +406,7 @@ TEST_F(Charts, PanelsLeaveOutWhoDidNotRun) {
   for (int i = 0; i < 9; ++i)
     chart.series.push_back({"renderer-" + std::to_string(i), "#0072b2", {0, 1, 2}, {0.1, 0.2, 0.3}});
   chart.series[4] = {"failed", "#d55e00", {}, {}};
-  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
-  ASSERT_TRUE(folder.ok());
-  const Figure figure = draw(chart, *folder);
+  const Figure figure = drawn(chart);
   if (figure.svg.empty()) GTEST_SKIP() << "gnuplot is not here: " << figure.caption;
   EXPECT_THAT(figure.svg, HasSubstr(">renderer-8<"));
   EXPECT_THAT(figure.svg, Not(HasSubstr(">failed<")));
@@ -419,12 +418,10 @@ TEST_F(Charts, WhatLeavesAPanelRunsAlongItsEdge) {
   chart.caption = "Force.";
   chart.style = Chart::Style::kPanels;
   chart.series = {{"truth", "#c4c4c4", {0, 1, 2}, {0, 1, 0}}, {"mild", "#0072b2", {0, 1, 2}, {0, 1.1, 0}}};
-  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
-  ASSERT_TRUE(folder.ok());
-  if (draw(chart, *folder).svg.empty()) GTEST_SKIP() << "gnuplot is not here";
-  EXPECT_EQ(draw(chart, *folder).caption, "Force.");
+  if (drawn(chart).svg.empty()) GTEST_SKIP() << "gnuplot is not here";
+  EXPECT_EQ(drawn(chart).caption, "Force.");
   chart.series.push_back({"wild", "#d55e00", {0, 1, 2}, {50, 60, 70}});
-  EXPECT_EQ(draw(chart, *folder).caption, "Force. What leaves a panel runs along its edge.");
+  EXPECT_EQ(drawn(chart).caption, "Force. What leaves a panel runs along its edge.");
 }
 
 TEST(Looks, NoTwoRenderersLookAlike) {

@@ -11,9 +11,6 @@ namespace {
 
 using nlohmann::json;
 
-const char* const kWavesToGoOn = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kPathToGoOn = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
-
 /// A command that is killed once `part` is kept, or the record that it is holds `text`. Then `text` in it
 /// becomes `marked`: only a run that goes on from it shows kMark in `document`.
 const char* const kMark = "987654";
@@ -58,7 +55,7 @@ std::vector<Killed> killed_commands() {
        R"("about":"987654 )",
        "goals.json"},
       {"hunt",
-       {"test", "hunt", "--renderers", "cloud", "--minutes", "0.12"},
+       {"test", "hunt", "--renderers", "cloud,heightfield", "--minutes", "0.06"},
        ".palpate-parts/cloud",
        R"("faulty":0)",
        R"("faulty":987654)",
@@ -78,8 +75,8 @@ std::vector<Killed> killed_commands() {
        R"("reason":"987654")",
        "sweep.json"},
       {"tune",
-       {"tune", kWavesToGoOn, "--renderers", "cloud,cloud-literal", "--max-error", "50", "--path",
-        kPathToGoOn, "--passes", "2", "--budget", "10"},
+       {"tune", kTinyWaves, "--renderers", "cloud,cloud-literal", "--axes", "rate,precision", "--max-error",
+        "50", "--path", kTinyWeave, "--passes", "2", "--budget", "10"},
        "rows.jsonl",
        R"("reason":"")",
        R"("reason":"987654")",

@@ -225,6 +225,20 @@ std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::strin
   return all;
 }
 
+const std::vector<std::string>& pages() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> found;
+    for (const std::string& file : house::project_files())
+      if (file == "README.md" || (file.starts_with("docs/") && file.ends_with(".md"))) found.push_back(file);
+    return found;
+  }();
+  return all;
+}
+
+std::vector<ShownCommand> commands_of_page(const std::string& page) {
+  return commands_in_blocks(page, house::text_of(page));
+}
+
 std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page) {
   static const std::regex kSpan(
       "`((palpate|build/release/bin/palpate|experiments/reproduce|experiments/benchmarks/real_shapes|tests/"
@@ -302,12 +316,27 @@ std::string why_not_run(const ShownCommand& command) {
   return {};
 }
 
+bool needs_a_process(const ShownCommand& command) {
+  return is_of(command.words, "live") || is_of(command.words, "record") || is_of(command.words, "ablate") ||
+         is_of(command.words, "devices");
+}
+
 std::vector<std::string> made_small(const ShownCommand& command) {
-  static const std::regex kPoints("points=[0-9]+"), kFrames("frames=[0-9]+");
+  static const std::regex kPoints("points=[0-9]+"), kFrames("frames=[0-9]+"), kWidth("width=[0-9]+"),
+      kHeight("height=[0-9]+");
   std::vector<std::string> words = command.words;
+  const auto given = [&](const char* option) { return std::find(words.begin(), words.end(), option); };
+  const auto set = [&](const char* option, const char* value) {
+    if (const auto at = given(option); at != words.end())
+      at[1] = value;
+    else
+      words.insert(words.end(), {option, value});
+  };
   for (std::size_t i = 1; i < words.size(); ++i) {
     words[i] = std::regex_replace(words[i], kPoints, "points=961");
     words[i] = std::regex_replace(words[i], kFrames, "frames=300");
+    if (words[i].starts_with("sim:"))  // a camera's images
+      words[i] = std::regex_replace(std::regex_replace(words[i], kWidth, "width=80"), kHeight, "height=60");
     const paths::PathGenerator* path = paths::find_path_generator(words[i].substr(0, words[i].find(':')));
     // What `paths` is given is a name to look up, and a hand is no path.
     if (path != nullptr && !is_of(words, "paths") && words[i - 1] != "--hand" &&
@@ -318,39 +347,27 @@ std::vector<std::string> made_small(const ShownCommand& command) {
     if (words[i - 1] == "--max-error") words[i] = "100";  // so few points are far from the surface
   }
   if (is_of(words, "stability"))
-    for (const auto& [option, value] :
-         {std::pair{"--rates", "1000"}, {"--delays", "0"}, {"--dampings", "0"}}) {
-      const auto at = std::find(words.begin(), words.end(), option);
-      if (at != words.end())
-        *(at + 1) = value;
-      else
-        words.insert(words.end(), {option, value});
-    }
+    for (const auto& [option, value] : {std::pair{"--rates", "1000"}, {"--delays", "0"}, {"--dampings", "0"}})
+      set(option, value);
   if (is_of(words, "record")) {
-    const auto seconds = std::find(words.begin(), words.end(), "--seconds");
-    if (seconds != words.end()) seconds[1] = "1";
-    if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
-      words.push_back("--accelerated");
+    if (given("--seconds") != words.end()) set("--seconds", "1");
+    if (given("--accelerated") == words.end()) words.emplace_back("--accelerated");
   }
   if (is_of(words, "live") && !is_of(words, "record") && !is_of(words, "serve")) {
-    const auto seconds = std::find(words.begin(), words.end(), "--seconds");
-    if (seconds != words.end())
-      seconds[1] = "0.3";
-    else
-      words.insert(words.end(), {"--seconds", "0.3"});
+    set("--seconds", "0.3");
     // A machine that is busy with other tests may be late by more than the governor bears.
-    if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
-      words.emplace_back("--accelerated");
+    if (given("--accelerated") == words.end()) words.emplace_back("--accelerated");
   }
   if (is_of(words, "sweep") || is_of(words, "tune")) words.insert(words.end(), {"--passes", "1"});
+  if (is_of(words, "ablate")) set("--budget", "2");
+  if (const auto observer = given("--observer");
+      observer != words.end() && observer[1].starts_with("machine"))
+    set("--stop-after", "2");  // it feels every trial
   if (is_of(words, "hunt")) {
-    const auto given = [&](const char* name) { return std::find(words.begin(), words.end(), name); };
-    if (const auto minutes = given("--minutes"); minutes != words.end())
-      minutes[1] = "0.02";
-    else if (const auto trials = given("--trials"); trials != words.end())
-      trials[1] = "3";
+    if (given("--minutes") != words.end())
+      set("--minutes", "0.02");
     else
-      words.insert(words.end(), {"--trials", "3"});
+      set("--trials", "3");
   }
   return words;
 }

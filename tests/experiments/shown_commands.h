@@ -16,9 +16,12 @@ struct ShownCommand {
   [[nodiscard]] std::string program() const;
 };
 
+/// README.md and the pages of docs, in their order.
+[[nodiscard]] const std::vector<std::string>& pages();
 /// Those of the fenced blocks that name no language, as a shell would split them: quotes, comments, lines
 /// that go on after a backslash, &&.
 [[nodiscard]] std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::string_view page);
+[[nodiscard]] std::vector<ShownCommand> commands_of_page(const std::string& page);
 /// `palpate ..`, `experiments/reproduce ..` and `tests/run ..` in running text; they may be cut short.
 [[nodiscard]] std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page);
 /// The blocks of a language, "toml", with the line of each.
@@ -36,7 +39,9 @@ struct Block {
 
 /// Why a command is not run; empty where it is.
 [[nodiscard]] std::string why_not_run(const ShownCommand& command);
-/// The same command with few points and frames.
+/// Whether it is run in a process of its own: it starts itself again, or has threads in real time.
+[[nodiscard]] bool needs_a_process(const ShownCommand& command);
+/// The same command with few points, frames, pixels and trials.
 [[nodiscard]] std::vector<std::string> made_small(const ShownCommand& command);
 
 }  // namespace palpate::experiments

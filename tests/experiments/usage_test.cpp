@@ -234,7 +234,7 @@ TEST_F(Usage, TablesAreReproducedAsFarAsTheNetworkAllows) {
   const Environment http("http_proxy", kNobody), https("https_proxy", kNobody), all("all_proxy", kNobody),
       npm("npm_config_registry", kNobody), none("no_proxy", nullptr), upper("NO_PROXY", nullptr);
   EXPECT_THAT(
-      succeeds("reproduce --tables 3 --mesh-limit 2 --verbose --out @/out").out,
+      succeeds("reproduce --tables 3 --mesh-limit 0.5 --verbose --out @/out").out,
       HasAll("not done: table 3, bunny", "not done: table 3, dragon", "Reconstruction of the sinusoid"));
   EXPECT_TRUE(exists("out/report.html"));
   // Where nothing comes of what was asked for, that is a failure.

@@ -61,6 +61,11 @@ class WindowTest : public testing::Test {
   }
   /// Shown, past the governor's soft start, and the picture is whole.
   void begin(VirtualSession& virtual_session);
+  /// So long of the session, with a picture every 20 ms.
+  void watch(VirtualSession& virtual_session, double seconds);
+  void press(char key) {
+    for (const bool down : {true, false}) window->key(key, down);
+  }
   /// Until every point is drawn and nothing is awaited.
   void settle() {
     constexpr int kMostFrames = 2'000;
@@ -258,6 +263,13 @@ inline void WindowTest::begin(VirtualSession& virtual_session) {
   virtual_session.session.show_in(link);
   virtual_session.run(0.6);
   settle();
+}
+
+inline void WindowTest::watch(VirtualSession& virtual_session, double seconds) {
+  for (double t = 0.0; t < seconds; t += 0.02) {
+    virtual_session.run(0.02);
+    ASSERT_TRUE(window->frame());
+  }
 }
 
 }  // namespace palpate::experiments

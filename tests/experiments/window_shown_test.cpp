@@ -269,8 +269,7 @@ TEST_F(WindowShows, AnyAxisUp) {
       painted += is_paper(image.at(static_cast<int>(at.x), static_cast<int>(at.y))) ? 0 : 1;
     }
     EXPECT_GE(painted, looked * 9 / 10) << up_name(kUps[k]);
-    window->key('U', true);
-    window->key('U', false);
+    press('U');
   }
   EXPECT_EQ(window->camera().up_axis(), Up::kZ) << "once round";
   EXPECT_FALSE(up_named("w"));
@@ -314,29 +313,22 @@ TEST_F(WindowPictures, OnTheDragon) {
   const Vec3 free_mm{-6.0, 125.0, 46.0};
   VirtualSession live(dragon("dragon_vrip.ply.gz"), {"cloud", "cloud-smooth"}, free_mm, true);
   live.session.show_in(link, [&] { live.loop().request_rearm(); });
-  const auto run = [&](double seconds) {
-    for (double t = 0.0; t < seconds; t += 0.02) {
-      live.run(0.02);
-      ASSERT_TRUE(window->frame());
-    }
-  };
-  run(1.0);
+  watch(live, 1.0);
   stand_before();
   window->panel().workspace = false;
   settle();
   const double x = 0.6 * window->view_width(), y = 0.4 * window->view_height();
   window->mouse_at(x, y);
-  run(2.0);
+  watch(live, 2.0);
   window->mouse_button(Window::Button::kLeft, true);
-  run(0.8);
+  watch(live, 0.8);
   window->wheel(2.0);
-  run(1.5);
+  watch(live, 1.5);
   EXPECT_TRUE(window->drawn_tick().tick.frame.contact);
   settle();
   keep("points");
   // Under one hand, in contact: half of a fade.
-  window->key('2', true);
-  window->key('2', false);
+  press('2');
   for (int ms = 0; ms < 400 && window->drawn_tick().mixed.state != device::MixState::kFading; ++ms) {
     live.run(0.001);
     ASSERT_TRUE(window->frame());
@@ -346,16 +338,16 @@ TEST_F(WindowPictures, OnTheDragon) {
   EXPECT_EQ(window->drawn_tick().mixed.state, device::MixState::kFading);
   settle();
   keep("fade");
-  run(1.0);
+  watch(live, 1.0);
   // From near, what is about the touched place. The hand stays there, whatever the mouse is over.
   const WatchedTick touching = window->drawn_tick();
   const Vec3 place_mm = touching.tick.frame.god_object_mm;
   window->mouse_button(Window::Button::kLeft, false);
   window->mouse_at(window->view_width() + 50.0, 5.0);
-  run(0.1);
+  watch(live, 0.1);
   live.session.hand().aim(
       touching.map.device_mm(place_mm - 6.0 * touching.map.world_n(touching.tick.sent_n).normalized()));
-  run(0.8);
+  watch(live, 0.8);
   Camera near = window->camera();
   const Pixel centre = seen(window->drawn_tick().tick.frame.god_object_mm);
   near.pan(0.5 * window->view_width() - centre.x, 0.5 * window->view_height() - centre.y,
@@ -364,13 +356,13 @@ TEST_F(WindowPictures, OnTheDragon) {
   window->look_from(near);
   window->panel().near.boxes = window->panel().near.facets = true;
   for (int i = 0; i < 50; ++i) settle();
-  run(0.5);
+  watch(live, 0.5);
   settle();
   EXPECT_TRUE(window->drawn_tick().tick.frame.contact);
   keep("near");
   window->panel().near = {};
   stand_before();
-  run(0.5);
+  watch(live, 0.5);
   live.clock.advance(0.1);
   live.loop().tick();
   ASSERT_TRUE(window->frame());

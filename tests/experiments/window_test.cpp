@@ -115,19 +115,13 @@ TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
   begin(virtual_session);
   const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
   point_at(place_mm);
-  const auto live = [&](double seconds) {
-    for (double t = 0.0; t < seconds; t += 0.02) {
-      virtual_session.run(0.02);
-      ASSERT_TRUE(window->frame());
-    }
-  };
-  live(1.0);
+  watch(virtual_session, 1.0);
   const WatchedTick hovering = window->drawn_tick();
   EXPECT_FALSE(hovering.tick.frame.contact);
   EXPECT_NEAR((hovering.tick.hip_mm - place_mm).norm(), MouseHand::kHoverMm, 0.6)
       << "over the place under the cursor";
   window->mouse_button(Window::Button::kLeft, true);
-  live(1.0);
+  watch(virtual_session, 1.0);
   const WatchedTick pressing = window->drawn_tick();
   ASSERT_TRUE(pressing.tick.frame.contact);
   const double force_n = pressing.tick.sent_n.norm();
@@ -149,14 +143,14 @@ TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
   EXPECT_GT(cosine, 0.99) << "the arrow does not point as the force does";
   // The wheel presses deeper, and the force grows.
   window->wheel(4.0);
-  live(0.6);
+  watch(virtual_session, 0.6);
   EXPECT_GT(window->drawn_tick().tick.sent_n.norm(), 1.2 * force_n);
   window->mouse_button(Window::Button::kLeft, false);
-  live(0.6);
+  watch(virtual_session, 0.6);
   EXPECT_FALSE(window->drawn_tick().tick.frame.contact);
   EXPECT_GT(link.view().felt_s, 0.0) << "the first touch was noticed";
   window->mouse_button(Window::Button::kLeft, true);
-  live(0.6);
+  watch(virtual_session, 0.6);
 }
 
 TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
@@ -165,10 +159,7 @@ TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
   begin(virtual_session);
   point_at(session.input().models.front().cloud->point_mm(5050));
   window->mouse_button(Window::Button::kLeft, true);
-  for (double t = 0.0; t < 1.2; t += 0.02) {
-    virtual_session.run(0.02);
-    ASSERT_TRUE(window->frame());
-  }
+  watch(virtual_session, 1.2);
   // Nothing runs from here on: the eye goes to the contact, and the contact stays.
   const WatchedTick pressing = window->drawn_tick();
   ASSERT_TRUE(pressing.tick.frame.contact);
@@ -267,8 +258,7 @@ TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
   ASSERT_EQ(window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane, 0);
   virtual_session.session.hand().aim(Vec3(0.0, 0.0, 15.0));
   virtual_session.run(1.5);
-  window->key('2', true);
-  window->key('2', false);
+  press('2');
   virtual_session.run(1.5);
   ASSERT_TRUE(window->frame());
   EXPECT_EQ(window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane, 1);

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "tests/fuzz/must.h"
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/prepared/cell_file.h"
@@ -17,10 +17,6 @@
 namespace {
 
 using namespace palpate;
-
-void require(bool holds) {
-  if (!holds) std::abort();
-}
 
 std::uint64_t hash_of(std::span<const std::byte> bytes) {
   Hash64 hash;
@@ -65,13 +61,13 @@ void read_all(const prepared::CellFile& file) {
   for (std::size_t cell = 0; cell < file.size(); ++cell) {
     const auto points = file.read_cell(cell);
     if (!points) {
-      require(!points.error().what.empty() && points.error().file == file.path());
+      must(!points.error().what.empty() && points.error().file == file.path());
       continue;
     }
     own += points->own;
-    for (const Vec3& p : points->points_mm) require(is_finite(p));
+    for (const Vec3& p : points->points_mm) must(is_finite(p));
   }
-  require(own <= file.info().points);
+  must(own <= file.info().points);
 }
 
 }  // namespace
@@ -81,13 +77,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::vector<std::byte> bytes(given.begin(), given.end());
   sign(bytes);
   static const int memory = ::memfd_create("fuzzed", 0);
-  require(memory >= 0 && ::ftruncate(memory, 0) == 0);
-  require(::pwrite(memory, bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()));
+  must(memory >= 0 && ::ftruncate(memory, 0) == 0);
+  must(::pwrite(memory, bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()));
   const std::string path = "/proc/self/fd/" + std::to_string(memory);
   const auto file = prepared::CellFile::open(path);
   if (file)
     read_all(*file);
   else
-    require(!file.error().what.empty() && file.error().file == path);
+    must(!file.error().what.empty() && file.error().file == path);
   return 0;
 }

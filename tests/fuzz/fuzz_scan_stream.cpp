@@ -2,11 +2,11 @@
 // or both an Error, in bounded memory. E57 pages get right checksums first, or nothing behind them is
 // reached.
 #include <cstdint>
-#include <cstdlib>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "tests/fuzz/must.h"
 #include "tests/toolkit/io/e57_writer.h"
 #include "toolkit/io/read_e57.h"
 #include "toolkit/io/read_ptx.h"
@@ -14,12 +14,9 @@
 namespace {
 
 using namespace palpate::io;
+using palpate::must;
 using palpate::Result;
 using palpate::Vec3;
-
-void require(bool holds) {
-  if (!holds) std::abort();
-}
 
 constexpr std::string_view kName = PALPATE_FUZZ_NAME;
 constexpr bool kE57 = kName.ends_with(".e57"), kPtx = kName.ends_with(".ptx");
@@ -53,19 +50,19 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // Above what an input of some KB can hold: a record has one bit at least, and takes 48 bytes at most.
   options.max_bytes = std::uint64_t{16} << 20;
   const Result<DecodedFile> whole = read(ReaderInput{source, name, options, palpate::no_progress()});
-  require(whole.ok() || !whole.error().what.empty());
+  must(whole.ok() || !whole.error().what.empty());
   if (whole) {
-    for (const auto& property : whole->properties) require(property.values.size() == whole->points.size());
-    require(whole->position_of.empty() || whole->position_of.size() == whole->points.size());
+    for (const auto& property : whole->properties) must(property.values.size() == whole->points.size());
+    must(whole->position_of.empty() || whole->position_of.size() == whole->points.size());
     if (whole->raster)
-      require(std::size_t{whole->raster->columns} * whole->raster->rows == whole->points.size());
+      must(std::size_t{whole->raster->columns} * whole->raster->rows == whole->points.size());
   }
   // What only bears the name is read as columns of text.
   if (!kE57 && !kPtx && !starts_as_pts(std::string_view(file).substr(0, kScanTextFrontBytes))) return 0;
   auto stream = open(std::make_unique<MemoryAccess>(bytes), name);
   if (!stream) {
     // A promise beyond the bound of memory is refused by who needs the whole.
-    require(!whole && stream.error().file == name);
+    must(!whole && stream.error().file == name);
     return 0;
   }
   constexpr std::size_t kPiece = 100;
@@ -74,13 +71,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   while (true) {
     const Result<std::size_t> n = (*stream)->read(piece);
     if (!n) {
-      require(!whole && n.error().file == name);
+      must(!whole && n.error().file == name);
       return 0;
     }
     if (*n == 0) break;
-    for (std::size_t i = 0; whole && i < *n; ++i) require(same(piece[i], whole->points.at(at + i)));
+    for (std::size_t i = 0; whole && i < *n; ++i) must(same(piece[i], whole->points.at(at + i)));
     at += *n;
   }
-  require(!whole || at == whole->points.size());
+  must(!whole || at == whole->points.size());
   return 0;
 }

@@ -4,25 +4,23 @@
 #include <unistd.h>
 
 #include <cstdint>
-#include <cstdlib>
 #include <string>
 
+#include "tests/fuzz/must.h"
 #include "toolkit/spline_sdf/surface_file.h"
 
 namespace {
 
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using palpate::must;
 
 void look(const palpate::spline_sdf::BrickGrid& grid) {
   for (int i = 0; i < 64; ++i) {
     const double edge = grid.cube_edge() * 0.37;
     const palpate::Vec3 at(edge * (i % 4), edge * (i / 4 % 4), edge * (i / 16));
     const auto place = grid.find(at);
-    require(place.brick == palpate::spline_sdf::BrickGrid::kNone || place.brick < grid.bricks.size());
+    must(place.brick == palpate::spline_sdf::BrickGrid::kNone || place.brick < grid.bricks.size());
     if (place.brick != palpate::spline_sdf::BrickGrid::kNone)
-      require(grid.bricks[place.brick].piece <= grid.closed_components.size());
+      must(grid.bricks[place.brick].piece <= grid.closed_components.size());
   }
 }
 
@@ -30,12 +28,12 @@ void look(const palpate::spline_sdf::BrickGrid& grid) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const int file = ::memfd_create("fuzzed.palsurf", 0);
-  require(file >= 0 && ::ftruncate(file, 0) == 0);
-  require(::pwrite(file, data, size, 0) == static_cast<ssize_t>(size));
+  must(file >= 0 && ::ftruncate(file, 0) == 0);
+  must(::pwrite(file, data, size, 0) == static_cast<ssize_t>(size));
   const std::string path = "/proc/self/fd/" + std::to_string(file);
   const auto opened = palpate::spline_sdf::SurfaceFile::open(path);
   if (!opened) {
-    require(opened.error().file == path && !opened.error().remedy.empty());
+    must(opened.error().file == path && !opened.error().remedy.empty());
     return 0;
   }
   for (std::size_t level = 0; level < (*opened)->surfaces().size(); ++level) {

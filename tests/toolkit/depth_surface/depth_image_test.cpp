@@ -45,9 +45,7 @@ TEST(DepthImage, APlaneIsExactAndSwapsAreNotFelt) {
 }
 
 TEST(DepthImage, NoiseIsFusedAway) {
-  SimulatedCamera camera;
-  camera.make_noisy();
-  StreamRig rig(camera, level);
+  StreamRig rig(SimulatedCamera(1000.0, true), level);
   rig.prepare(pressing(0.0));
   const auto resting = [](double t) { return pressing(std::min(t, 1.0)); };
   const Felt felt = test::feel(
@@ -67,9 +65,7 @@ constexpr double kMostChangeN = 0.5;  // in a millisecond
 
 TEST(DepthImage, AMovingWallIsHeldByALightHand) {
   for (const bool noisy : {false, true}) {
-    SimulatedCamera camera;
-    if (noisy) camera.make_noisy();
-    StreamRig rig(camera, swinging_wall);
+    StreamRig rig(SimulatedCamera(1000.0, noisy), swinging_wall);
     // A hand that presses with 1 N and gives way by 500 mm/s a newton more: faster than the wall.
     constexpr double kHandN = 1.0, kGivesMmPerS = 500.0;
     Vec3 hip(3.0, 2.0, 30.0);
@@ -95,9 +91,7 @@ TEST(DepthImage, AMovingWallIsHeldByALightHand) {
 
 TEST(DepthImage, AWallThatPassesARestingHandTakesItAlong) {
   for (const bool noisy : {false, true}) {
-    SimulatedCamera camera;
-    if (noisy) camera.make_noisy();
-    StreamRig rig(camera, swinging_wall);
+    StreamRig rig(SimulatedCamera(1000.0, noisy), swinging_wall);
     // The wall is under the hand for the first time at 0.5 s, and over it by 45 mm at 1.25 s.
     const Vec3 hip(3.0, 2.0, 5.0);
     rig.prepare(hip);
@@ -149,9 +143,7 @@ TEST(DepthImage, AHoleInWhatMovesIsNoPit) {
 
 TEST(DepthImage, NoPoppingThroughAtHalfAMetreASecond) {
   for (const bool noisy : {false, true}) {
-    SimulatedCamera camera;
-    if (noisy) camera.make_noisy();
-    StreamRig rig(camera, level);
+    StreamRig rig(SimulatedCamera(1000.0, noisy), level);
     const auto hip = [](double t) {
       const double way = std::fmod(0.5 * t, 0.04), z = 0.01 - std::min(way, 0.04 - way);
       return Vec3(30.0 * std::sin(2.0 * t), 0.0, 1000.0 * z);

@@ -148,9 +148,7 @@ TEST(DepthStream, AHandBetweenCameraAndSurfaceHidesItForTwoSeconds) {
 
 TEST(DepthStream, AMovingCameraSeesTheSameSurface) {
   for (const bool noisy : {false, true}) {
-    SimulatedCamera camera;
-    if (noisy) camera.make_noisy();
-    StreamRig rig(camera, flat);
+    StreamRig rig(SimulatedCamera(1000.0, noisy), flat);
     rig.prepare(kAbove);
     double worst = 0.0, step = 0.0;
     Vec3 before = Vec3::Zero();
@@ -183,9 +181,7 @@ TEST(DepthStream, ALensIsUndone) {
 }
 
 TEST(DepthStream, RunsAreEqual) {
-  SimulatedCamera camera;
-  camera.make_noisy();
-  StreamRig rig(camera, flat);
+  StreamRig rig(SimulatedCamera(1000.0, true), flat);
   rig.prepare(kAbove);
   std::vector<Vec3> first;
   for (int run = 0; run < 2; ++run) {

@@ -43,13 +43,14 @@ struct SimulatedCamera {
   double noise_per_mm = 0.0;
   std::mt19937 random{1};
 
-  explicit SimulatedCamera(double height_mm = 1000.0) {
+  explicit SimulatedCamera(double height_mm = 1000.0, bool noisy = false) {
     camera.width = 160;
     camera.height = 120;
     camera.cx_px = 79.5;
     camera.cy_px = 59.5;
     pose.rotation = Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0);
     pose.translation_mm = Vec3(0.0, 0.0, height_mm);
+    if (noisy) make_noisy();
   }
   /// Noise of 2 mm at 1 m, growing with the square.
   void make_noisy() { camera.noise_per_mm = noise_per_mm = 2e-6; }

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <fstream>
 
 #include "compress.h"
+#include "tests/files.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/random.h"
@@ -215,8 +215,7 @@ TEST(Formats, PolygonsBecomeFansAndBadOnesGoWhole) {
 }
 
 ReadModel corpus_model(const std::string& name) {
-  std::ifstream file(std::string(PALPATE_CORPUS) + "/" + name, std::ios::binary);
-  return model_of(std::string(std::istreambuf_iterator<char>(file), {}), name);
+  return model_of(file_text(std::string(PALPATE_CORPUS) + "/" + name), name);
 }
 
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;

@@ -6,11 +6,11 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 
 #include <palpate/read_model.h>
 #include "compress.h"
+#include "tests/files.h"
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/io/byte_source.h"
@@ -173,7 +173,7 @@ TEST_F(HostileFiles, PathsThatAreNoFiles) {
   EXPECT_TRUE(test::refused(readers_.read(in("none.ply"), {}), "none.ply: no such file"));
   std::filesystem::create_directories(in("folder.ply"));
   EXPECT_TRUE(test::refused(readers_.read(in("folder.ply"), {}), "folder"));
-  std::ofstream(in("closed.ply")) << "ply\n";
+  write_text(in("closed.ply"), "ply\n");
   std::filesystem::permissions(in("closed.ply"), std::filesystem::perms::none);
   // Root reads everything, and finds no points.
   EXPECT_TRUE(test::refused(readers_.read(in("closed.ply"), {}), geteuid() != 0 ? "permissions" : ""));
@@ -307,15 +307,11 @@ TEST(Hostile, CorpusReplays) {
       {"ptx", "a.ptx"}, {"pts", "a.pts"},     {"stl", "a.stl"}};
   std::size_t files = 0;
   std::size_t models = 0;
-  const auto load = [](const std::filesystem::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(file), {});
-  };
   for (const auto& [folder, name] : folders) {
     for (const auto& entry :
          std::filesystem::directory_iterator(std::string(PALPATE_CORPUS) + "/" + folder)) {
       SCOPED_TRACE(entry.path().string());
-      const Result<ReadModel> model = read_text(load(entry.path()), name);
+      const Result<ReadModel> model = read_text(file_text(entry.path()), name);
       ++files;
       if (model) {
         ++models;
@@ -326,7 +322,7 @@ TEST(Hostile, CorpusReplays) {
     }
   }
   for (const auto& entry : std::filesystem::directory_iterator(std::string(PALPATE_CORPUS) + "/pcd")) {
-    const std::string content = load(entry.path());
+    const std::string content = file_text(entry.path());
     if (check_pcd(std::as_bytes(std::span(content)), {})) ++models;
     ++files;
   }

@@ -226,13 +226,24 @@ TEST(Las, UnitsOfKeysAndText) {
   }
 }
 
+struct WrongBytes {
+  std::size_t at;
+  std::vector<int> bytes;
+  std::string part;  ///< of the message
+};
+/// A file with each of the wrong bytes has an Error with `part` and `also`, and a remedy.
+void expect_refused(const Bytes& good, const std::vector<WrongBytes>& cases, const char* also) {
+  for (const WrongBytes& c : cases) {
+    Bytes bytes = good;
+    for (std::size_t i = 0; i < c.bytes.size(); ++i) bytes[c.at + i] = static_cast<std::byte>(c.bytes[i]);
+    const Result<DecodedFile> model = read(bytes);
+    ASSERT_TRUE(test::refused(model, c.part, also)) << c.at;
+    EXPECT_FALSE(model.error().remedy.empty());
+  }
+}
+
 TEST(Las, WrongFieldsHaveErrorsThatNameTheByte) {
-  struct Case {
-    std::size_t at;
-    std::vector<int> bytes;
-    std::string part;
-  };
-  const Case cases[] = {
+  const std::vector<WrongBytes> cases = {
       {0, {'X'}, "LASF"},
       {25, {9}, "version 1.9"},
       {94, {10, 0}, "byte 94"},
@@ -246,13 +257,7 @@ TEST(Las, WrongFieldsHaveErrorsThatNameTheByte) {
       {247, {255, 255, 255, 255, 255}, "promises"},
   };
   const Bytes good = test::las_bytes(some_file(6, 30));
-  for (const Case& c : cases) {
-    Bytes bytes = good;
-    for (std::size_t i = 0; i < c.bytes.size(); ++i) bytes[c.at + i] = static_cast<std::byte>(c.bytes[i]);
-    const Result<DecodedFile> model = read(bytes);
-    ASSERT_TRUE(test::refused(model, c.part, "a.las")) << c.at;
-    EXPECT_FALSE(model.error().remedy.empty());
-  }
+  expect_refused(good, cases, "a.las");
   ReadOptions small;
   small.max_bytes = 100;
   EXPECT_FALSE(read(good, small));
@@ -264,12 +269,7 @@ TEST(Laz, WrongRecordsAndTablesHaveErrors) {
   ASSERT_TRUE(header);
   const std::size_t record = 375 + 54, place = static_cast<std::size_t>(header->points_at);
   const auto table = static_cast<std::size_t>(ByteReader(std::span(good).subspan(place)).u64());
-  struct Case {
-    std::size_t at;
-    std::vector<int> bytes;
-    std::string part;
-  };
-  const Case cases[] = {
+  const std::vector<WrongBytes> cases = {
       {record, {1}, "without chunks"},
       {record, {2}, "does not go with"},
       {record, {9}, "unknown"},
@@ -285,13 +285,7 @@ TEST(Laz, WrongRecordsAndTablesHaveErrors) {
       {place + 8 + 30, {1, 0, 0, 0}, "says that it has 1 points"},
       {place + 8 + 34, {255, 255, 255, 255}, "layers"},
   };
-  for (const Case& c : cases) {
-    Bytes bytes = good;
-    for (std::size_t i = 0; i < c.bytes.size(); ++i) bytes[c.at + i] = static_cast<std::byte>(c.bytes[i]);
-    const Result<DecodedFile> model = read(bytes);
-    ASSERT_TRUE(test::refused(model, c.part, "byte")) << c.at;
-    EXPECT_FALSE(model.error().remedy.empty());
-  }
+  expect_refused(good, cases, "byte");
 }
 
 TEST(Laz, PointsThatNoChunkCanHoldAreRefused) {

@@ -59,6 +59,11 @@ LocalDelaunayMesh without_raster(cloud::Cloud cloud) {
   cloud.properties.clear();
   return LocalDelaunayMesh::build(cloud, 2);
 }
+LocalDelaunayMesh sound_mesh(const cloud::Cloud& cloud) {
+  LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
+  expect_sound(mesh);
+  return mesh;
+}
 /// Triangles with corners both below and above the height.
 std::size_t across(const LocalDelaunayMesh& mesh, double height) {
   std::size_t count = 0;
@@ -82,8 +87,7 @@ TEST(RasterStars, OfAWholeRasterAreTwoTrianglesACell) {
         cloud = cloud_of(points);
         cloud.raster = raster;
       }
-      const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-      expect_sound(mesh);
+      const LocalDelaunayMesh mesh = sound_mesh(cloud);
       EXPECT_EQ(mesh.counts().raster_points, cloud.size());
       EXPECT_EQ(mesh.counts().triangles, 2u * (rows - 1) * (columns - 1));
       EXPECT_EQ(mesh.counts().open_points, 2u * (rows + columns) - 4);
@@ -154,8 +158,7 @@ TEST(RasterStars, StepsAreNotBridged) {
       SCOPED_TRACE(slant);
       const auto height = [&](double x, double y) { return x - slant * y > 30.3 ? step : 0.0; };
       const cloud::Cloud cloud = raster_of(70, 120, height);
-      const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-      expect_sound(mesh);
+      const LocalDelaunayMesh mesh = sound_mesh(cloud);
       EXPECT_EQ(across(mesh, 0.5 * step), 0u);
       EXPECT_GT(mesh.counts().raster_points, cloud.size() * 8 / 10);
       EXPECT_LT(mesh.counts().raster_points, cloud.size());
@@ -168,8 +171,7 @@ TEST(RasterStars, StepsAreNotBridged) {
 TEST(RasterStars, BridgeNoMoreThanThoseOfAnyPoints) {
   for (double step = 0.5; step < 6.0; step += 0.25) {
     const cloud::Cloud cloud = raster_of(40, 60, [&](double x, double) { return x > 29.5 ? step : 0.0; });
-    const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-    expect_sound(mesh);
+    const LocalDelaunayMesh mesh = sound_mesh(cloud);
     if (across(without_raster(cloud), 0.5 * step) == 0) {
       EXPECT_EQ(across(mesh, 0.5 * step), 0u) << step;
     }
@@ -181,8 +183,7 @@ TEST(RasterStars, GoAroundHoles) {
   const cloud::Cloud cloud = with_holes(full, [](double x, double y) {
     return std::hypot(x - 30.0, y - 40.0) < 8.0 || (x == 70.0 && y == 20.0) || (x == 0.0 && y > 80.0);
   });
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-  expect_sound(mesh);
+  const LocalDelaunayMesh mesh = sound_mesh(cloud);
   EXPECT_GT(mesh.counts().raster_points, cloud.size() * 9 / 10);
   EXPECT_EQ(mesh.counts().pieces, 1u);
   EXPECT_EQ(mesh.counts().unused, 0u);
@@ -211,15 +212,14 @@ TEST(RasterStars, AreSoundWithManyPointsMissing) {
     Random random(92);
     const cloud::Cloud cloud =
         with_holes(raster_of(60, 70, waves), [&](double, double) { return random.uniform() < share; });
-    expect_sound(LocalDelaunayMesh::build(cloud, 2));
+    (void)sound_mesh(cloud);
   }
 }
 
 TEST(RasterStars, OneRowIsNoRaster) {
   const cloud::Cloud row = raster_of(1, 50, waves), column = raster_of(50, 1, waves);
   for (const cloud::Cloud& cloud : {row, column}) {
-    const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-    expect_sound(mesh);
+    const LocalDelaunayMesh mesh = sound_mesh(cloud);
     EXPECT_EQ(mesh.counts().raster_points, 0u);
     EXPECT_EQ(triangles_of(mesh), triangles_of(without_raster(cloud)));
   }
@@ -249,8 +249,7 @@ TEST(RasterStars, OverlappingViewsAreLaidOut) {
   const auto twice = [](double x) { return x < 120.0 ? x : x - 30.25; };
   const cloud::Cloud cloud =
       scan_of(60, 200, [&](double r, double c) { return Vec3(twice(c), r, waves(twice(c), r)); });
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-  expect_sound(mesh);
+  const LocalDelaunayMesh mesh = sound_mesh(cloud);
   // Of 200 columns some 60 lie double.
   EXPECT_LT(mesh.counts().raster_points, cloud.size() * 7 / 10);
   const LocalDelaunayMesh any = without_raster(cloud);
@@ -268,8 +267,7 @@ TEST(RasterStars, DuplicatesAreOnePoint) {
         return on_ball(2.0 * std::numbers::pi * c / columns, 0.5 * std::numbers::pi * r / rows);
       },
       true);
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-  expect_sound(mesh);
+  const LocalDelaunayMesh mesh = sound_mesh(cloud);
   EXPECT_GE(mesh.counts().welded, columns - 1u + 1u);
   EXPECT_EQ(mesh.counts().pieces, 1u);
   EXPECT_GT(mesh.counts().raster_points, cloud.size() / 3);
@@ -289,8 +287,7 @@ TEST(RasterStars, OfATorusAreClosedAndOutward) {
           return on_torus(turn * r / 180, (inside_out ? -1.0 : 1.0) * turn * c / 60, 10);
         },
         true, true);
-    const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-    expect_sound(mesh);
+    const LocalDelaunayMesh mesh = sound_mesh(cloud);
     EXPECT_EQ(mesh.counts().raster_points, cloud.size());
     EXPECT_EQ(mesh.counts().closed_components, 1u);
     EXPECT_EQ(mesh.counts().components_with_holes, 0u);
@@ -311,8 +308,7 @@ TEST(RasterStars, AreFacedOutWhereTheyEncloseAVolumeButForAMouth) {
         return on_ball(2.0 * std::numbers::pi * c / 90, std::numbers::pi * (0.14 + 0.72 * r / 70));
       },
       true);
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2), any = without_raster(cloud);
-  expect_sound(mesh);
+  const LocalDelaunayMesh mesh = sound_mesh(cloud), any = without_raster(cloud);
   EXPECT_EQ(mesh.counts().raster_points, cloud.size());
   EXPECT_EQ(mesh.counts().components_with_holes, any.counts().components_with_holes);
   EXPECT_EQ(mesh.counts().components_with_holes, 1u);
@@ -330,7 +326,7 @@ TEST(RasterStars, AreSoundOnAnyPoints) {
       cloud::Cloud cloud = cloud_of({named.points.begin(), named.points.begin() + n / columns * columns});
       for (const bool wraps : {false, true}) {
         cloud.raster = cloud::ScanRaster{columns, n / columns, cloud::ScanOrder::kRaster, wraps, wraps};
-        expect_sound(LocalDelaunayMesh::build(cloud, 2));
+        (void)sound_mesh(cloud);
       }
     }
   }
@@ -346,8 +342,7 @@ TEST(RasterStars, AreSoundOnAnyPoints) {
 TEST(RasterStars, ScanLinesFarApartAreARaster) {
   const cloud::Cloud cloud = raster_of(
       40, 300, [](double x, double y) { return waves(x / 4.0, y / 4.0); }, 8.0);
-  const LocalDelaunayMesh mesh = LocalDelaunayMesh::build(cloud, 2);
-  expect_sound(mesh);
+  const LocalDelaunayMesh mesh = sound_mesh(cloud);
   EXPECT_EQ(mesh.counts().raster_points, cloud.size());
 }
 

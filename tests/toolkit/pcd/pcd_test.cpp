@@ -7,9 +7,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <span>
 
+#include "tests/files.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/io/byte_source.h"
@@ -195,9 +195,7 @@ TEST(Pcd, BadFilesGiveAnErrorAndNoOutput) {
   std::size_t models = 0;
   for (const auto& entry : std::filesystem::directory_iterator(PALPATE_CORPUS)) {
     SCOPED_TRACE(entry.path().string());
-    std::ifstream file(entry.path(), std::ios::binary);
-    const std::string content(std::istreambuf_iterator<char>(file), {});
-    const Result<io::ReadModel> model = read(content);
+    const Result<io::ReadModel> model = read(file_text(entry.path()));
     ++files;
     if (model) {
       ++models;

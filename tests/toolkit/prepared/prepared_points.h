@@ -8,8 +8,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <set>
 #include <span>
@@ -18,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/files.h"
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
@@ -102,13 +101,8 @@ class Prepared : public InFolder {
   [[nodiscard]] CellFile open(const std::string& name = "cells") const {
     return palpate::test::value_of(CellFile::open(in(name)));
   }
-  [[nodiscard]] std::string bytes(const std::string& name = "cells") const {
-    std::ifstream file(in(name), std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-  }
-  void write(const std::string& name, const std::string& text) const {
-    std::ofstream(in(name), std::ios::binary) << text;
-  }
+  [[nodiscard]] std::string bytes(const std::string& name = "cells") const { return file_text(in(name)); }
+  void write(const std::string& name, const std::string& text) const { write_text(in(name), text); }
   [[nodiscard]] std::set<std::string> names() const {
     std::set<std::string> all;
     for (const auto& one : std::filesystem::directory_iterator(folder_))

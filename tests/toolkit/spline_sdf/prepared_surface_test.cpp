@@ -8,12 +8,12 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "tests/files.h"
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 #include "toolkit/spline_sdf/tile_window.h"
@@ -391,17 +391,9 @@ TEST(TileWindow, ATileThatIsRefusedAndToldToLeaveIsAnsweredForBoth) {
   EXPECT_EQ(window.resident(), 1u);
 }
 
-std::string bytes_of(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-void put_bytes(const std::string& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
-
 TEST(SurfaceFile, DamageIsNamedAndNothingCrashes) {
   const PreparedFile made(torus_cloud(3000));
-  const std::string whole = bytes_of(made.path), other = made.folder.in("damaged.palsurf");
+  const std::string whole = file_text(made.path), other = made.folder.in("damaged.palsurf");
   std::size_t opened = 0, refused = 0;
   Random random(3);
   for (int k = 0; k < 400; ++k) {
@@ -411,7 +403,7 @@ TEST(SurfaceFile, DamageIsNamedAndNothingCrashes) {
       bytes.resize(at);
     else
       bytes[at] = static_cast<char>(bytes[at] ^ (1 << (k % 8)));
-    put_bytes(other, bytes);
+    write_text(other, bytes);
     Result<std::shared_ptr<const SurfaceFile>> file = SurfaceFile::open(other);
     if (!file) {
       ++refused;
@@ -432,10 +424,10 @@ TEST(PagedSurface, ADamagedTileIsAbsentAndNamed) {
   const std::shared_ptr<const Cloud> cloud = torus_cloud(40000);
   const PreparedFile made(cloud);
   const StoredSurface& stored = made.file->surfaces().front();
-  std::string bytes = bytes_of(made.path);
+  std::string bytes = file_text(made.path);
   bytes[stored.places[1].offset + 500] ^= 1;
   const std::string other = made.folder.in("damaged.palsurf");
-  put_bytes(other, bytes);
+  write_text(other, bytes);
   const auto paged = PagedSurface::start(SurfaceFile::open(other).value(), 0, kLeastResidentBytes).value();
   const std::shared_ptr<const SplineSdf> whole = made.file->load(0).value();
   std::size_t absent = 0, here = 0;

@@ -4,10 +4,10 @@
 #include <bit>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <string>
 
 #include <palpate/trace.h>
+#include "tests/files.h"
 #include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
@@ -18,12 +18,8 @@ namespace {
 class TraceIo : public InFolder {
  protected:
   [[nodiscard]] std::string holding(const std::string& text, const std::string& name = "a.csv") const {
-    std::ofstream(in(name), std::ios::binary) << text;
+    write_text(in(name), text);
     return in(name);
-  }
-  static std::string contents(const std::string& file) {
-    std::ifstream stream(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(stream), {}};
   }
 };
 
@@ -36,7 +32,7 @@ ProbePath two_rows() {
 
 TEST_F(TraceIo, PathIsWrittenWithTheFewestDigits) {
   ASSERT_TRUE(write_path_csv(two_rows(), in("p.csv")));
-  EXPECT_EQ(contents(in("p.csv")), "t_s,x_mm,y_mm,z_mm\n0,1,2,3\n0.001,0.1,-2e-07,1e+22\n");
+  EXPECT_EQ(file_text(in("p.csv")), "t_s,x_mm,y_mm,z_mm\n0,1,2,3\n0.001,0.1,-2e-07,1e+22\n");
   EXPECT_FALSE(std::filesystem::exists(in("p.csv.part")));
 }
 
@@ -71,7 +67,7 @@ TEST_F(TraceIo, TheTruthGoesOutAndComesBack) {
   reference.frames[1] = {
       {{0, 0.25, -1}, {4, 5, 6}, true, 0, render::FrameStatus::kOk}, {0.6, 0, 0.8}, -1.0 / 3.0, 0.2};
   ASSERT_TRUE(write_reference_csv(path, reference, in("r.csv")));
-  const std::string text = contents(in("r.csv"));
+  const std::string text = file_text(in("r.csv"));
   EXPECT_TRUE(text.starts_with(std::string(kReferenceHeader) + "\n0,1,2,3,0,0,0,0,1,2,3,0,0,1,0.3,0.1\n"))
       << text;
   const auto back = test::value_of(read_reference_csv(in("r.csv")));
@@ -116,7 +112,7 @@ TEST_F(TraceIo, TraceGoesOutAndComesBack) {
   trace.frames[1] = {{0, 0.25, -1}, {4, 5, 6}, true, 0, render::FrameStatus::kOk};
   trace.frame_ns = {90, 123456789012};
   ASSERT_TRUE(write_trace_csv(path, trace, in("t.csv")));
-  EXPECT_EQ(contents(in("t.csv")),
+  EXPECT_EQ(file_text(in("t.csv")),
             "t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,gx_mm,gy_mm,gz_mm,frame_ns\n"
             "0,1,2,3,0,0,0,0,1,2,3,90\n0.001,0.1,-2e-07,1e+22,0,0.25,-1,1,4,5,6,123456789012\n");
   const auto back = read_trace_csv(in("t.csv"));
