@@ -8,7 +8,7 @@
 #include <utility>
 
 #include <palpate/result.h>
-#include "toolkit/control/control_stages.h"
+#include "toolkit/control/coupling_and_passivity.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::device {

@@ -7,7 +7,7 @@
 
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
-#include "toolkit/control/control_stages.h"
+#include "toolkit/control/coupling_and_passivity.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

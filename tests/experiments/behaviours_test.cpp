@@ -14,7 +14,7 @@
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
-#include "toolkit/render/surface_response.h"
+#include "toolkit/render/correction_ramp.h"
 
 namespace palpate::experiments {
 namespace {

@@ -8,7 +8,7 @@
 
 #include <palpate/renderer.h>
 #include <palpate/result.h>
-#include "toolkit/control/control_stages.h"
+#include "toolkit/control/coupling_and_passivity.h"
 #include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::control {

@@ -4,7 +4,7 @@
 
 #include <palpate/accuracy.h>
 #include <palpate/result.h>
-#include "toolkit/control/control_stages.h"
+#include "toolkit/control/coupling_and_passivity.h"
 #include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/scores.h"

@@ -1,3 +1,4 @@
+#include "toolkit/render/correction_ramp.h"
 #include "toolkit/renderers/renderer_infos.h"
 
 #include <fmt/format.h>

@@ -8,6 +8,7 @@
 #include <palpate/geometry.h>
 #include "toolkit/deformation/deformer.h"
 #include "toolkit/local_delaunay/mesh_contact.h"
+#include "toolkit/render/correction_ramp.h"
 #include "toolkit/render/joint_contact.h"
 #include "toolkit/render/surface_response.h"
 

@@ -8,7 +8,7 @@
 #include <palpate/generate.h>
 #include <palpate/result.h>
 #include "toolkit/cloud/sampling.h"
-#include "toolkit/control/control_stages.h"
+#include "toolkit/control/coupling_and_passivity.h"
 #include "toolkit/core/files.h"
 #include "toolkit/scene/model_keys.h"
 

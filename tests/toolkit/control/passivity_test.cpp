@@ -11,7 +11,7 @@
 #include <palpate/renderer.h>
 #include "tests/stepped.h"
 #include "tests/toolkit/messages.h"
-#include "toolkit/control/control_stages.h"
+#include "toolkit/control/coupling_and_passivity.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::control {

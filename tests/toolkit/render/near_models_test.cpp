@@ -10,6 +10,7 @@
 
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/segment_box.h"
+#include "toolkit/render/correction_ramp.h"
 #include "toolkit/render/near_models.h"
 #include "toolkit/render/surface_response.h"
 

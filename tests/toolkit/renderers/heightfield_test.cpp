@@ -10,7 +10,7 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/random.h"
-#include "toolkit/render/surface_response.h"
+#include "toolkit/render/correction_ramp.h"
 
 namespace palpate::render {
 namespace {

@@ -11,7 +11,7 @@
 #include <palpate/surface.h>
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
-#include "toolkit/render/surface_response.h"
+#include "toolkit/render/correction_ramp.h"
 
 namespace palpate::spline_sdf {
 

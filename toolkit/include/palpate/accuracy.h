@@ -300,10 +300,10 @@ struct AccuracyFrames {
 /// surface without friction or texture, so scenes with more can only be compared by contact.
 void keep_contact_scores(Accuracy& accuracy, AccuracyFrames& per_frame);
 
-/// Passivity observer over a replay (Hannaford and Ryu 2002; control/control_stages.h): E(n) = -sum of
-/// (F(n-1) + F(n))/2 . (h(n) - h(n-1)), the energy put into the virtual model so far. The rule is exact for a
-/// linear spring between samples: a frictionless spring returns to 0 on every closed path, and a renderer
-/// below 0 has given more than it received. 1 N mm = 1 mJ.
+/// Passivity observer over a replay (Hannaford and Ryu 2002; control/coupling_and_passivity.h): E(n) = -sum
+/// of (F(n-1) + F(n))/2 . (h(n) - h(n-1)), the energy put into the virtual model so far. The rule is exact
+/// for a linear spring between samples: a frictionless spring returns to 0 on every closed path, and a
+/// renderer below 0 has given more than it received. 1 N mm = 1 mJ.
 struct Energy {
   std::optional<double> generated_percent;  ///< max(0, -min E) / max stored; nothing without contact
   double generated_mj = 0.0;                ///< max(0, -min E)

@@ -1,4 +1,4 @@
-#include "toolkit/control/control_stages.h"
+#include "toolkit/control/coupling_and_passivity.h"
 
 #include <Eigen/Geometry>
 
