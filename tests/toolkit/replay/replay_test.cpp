@@ -277,7 +277,7 @@ PassTimes even(const std::vector<std::uint8_t>& contact, std::size_t passes, std
     auto& by_span = times.by_span.emplace_back();
     for (const FrameSpan& s : times.stretches) {
       const auto ns = static_cast<std::int64_t>(s.end - s.begin) * (s.contact ? contact_ns : free_ns);
-      by_span.push_back({ns, ns / 2});
+      by_span.push_back({ns, ns / 2, {}});
     }
     auto& by_frame = times.by_frame.emplace_back();
     for (const std::uint8_t c : contact) by_frame.push_back(c != 0 ? contact_ns : free_ns);
