@@ -54,9 +54,9 @@ void declare_scene_or_stream(const Declaration& declare, RunArguments& run) {
 }
 
 void declare_reference(const Declaration& declare, std::string& reference) {
-  declare.rare().text("--reference", reference,
-                      "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or "
-                      "scan by name in the model's frame");
+  declare.text("--reference", reference,
+               "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or "
+               "scan by name in the model's frame");
 }
 
 void declare_model(const Declaration& declare, ModelArguments& load) {
@@ -89,7 +89,7 @@ void declare_surface(const Declaration& declare, SurfaceArguments& surface) {
 }
 
 void declare_scene_run(const Declaration& declare, RunArguments& run) {
-  declare_reference(declare, run.reference);
+  declare_reference(declare.rare(), run.reference);
   declare_out(declare, run.out);
   declare_json(declare, run.json);
   declare.verbose();

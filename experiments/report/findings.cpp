@@ -150,10 +150,12 @@ Choice choice_of(const metrics::ResultDocument& document) {
     return *all_us(*a) < *all_us(*b);
   });
   if (std::none_of(all.begin(), all.end(), [](const RendererResult* r) { return r->accuracy.has_value(); }))
-    return {all.front()->label,
-            fmt::format(
-                "{}, which has the lowest mean of all frames: {} µs; there is no ground truth to judge by.",
-                all.front()->label, format_number(*all_us(*all.front())))};
+    return {
+        all.front()->label,
+        fmt::format(
+            "{} for speed alone, {} µs a frame: without a ground truth (--reference) nothing says which is "
+            "right.",
+            all.front()->label, format_number(*all_us(*all.front())))};
   for (const RendererResult* r : all)
     if (r->accuracy && contact_faults(*r).empty()) right.push_back(r);
   if (right.empty()) return {"", "none of them unseen: contact is wrong with every one."};

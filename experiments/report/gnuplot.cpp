@@ -150,6 +150,25 @@ std::string logarithmic_range(const Chart& chart) {
                      std::max(high, low + 1), step);
 }
 
+/// Labels of a logarithmic axis that gnuplot alone would label once or not at all.
+std::string log_tics(const Chart& chart, char axis) {
+  constexpr double kWide = 20.0;
+  double low = std::numeric_limits<double>::max(), high = 0.0;
+  for (const Series& series : chart.series)
+    for (const double v : axis == 'x' ? series.x : series.y) {
+      if (!std::isfinite(v) || !(v > 0.0)) continue;
+      low = std::min(low, v);
+      high = std::max(high, v);
+    }
+  if (!(high > 0.0) || high > kWide * low) return "";
+  std::string tics;
+  const int last = static_cast<int>(std::ceil(std::log10(high)));
+  for (int power = static_cast<int>(std::floor(std::log10(low))); power <= last; ++power)
+    for (const double digit : {1.0, 1.5, 2.0, 3.0, 5.0, 7.0})
+      tics += fmt::format("{}{}e{}", tics.empty() ? "" : ", ", digit, power);
+  return fmt::format("set {}tics ({})\n", axis, tics);
+}
+
 /// All on the same axes, so that they can be compared; only the outer ones have labels.
 std::string panels_text(const Chart& chart) {
   const std::size_t rows = (panels_of(chart) + kPanelColumns - 1) / kPanelColumns;
@@ -190,8 +209,8 @@ std::string script_text(const Chart& chart) {
       "set key outside top center horizontal noenhanced samplen 2\nset xlabel {3}\nset ylabel {4}\n",
       chart.name, chart.wide ? kWideWidth : kWidth, height_of(chart), quoted(chart.x_label),
       quoted(chart.y_label));
-  if (chart.log_x) s += "set logscale x\nset format x '%g'\n";
-  if (chart.log_y) s += "set logscale y\nset format y '%g'\n";
+  if (chart.log_x) s += "set logscale x\nset format x '%g'\n" + log_tics(chart, 'x');
+  if (chart.log_y) s += "set logscale y\nset format y '%g'\n" + log_tics(chart, 'y');
   s += chart.extra;
   if (chart.style == Chart::Style::kPanels) return s + panels_text(chart);
   std::string plot;

@@ -125,7 +125,7 @@ Error no_study(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder, code))
     if (fs::exists(entry.path() / kResultFile, code)) inside = std::max(inside, entry.path().string());
   return Error{fmt::format("is no study: there is no {} in it", kResultFile),
-               inside.empty() ? std::string("give the folder that compare or replay wrote with --out")
+               inside.empty() ? std::string("give the folder that compare wrote with --out")
                               : fmt::format("its tables are studies: give one of them, such as {}", inside),
                folder.string()};
 }
@@ -133,11 +133,11 @@ Error no_study(const fs::path& folder) {
 Result<metrics::ResultDocument> read_document(const fs::path& folder) {
   std::error_code code;
   if (!fs::exists(folder, code))
-    return Error{"there is no such folder", "give the folder that compare or replay wrote with --out",
+    return Error{"there is no such folder", "give the folder that compare wrote with --out",
                  folder.string()};
   if (!fs::is_directory(folder, code))
     return Error{"is a file, not the folder of a study",
-                 "give the folder that compare or replay wrote with --out", folder.string()};
+                 "give the folder that compare wrote with --out", folder.string()};
   const std::string file = (folder / kResultFile).string();
   if (!fs::exists(file, code)) return no_study(folder);
   PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));

@@ -41,7 +41,7 @@ class SweepProgress final : public Progress {
     bar_.set_prefix(fmt::format("[{} of {} settings] ", done, all));
     fraction_ = all > 0 ? std::min(1.0, static_cast<double>(done) / static_cast<double>(all)) : 1.0;
     // A log gets a line per turn.
-    if (::isatty(STDERR_FILENO) == 0)
+    if (done > 0 && ::isatty(STDERR_FILENO) == 0)
       tell("palpate: {} of {} settings after {}\n", done, all, format_duration(spent_s * kMsPerSecond));
   }
   void report(std::string_view, double) override {
