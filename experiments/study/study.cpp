@@ -133,11 +133,10 @@ Error no_study(const fs::path& folder) {
 Result<metrics::ResultDocument> read_document(const fs::path& folder) {
   std::error_code code;
   if (!fs::exists(folder, code))
-    return Error{"there is no such folder", "give the folder that compare wrote with --out",
-                 folder.string()};
+    return Error{"there is no such folder", "give the folder that compare wrote with --out", folder.string()};
   if (!fs::is_directory(folder, code))
-    return Error{"is a file, not the folder of a study",
-                 "give the folder that compare wrote with --out", folder.string()};
+    return Error{"is a file, not the folder of a study", "give the folder that compare wrote with --out",
+                 folder.string()};
   const std::string file = (folder / kResultFile).string();
   if (!fs::exists(file, code)) return no_study(folder);
   PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
