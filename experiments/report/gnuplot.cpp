@@ -134,36 +134,38 @@ std::string linear_range(const Range& range) {
                      tic_step(range.high - range.low, kPanelTics));
 }
 
+/// The positive values of an axis; empty (low above high) if there are none.
+Range positive_range(const Chart& chart, char axis) {
+  Range range{std::numeric_limits<double>::max(), 0.0};
+  for (const Series& series : chart.series)
+    for (const double v : axis == 'x' ? series.x : series.y) {
+      if (!std::isfinite(v) || !(v > 0.0)) continue;
+      range.low = std::min(range.low, v);
+      range.high = std::max(range.high, v);
+    }
+  return range;
+}
+
 /// All that there is, in whole powers of ten.
 std::string logarithmic_range(const Chart& chart) {
-  int low = std::numeric_limits<int>::max(), high = std::numeric_limits<int>::min();
-  for (const Series& series : chart.series)
-    for (const double y : series.y) {
-      if (!std::isfinite(y) || !(y > 0.0)) continue;
-      low = std::min(low, static_cast<int>(std::floor(std::log10(y))));
-      high = std::max(high, static_cast<int>(std::ceil(std::log10(y))));
-    }
-  if (low > high) return "";
+  const Range range = positive_range(chart, 'y');
+  if (range.low > range.high) return "";
+  const int low = static_cast<int>(std::floor(std::log10(range.low)));
+  const int high = static_cast<int>(std::ceil(std::log10(range.high)));
   constexpr int kMostTics = 4;
   const int step = std::max(1, (high - low + kMostTics - 1) / kMostTics);
   return fmt::format("set yrange [1e{}:1e{}]\nset ytics 1e{}\nset format y '10^{{%T}}'\nunset mytics\n", low,
                      std::max(high, low + 1), step);
 }
 
-/// Labels of a logarithmic axis that gnuplot alone would label once or not at all.
+/// Labels of a logarithmic axis with at most two powers of ten on it: gnuplot would label those alone.
 std::string log_tics(const Chart& chart, char axis) {
-  constexpr double kWide = 20.0;
-  double low = std::numeric_limits<double>::max(), high = 0.0;
-  for (const Series& series : chart.series)
-    for (const double v : axis == 'x' ? series.x : series.y) {
-      if (!std::isfinite(v) || !(v > 0.0)) continue;
-      low = std::min(low, v);
-      high = std::max(high, v);
-    }
-  if (!(high > 0.0) || high > kWide * low) return "";
+  constexpr double kWide = 20.0;  // ten leaves one or two powers, and intervals reach beyond the values
+  const Range range = positive_range(chart, axis);
+  if (range.low > range.high || range.high > kWide * range.low) return "";
   std::string tics;
-  const int last = static_cast<int>(std::ceil(std::log10(high)));
-  for (int power = static_cast<int>(std::floor(std::log10(low))); power <= last; ++power)
+  const int last = static_cast<int>(std::ceil(std::log10(range.high)));
+  for (int power = static_cast<int>(std::floor(std::log10(range.low))); power <= last; ++power)
     for (const double digit : {1.0, 1.5, 2.0, 3.0, 5.0, 7.0})
       tics += fmt::format("{}{}e{}", tics.empty() ? "" : ", ", digit, power);
   return fmt::format("set {}tics ({})\n", axis, tics);

@@ -397,6 +397,18 @@ TEST_F(Charts, WithoutAPointSaySo) {
   EXPECT_TRUE(figure.svg.empty());
 }
 
+TEST_F(Charts, LogarithmicAxesWithinADecadeAreLabelled) {
+  Chart chart;
+  chart.name = "decade";
+  chart.log_x = chart.log_y = true;
+  chart.series = {{"narrow and wide", "#0072b2", {2.1, 3.9}, {0.01, 10.0}}};
+  ASSERT_TRUE(out_.begin("a").ok());
+  (void)drawn(chart);
+  const std::string script = file_text(in("out/decade.gp"));
+  EXPECT_THAT(script, HasSubstr("set xtics (1e0, 1.5e0, 2e0, 3e0, 5e0, 7e0, 1e1, "));
+  EXPECT_THAT(script, Not(HasSubstr("set ytics")));
+}
+
 TEST_F(Charts, PanelsLeaveOutWhoDidNotRun) {
   Chart chart;
   chart.name = "panels";
