@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -26,11 +27,13 @@ using spline_sdf::MortonPoints;
 
 /// The program itself and buffers.
 constexpr std::uint64_t kFixedSurfaceBytes = std::uint64_t{96} << 20;
-/// While regions are made: 48 bytes for a brick, of some 25 points; a sixteenth of the points; a 64th for
-/// rays, of 50 bytes each; the table of cells.
-constexpr std::uint64_t kKeptBytesPerPoint = 4;
-/// When they are joined, then a brick has 130 bytes with its place and tile.
-constexpr std::uint64_t kJoinBytesPerPoint = 8;
+/// Kept of each point to the end: rims and seams of regions, of 48 bytes for a brick of some 25 points, a
+/// thirtieth of all; the table of cells; rows of tiles.
+constexpr double kKeptBytesPerPoint = 0.25;
+/// While regions are made: a point of the coarser surface; a point for rays.
+constexpr std::uint64_t kCoarseBytes = 12, kFarBytes = 50;
+/// When they are joined: parts of pieces, once more while they grow.
+constexpr std::uint64_t kJoinBytes = 2 * spline_sdf::kMostParts * sizeof(geometry::AreaElement);
 /// Runs of adjacent cells that tell spacing and noise, and cells of a run: a run's rim is a fiftieth of it.
 constexpr std::size_t kProbeRuns = 16, kCellsOfRun = 16;
 /// Largest rounding of a coordinate, in spacings: what a clean fit calls exact is five times as much.
@@ -39,6 +42,104 @@ constexpr double kMostRounding = 0.01;
 constexpr std::uint64_t kFarShare = 64;
 /// Every file has it in its key: chunks of another kind are not gone on with.
 constexpr std::uint64_t kChunkVersion = 1;
+
+/// Cuts the bricks of all chunks into tiles, chunk after chunk: a chunk's region and a tile's node are both
+/// whole ranges of the Morton curve, so that one holds the other or they are apart.
+class ChunkTiles {
+ public:
+  struct Place {
+    std::size_t chunk = 0, brick = 0;
+    std::uint32_t piece = 0;  ///< of the chunk
+  };
+
+  ChunkTiles(const ChunkScratch& scratch, const BrickGrid& grid) : scratch_(scratch), grid_(grid) {
+    for (std::size_t c = 0; c < scratch.chunks().size(); ++c) {
+      firsts_.push_back(bricks_);
+      for (const std::uint32_t count : scratch.counts(c)) bricks_ += count;
+    }
+    firsts_.push_back(bricks_);
+  }
+  [[nodiscard]] std::uint64_t bricks() const noexcept { return bricks_; }
+  Status cut(const spline_sdf::TileSink& sink) { return cut({}, 0, firsts_.size() - 1, sink); }
+  /// Where a brick is that the sink is being given.
+  [[nodiscard]] Place place(std::uint32_t number) const {
+    const auto after = std::upper_bound(firsts_.begin(), firsts_.end(), number);
+    const auto chunk = static_cast<std::size_t>(after - firsts_.begin()) - 1;
+    const std::size_t brick = number - firsts_[chunk];
+    return {chunk, brick, loaded_.at(chunk).pieces[brick]};
+  }
+
+ private:
+  struct Loaded {
+    std::vector<spline_sdf::PlacedBrick> placed;  ///< sorted
+    std::vector<std::uint32_t> pieces;            ///< by brick
+  };
+
+  /// First code of a chunk among the smallest nodes.
+  [[nodiscard]] std::uint64_t first_code(std::size_t chunk) const {
+    return spline_sdf::TileKey{scratch_.chunks()[chunk].first_code, spline_sdf::depth_of_level(grid_, 0)}
+        .first_code();
+  }
+  Status load(std::size_t chunk) {
+    if (loaded_.contains(chunk)) return Done{};
+    std::vector<spline_sdf::ChunkBrick> own;
+    PALPATE_TRY(scratch_.read_own(chunk, 0, firsts_[chunk + 1] - firsts_[chunk], own));
+    Loaded& here = loaded_[chunk];
+    for (const spline_sdf::ChunkBrick& one : own) {
+      here.placed.push_back({{one.code, spline_sdf::depth_of_level(grid_, one.level)},
+                             firsts_[chunk] + static_cast<std::uint32_t>(here.placed.size())});
+      here.pieces.push_back(one.summary.piece);
+    }
+    spline_sdf::sort_placed(here.placed);
+    return Done{};
+  }
+  /// The chunks that may have bricks in a node, among those of the node around it.
+  [[nodiscard]] std::pair<std::size_t, std::size_t> chunks_in(spline_sdf::TileKey node, std::size_t first,
+                                                              std::size_t past) const {
+    const std::uint64_t low = node.first_code();
+    const std::uint64_t next = spline_sdf::TileKey{node.code + 1, node.depth}.first_code();
+    std::size_t a = first;
+    while (a < past && first_code(a) < low) ++a;
+    std::size_t b = a;
+    while (b < past && first_code(b) < next) ++b;
+    // Where none begins in it, the one before may go on.
+    return a == b && a > first ? std::pair(a - 1, a) : std::pair(a, b);
+  }
+  Status cut(spline_sdf::TileKey node, std::size_t first, std::size_t past,
+             const spline_sdf::TileSink& sink) {
+    const std::uint32_t count = firsts_[past] - firsts_[first];
+    if (count == 0) return Done{};
+    if (past - first > 1 && count > spline_sdf::kTileBricks) {
+      for (std::uint64_t k = 0; k < spline_sdf::kGroupNodes; ++k) {
+        const spline_sdf::TileKey child{node.code << 3 | k, node.depth + 1};
+        const auto [a, b] = chunks_in(child, first, past);
+        PALPATE_TRY(cut(child, a, b, sink));
+      }
+      return Done{};
+    }
+    if (past - first > 1 || !loaded_.contains(first)) loaded_.clear();
+    std::vector<spline_sdf::PlacedBrick> together;
+    const auto before = [](const spline_sdf::PlacedBrick& one, std::uint64_t code) {
+      return one.key.first_code() < code;
+    };
+    for (std::size_t c = first; c < past; ++c) {
+      PALPATE_TRY(load(c));
+      const std::vector<spline_sdf::PlacedBrick>& all = loaded_.at(c).placed;
+      const auto from = std::lower_bound(all.begin(), all.end(), node.first_code(), before);
+      const auto to = std::lower_bound(from, all.end(),
+                                       spline_sdf::TileKey{node.code + 1, node.depth}.first_code(), before);
+      if (past - first == 1) return spline_sdf::cut_into_tiles(node, {from, to}, sink);
+      together.insert(together.end(), from, to);
+    }
+    return spline_sdf::cut_into_tiles(node, together, sink);
+  }
+
+  const ChunkScratch& scratch_;
+  const BrickGrid& grid_;
+  std::uint32_t bricks_ = 0;
+  std::vector<std::uint32_t> firsts_;  ///< number of each chunk's first brick, and of all
+  std::map<std::size_t, Loaded> loaded_;
+};
 
 class SurfacePreparation {
  public:
@@ -61,13 +162,13 @@ class SurfacePreparation {
       PALPATE_TRY(scratch.add(
           spline_sdf::build_surface_chunk(std::move(points), regions_[r], frame_, options_.threads)));
     }
-    if (std::all_of(scratch.chunks().begin(), scratch.chunks().end(),
-                    [](const spline_sdf::SurfaceChunk& chunk) { return chunk.own.empty(); })) {
+    if (ChunkTiles(scratch, frame_.lattice()).bricks() == 0) {
       scratch.remove();
       return spline_sdf::no_surface();
     }
     PALPATE_ASSIGN(spline_sdf::SurfaceFileWriter writer,
                    spline_sdf::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
+    frame_.far.reset();
     PALPATE_TRY(write_joined(scratch, writer));
     const render::PrepareContext context{options_.threads, &progress_};
     PALPATE_TRY(spline_sdf::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
@@ -97,9 +198,17 @@ class SurfacePreparation {
     hash.u64(coarse_->size());
     return hash.value();
   }
+  /// Memory beside what is kept.
+  [[nodiscard]] std::uint64_t work_bytes() const noexcept {
+    const std::uint64_t fixed =
+        kFixedSurfaceBytes +
+        static_cast<std::uint64_t>(static_cast<double>(cells_.info().points) * kKeptBytesPerPoint);
+    return options_.memory_bytes > fixed ? options_.memory_bytes - fixed : 0;
+  }
+  /// Points of a region and around it.
   [[nodiscard]] std::uint64_t most_points() const noexcept {
-    const std::uint64_t fixed = kFixedSurfaceBytes + cells_.info().points * kKeptBytesPerPoint;
-    const std::uint64_t work = options_.memory_bytes > fixed ? options_.memory_bytes - fixed : 0;
+    const std::uint64_t kept = coarse_->size() * kCoarseBytes + frame_.far->size() * kFarBytes;
+    const std::uint64_t work = work_bytes() > kept ? work_bytes() - kept : 0;
     return std::min(options_.most_chunk_points, work / kSurfaceBytesPerPoint);
   }
   [[nodiscard]] geometry::Aabb region_mm(const BrickRegion& region) const {
@@ -139,7 +248,7 @@ class SurfacePreparation {
   /// Measures what all regions share, and samples the points.
   Status decide() {
     const CellFileInfo& info = cells_.info();
-    if (kFixedSurfaceBytes + info.points * kJoinBytesPerPoint > options_.memory_bytes)
+    if (std::min(info.points * sizeof(geometry::AreaElement), kJoinBytes) > work_bytes())
       return over_memory_limit(fmt::format("joining the surface of {} points", format_count(info.points)),
                                options_.memory_bytes);
     cloud::Cloud probe = empty_cloud();
@@ -170,7 +279,9 @@ class SurfacePreparation {
     report_.spacing_mm = measured.spacing_mm;
     report_.noise_mm = measured.noise_mm;
     std::uint64_t step = spline_sdf::kCoarserShare;
-    while (info.points / step > most_points()) step *= spline_sdf::kCoarserShare;
+    const std::uint64_t most_coarse =
+        std::min(options_.most_chunk_points, work_bytes() / kSurfaceBytesPerPoint);
+    while (info.points / step > most_coarse) step *= spline_sdf::kCoarserShare;
     auto coarse = std::make_shared<cloud::Cloud>(empty_cloud());
     for (auto* axis : {&coarse->x_mm, &coarse->y_mm, &coarse->z_mm})
       axis->reserve(static_cast<std::size_t>(info.points / step + 1));
@@ -230,22 +341,16 @@ class SurfacePreparation {
 
   Status write_joined(const ChunkScratch& scratch, spline_sdf::SurfaceFileWriter& writer) {
     progress_.report("joining", 1.0);
-    const std::vector<spline_sdf::SurfaceChunk>& chunks = scratch.chunks();
     spline_sdf::SplineSdf surface;
     surface.grid = frame_.lattice();
-    BrickGrid& grid = surface.grid;
-    const spline_sdf::JoinedChunks joined =
-        spline_sdf::join_chunks(chunks, grid, options_.build.both_sides, options_.threads);
-    std::vector<spline_sdf::PlacedBrick> placed;
-    std::vector<std::uint32_t> firsts;
+    const BrickGrid& grid = surface.grid;
+    PALPATE_ASSIGN(
+        const spline_sdf::JoinedChunks joined,
+        spline_sdf::join_chunks(scratch, surface.grid, options_.build.both_sides, options_.threads));
     spline_sdf::SampleDistances distances;
-    for (const spline_sdf::SurfaceChunk& chunk : chunks) {
-      firsts.push_back(static_cast<std::uint32_t>(placed.size()));
-      for (const spline_sdf::ChunkBrick& one : chunk.own) {
-        placed.push_back({{one.code, spline_sdf::depth_of_level(grid, one.level)},
-                          static_cast<std::uint32_t>(placed.size())});
-        surface.cubes += one.level == grid.coarser ? 1 : 0;
-      }
+    for (std::size_t c = 0; c < scratch.chunks().size(); ++c) {
+      const spline_sdf::SurfaceChunk& chunk = scratch.chunks()[c];
+      surface.cubes += scratch.counts(c)[static_cast<std::size_t>(grid.coarser)];
       surface.patches += chunk.patches;
       distances.squares += chunk.distances.squares;
       distances.count += chunk.distances.count;
@@ -254,16 +359,16 @@ class SurfacePreparation {
     surface.noise_mm = frame_.measured.noise_mm;
     report_.contradicted = joined.contradicted;
     report_.patches = surface.patches;
-    report_.bricks = placed.size();
+    ChunkTiles tiles(scratch, grid);
+    report_.bricks = tiles.bricks();
     const auto brick = [&](std::uint32_t number, spline_sdf::Brick& out) -> Status {
-      const auto after = std::upper_bound(firsts.begin(), firsts.end(), number);
-      const auto chunk = static_cast<std::size_t>(after - firsts.begin()) - 1;
-      const std::size_t at = number - firsts[chunk];
-      PALPATE_TRY(scratch.read_brick(chunk, at, out));
-      joined.pieces[chunk][chunks[chunk].own[at].summary.piece].put(out);
+      const ChunkTiles::Place place = tiles.place(number);
+      PALPATE_TRY(scratch.read_brick(place.chunk, place.brick, out));
+      joined.pieces[place.chunk][place.piece].put(out);
       return Done{};
     };
-    return writer.add(surface, spline_sdf::cut_into_tiles(std::move(placed)), brick, distances);
+    return writer.add(
+        surface, [&](const spline_sdf::TileSink& sink) { return tiles.cut(sink); }, brick, distances);
   }
 
   const CellFile& cells_;

@@ -141,8 +141,8 @@ namespace {
 using spline_sdf::ChunkBrick;
 using spline_sdf::SurfaceChunk;
 
-/// First code, numbers of own and seam bricks and of pieces, sums of distances, patches.
-constexpr std::size_t kChunkHeadBytes = 7 * sizeof(std::uint64_t);
+/// First code, numbers of own, rim and seam bricks and of pieces, sums of distances, patches.
+constexpr std::size_t kChunkHeadBytes = 8 * sizeof(std::uint64_t);
 constexpr std::size_t kChunkBrickBytes = 8 + 4 + 4 + 6 * 4;
 /// The length before a record and the hash after it.
 constexpr std::size_t kRecordEdgeBytes = sizeof(std::uint64_t);
@@ -177,19 +177,20 @@ std::uint64_t hash_of_record(std::span<const std::byte> bytes) noexcept {
 
 std::vector<std::byte> encode_chunk(const SurfaceChunk& chunk) {
   std::vector<std::byte> bytes(kChunkHeadBytes + chunk.groups.size() * sizeof(std::uint32_t) +
-                               (chunk.own.size() + chunk.seam.size()) * kChunkBrickBytes +
+                               (chunk.rim.size() + chunk.seam.size() + chunk.own.size()) * kChunkBrickBytes +
                                chunk.bricks.size() * spline_sdf::kStoredBrickBytes);
   ByteWriter to{std::span(bytes)};
   to.u64(chunk.first_code);
   to.u64(chunk.own.size());
+  to.u64(chunk.rim.size());
   to.u64(chunk.seam.size());
   to.u64(chunk.groups.size());
   to.u64(chunk.distances.squares);
   to.u64(chunk.distances.count);
   to.u64(chunk.patches);
   for (const std::uint32_t group : chunk.groups) to.u32(group);
-  for (const ChunkBrick& one : chunk.own) write_chunk_brick(one, to);
-  for (const ChunkBrick& one : chunk.seam) write_chunk_brick(one, to);
+  for (const auto* bricks : {&chunk.rim, &chunk.seam, &chunk.own})
+    for (const ChunkBrick& one : *bricks) write_chunk_brick(one, to);
   for (const spline_sdf::Brick& brick : chunk.bricks) spline_sdf::write_stored_brick(brick, to);
   return bytes;
 }
@@ -198,26 +199,28 @@ std::vector<std::byte> encode_chunk(const SurfaceChunk& chunk) {
 bool decode_chunk(std::span<const std::byte> bytes, SurfaceChunk& chunk) {
   ByteReader from(bytes);
   chunk.first_code = from.u64();
-  const std::uint64_t own = from.u64(), seam = from.u64(), groups = from.u64();
+  const std::uint64_t own = from.u64(), rim = from.u64(), seam = from.u64(), groups = from.u64();
   const std::uint64_t most = bytes.size();  // each takes more than one, so that the sum below cannot overflow
-  if (own > most || seam > most || groups > most ||
-      kChunkHeadBytes + groups * sizeof(std::uint32_t) + (own + seam) * kChunkBrickBytes +
+  if (own > most || rim > most || seam > most || groups > most ||
+      kChunkHeadBytes + groups * sizeof(std::uint32_t) + (own + rim + seam) * kChunkBrickBytes +
               own * spline_sdf::kStoredBrickBytes !=
           most)
     return false;
   chunk.own.resize(static_cast<std::size_t>(own));
+  chunk.rim.resize(static_cast<std::size_t>(rim));
   chunk.seam.resize(static_cast<std::size_t>(seam));
   chunk.groups.resize(static_cast<std::size_t>(groups));
   chunk.distances.squares = from.u64();
   chunk.distances.count = from.u64();
   chunk.patches = from.u64();
   for (std::uint32_t& group : chunk.groups) group = from.u32();
-  for (ChunkBrick& one : chunk.own) read_chunk_brick(from, one);
-  for (ChunkBrick& one : chunk.seam) read_chunk_brick(from, one);
+  for (auto* bricks : {&chunk.rim, &chunk.seam, &chunk.own})
+    for (ChunkBrick& one : *bricks) read_chunk_brick(from, one);
   const auto is_numbered = [&](const ChunkBrick& one) {
     return one.summary.piece < groups && one.level < spline_sdf::BrickGrid::kMaxLevels;
   };
   return std::all_of(chunk.own.begin(), chunk.own.end(), is_numbered) &&
+         std::all_of(chunk.rim.begin(), chunk.rim.end(), is_numbered) &&
          std::all_of(chunk.seam.begin(), chunk.seam.end(), is_numbered);
 }
 
@@ -262,9 +265,7 @@ Result<bool> ChunkScratch::read_record(std::uint64_t file_size) {
   if (ByteReader{std::span<const std::byte>(edge)}.u64() != hash_of_record(bytes)) return false;
   SurfaceChunk chunk;
   if (!decode_chunk(bytes, chunk)) return false;
-  chunks_.push_back(std::move(chunk));
-  end_ += 2 * kRecordEdgeBytes + length;
-  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunks_.back().own.size() * spline_sdf::kStoredBrickBytes);
+  keep(std::move(chunk), length);
   return true;
 }
 
@@ -276,19 +277,36 @@ Status ChunkScratch::add(SurfaceChunk chunk) {
   PALPATE_TRY(file_.write_at(end_ + kRecordEdgeBytes, bytes));
   ByteWriter{std::span<std::byte>(edge)}.u64(hash_of_record(bytes));
   PALPATE_TRY(file_.write_at(end_ + kRecordEdgeBytes + bytes.size(), edge));
-  end_ += 2 * kRecordEdgeBytes + bytes.size();
-  bricks_at_.push_back(end_ - kRecordEdgeBytes - chunk.bricks.size() * spline_sdf::kStoredBrickBytes);
+  keep(std::move(chunk), bytes.size());
+  return Done{};
+}
+
+void ChunkScratch::keep(SurfaceChunk chunk, std::uint64_t record_bytes) {
+  end_ += 2 * kRecordEdgeBytes + record_bytes;
+  Place& place = places_.emplace_back();
+  place.counts = spline_sdf::level_counts(chunk);
+  place.bricks_at = end_ - kRecordEdgeBytes - chunk.own.size() * spline_sdf::kStoredBrickBytes;
+  place.own_at = place.bricks_at - chunk.own.size() * kChunkBrickBytes;
   release_memory(chunk.bricks);
-  // Kept to the end, by the million.
-  chunk.own.shrink_to_fit();
+  release_memory(chunk.own);
+  chunk.rim.shrink_to_fit();
   chunk.seam.shrink_to_fit();
   chunks_.push_back(std::move(chunk));
+}
+
+Status ChunkScratch::read_own(std::size_t chunk, std::size_t first, std::size_t count,
+                              std::vector<ChunkBrick>& out) const {
+  std::vector<std::byte> bytes(count * kChunkBrickBytes);
+  PALPATE_TRY(file_.read_at(places_[chunk].own_at + first * kChunkBrickBytes, bytes));
+  out.resize(count);
+  ByteReader from(bytes);
+  for (ChunkBrick& one : out) read_chunk_brick(from, one);
   return Done{};
 }
 
 Status ChunkScratch::read_brick(std::size_t chunk, std::size_t brick, spline_sdf::Brick& out) const {
   std::array<std::byte, spline_sdf::kStoredBrickBytes> bytes;
-  PALPATE_TRY(file_.read_at(bricks_at_[chunk] + brick * bytes.size(), bytes));
+  PALPATE_TRY(file_.read_at(places_[chunk].bricks_at + brick * bytes.size(), bytes));
   spline_sdf::read_stored_brick(bytes, out);
   return Done{};
 }

@@ -88,15 +88,22 @@ class PointScratch {
   std::vector<Buffer> buffers_;
 };
 
-/// Movable, not thread-safe but for read_brick().
-class ChunkScratch {
+/// Movable, not thread-safe but for reading.
+class ChunkScratch final : public spline_sdf::StoredChunks {
  public:
   /// Keeps what a run with the same key has left, without bricks; else begins anew. `key`: a hash of all that
   /// the chunks depend on. A second user is an Error.
   [[nodiscard]] static Result<ChunkScratch> open(const std::string& path, std::uint64_t key);
-  /// Writes a chunk and forgets its bricks.
+  /// Writes a chunk and forgets its own bricks.
   [[nodiscard]] Status add(spline_sdf::SurfaceChunk chunk);
-  [[nodiscard]] const std::vector<spline_sdf::SurfaceChunk>& chunks() const noexcept { return chunks_; }
+  [[nodiscard]] const std::vector<spline_sdf::SurfaceChunk>& chunks() const noexcept override {
+    return chunks_;
+  }
+  [[nodiscard]] const spline_sdf::LevelCounts& counts(std::size_t chunk) const override {
+    return places_[chunk].counts;
+  }
+  [[nodiscard]] Status read_own(std::size_t chunk, std::size_t first, std::size_t count,
+                                std::vector<spline_sdf::ChunkBrick>& out) const override;
   [[nodiscard]] Status read_brick(std::size_t chunk, std::size_t brick, spline_sdf::Brick& out) const;
   void remove() const noexcept { file_.remove(); }
 
@@ -108,8 +115,14 @@ class ChunkScratch {
 
   PartFile file_;
   std::uint64_t end_ = 0;
+  /// Offsets of a chunk's own bricks.
+  struct Place {
+    spline_sdf::LevelCounts counts{};
+    std::uint64_t own_at = 0, bricks_at = 0;
+  };
+  void keep(spline_sdf::SurfaceChunk chunk, std::uint64_t record_bytes);
   std::vector<spline_sdf::SurfaceChunk> chunks_;
-  std::vector<std::uint64_t> bricks_at_;  ///< by chunk: offset of its bricks
+  std::vector<Place> places_;  ///< by chunk
 };
 
 }  // namespace palpate::prepared

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -104,6 +105,47 @@ struct Piece {
   std::vector<geometry::AreaElement> parts;
 };
 
+/// A cube's parts that look one way, and the other.
+struct CubeSums {
+  struct Sum {
+    Vec3 area = Vec3::Zero(), middle = Vec3::Zero();
+    double weight = 0.0;
+  };
+  std::array<Sum, 2> way;
+
+  void add(const geometry::AreaElement& part) {
+    const Vec3 area = part.area.cast<double>();
+    const double weight = area.norm();
+    Sum& sum = way[area.dot(way[0].area) < 0.0 ? 1 : 0];
+    sum.area += area;
+    sum.middle += weight * part.middle.cast<double>();
+    sum.weight += weight;
+  }
+  void put(std::vector<geometry::AreaElement>& out) const {
+    for (const Sum& sum : way)
+      if (sum.weight > 0.0)
+        out.push_back({Vec3(sum.middle / sum.weight).cast<float>(), sum.area.cast<float>()});
+  }
+};
+
+/// Parts of a piece that are never joined: one of so few would lose its shape in the cubes.
+constexpr std::size_t kOwnParts = 1024;
+
+/// Joins the parts of pieces with many, in cubes that grow until half of `most` are left, or no piece has
+/// many. Returns how many are left.
+std::size_t join_parts(std::vector<Piece>& pieces, double& edge, std::size_t most) {
+  for (;; edge *= 2.0) {
+    std::size_t held = 0;
+    bool more = false;
+    for (Piece& piece : pieces) {
+      if (piece.parts.size() > kOwnParts) piece.parts = joined_in_cubes(piece.parts, edge);
+      more = more || piece.parts.size() > kOwnParts;
+      held += piece.parts.size();
+    }
+    if (!more || held <= most / 2) return held;
+  }
+}
+
 bool is_closed(const Piece& piece) {
   return piece.beyond <= std::max(kChanceShare * piece.cells, kChanceCells);
 }
@@ -124,6 +166,29 @@ float outer_side_of(const Piece& piece, bool both_sides, int threads) {
 
 }  // namespace
 
+std::vector<geometry::AreaElement> joined_in_cubes(std::span<const geometry::AreaElement> parts,
+                                                   double edge) {
+  const double per = 1.0 / edge;
+  constexpr double kLastCube = (1 << search::kMortonBits) - 1;
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> order(parts.size());
+  for (std::uint32_t i = 0; i < parts.size(); ++i) {
+    std::array<std::uint32_t, 3> cube{};
+    for (std::size_t a = 0; a < 3; ++a)
+      cube[a] = static_cast<std::uint32_t>(std::clamp(
+          static_cast<double>(parts[i].middle[static_cast<Eigen::Index>(a)]) * per, 0.0, kLastCube));
+    order[i] = {search::morton_code(cube[0], cube[1], cube[2]), i};
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<geometry::AreaElement> out;
+  for (std::size_t i = 0; i < order.size();) {
+    CubeSums cube;
+    const std::uint64_t code = order[i].first;
+    for (; i < order.size() && order[i].first == code; ++i) cube.add(parts[order[i].second]);
+    cube.put(out);
+  }
+  return out;
+}
+
 BrickSummary summary_of(const BuiltBrick& one, std::uint64_t code, int level, const BrickGrid& grid) {
   BrickSummary out;
   out.piece = one.piece;
@@ -141,8 +206,10 @@ BrickSummary summary_of(const BuiltBrick& one, std::uint64_t code, int level, co
 
 std::vector<PieceClass> find_closed_components(BrickGrid& grid, std::size_t count,
                                                const std::function<void(const VisitSummary&)>& each_brick,
-                                               bool both_sides, int threads) {
+                                               bool both_sides, int threads, std::size_t most_parts) {
   std::vector<Piece> pieces(count);
+  double edge = std::ldexp(grid.cube_edge(), kJoinedBits);
+  std::size_t held = 0, most = most_parts;
   each_brick([&](const BrickSummary& one, int level) {
     if (one.cells + one.beyond == 0 || one.smaller) return;
     Piece& piece = pieces[one.piece];
@@ -150,6 +217,10 @@ std::vector<PieceClass> find_closed_components(BrickGrid& grid, std::size_t coun
     piece.cells += size * size * one.cells;
     piece.beyond += size * size * one.beyond;
     piece.parts.push_back(one.part);
+    if (++held < most) return;
+    held = join_parts(pieces, edge, most_parts);
+    // Many small pieces stay.
+    most = std::max(most_parts, 2 * held);
   });
   std::vector<PieceClass> classes(count);
   for (std::size_t p = 0; p < count; ++p) {

@@ -51,13 +51,26 @@ struct PieceClass {
   }
 };
 
+/// Parts joined within cubes of an edge from the lattice's corner, those of a cube that look the way of its
+/// first apart from those against it: seen from afar the same. By the cubes' Morton codes. O(n log n).
+[[nodiscard]] std::vector<geometry::AreaElement> joined_in_cubes(std::span<const geometry::AreaElement> parts,
+                                                                 double edge);
+
+/// Doublings from the largest bricks to a cube whose parts are joined: so small that a start a few
+/// voxels off the surface still sees its side.
+inline constexpr int kJoinedBits = 2;
+/// Parts held at once, 200 MB with room to grow: the bricks of 100 million points. Beyond them those of
+/// pieces with many are joined.
+inline constexpr std::size_t kMostParts = std::size_t{1} << 22;
+
 using VisitSummary = std::function<void(const BrickSummary& brick, int level)>;
 /// Finds the pieces felt from one side: those without a border, and (unless `both_sides`) those that enclose
 /// a volume despite holes; puts them in the grid and returns the class of each piece. `pieces`: 1 + the
-/// largest BrickSummary::piece. `each_brick` visits all, level after level by code. O(bricks).
+/// largest BrickSummary::piece. `each_brick` visits all, level after level by code. `most_parts`: held at
+/// once. O(bricks).
 [[nodiscard]] std::vector<PieceClass> find_closed_components(
     BrickGrid& grid, std::size_t pieces, const std::function<void(const VisitSummary&)>& each_brick,
-    bool both_sides, int threads);
+    bool both_sides, int threads, std::size_t most_parts = kMostParts);
 
 [[nodiscard]] inline std::uint64_t morton_code_of(const BrickGrid::Coordinate& c) {
   return search::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),

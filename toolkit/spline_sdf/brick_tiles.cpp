@@ -11,21 +11,17 @@ namespace {
 
 class TileCutter {
  public:
-  explicit TileCutter(std::span<const PlacedBrick> all) : all_(all) {}
+  TileCutter(std::span<const PlacedBrick> all, const TileSink& sink) : all_(all), sink_(sink) {}
 
-  void cut(TileKey node, std::size_t first, std::size_t past, BrickTiles& out) {
-    if (first == past) return;
-    if (past - first <= kTileBricks) {
-      out.tiles.push_back(tile_of(node, first, past));
-      return;
-    }
-    if (all_[first].key.depth == node.depth) {
-      out.above.push_back(node);
-      out.above_bricks.push_back(all_[first].brick);
-      ++first;
-    }
-    each_child(node, first, past,
-               [&](std::uint64_t, TileKey child, std::size_t a, std::size_t b) { cut(child, a, b, out); });
+  Status cut(TileKey node, std::size_t first, std::size_t past) {
+    if (first == past) return Done{};
+    if (past - first <= kTileBricks) return sink_.tile(tile_of(node, first, past));
+    if (all_[first].key.depth == node.depth) PALPATE_TRY(sink_.above(all_[first++]));
+    Status cut_so_far = Done{};
+    each_child(node, first, past, [&](std::uint64_t, TileKey child, std::size_t a, std::size_t b) {
+      if (cut_so_far) cut_so_far = cut(child, a, b);
+    });
+    return cut_so_far;
   }
 
  private:
@@ -64,6 +60,7 @@ class TileCutter {
   }
 
   std::span<const PlacedBrick> all_;
+  const TileSink& sink_;
 };
 
 /// Walks an image's tree: each group after the one that leads to it, so that it ends.
@@ -103,17 +100,17 @@ class TileChecker {
 
 }  // namespace
 
-BrickTiles cut_into_tiles(std::vector<PlacedBrick> bricks) {
-  BrickTiles out;
-  // A node before what lies in it.
+void sort_placed(std::vector<PlacedBrick>& bricks) {
   std::sort(bricks.begin(), bricks.end(), [](const PlacedBrick& a, const PlacedBrick& b) {
     return std::pair(a.key.first_code(), a.key.depth) < std::pair(b.key.first_code(), b.key.depth);
   });
-  TileCutter(bricks).cut({}, 0, bricks.size(), out);
-  return out;
 }
 
-BrickTiles cut_into_tiles(const BrickGrid& grid) {
+Status cut_into_tiles(TileKey node, std::span<const PlacedBrick> sorted, const TileSink& sink) {
+  return TileCutter(sorted, sink).cut(node, 0, sorted.size());
+}
+
+Status cut_into_tiles(const BrickGrid& grid, const TileSink& sink) {
   std::vector<PlacedBrick> all;
   all.reserve(grid.bricks.size());
   for (int l = 0; l < grid.levels; ++l) {
@@ -122,7 +119,8 @@ BrickTiles cut_into_tiles(const BrickGrid& grid) {
     for (std::size_t cell = 0; cell < codes.size(); ++cell)
       all.push_back({{codes[cell], depth_of_level(grid, l)}, level.brick[cell] & ~BrickGrid::kRefined});
   }
-  return cut_into_tiles(std::move(all));
+  sort_placed(all);
+  return cut_into_tiles({}, all, sink);
 }
 
 BrickSource bricks_of(const BrickGrid& grid) {

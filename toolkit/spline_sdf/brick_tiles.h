@@ -53,22 +53,23 @@ struct BrickTile {
   std::vector<std::uint32_t> bricks;  ///< numbers in the grid; TileNode::brick counts these
 };
 
-struct BrickTiles {
-  std::vector<BrickTile> tiles;  ///< by first_code()
-  /// Bricks above the tiles, where more than kTileBricks smaller ones replace one, and their numbers in the
-  /// grid.
-  std::vector<TileKey> above;
-  std::vector<std::uint32_t> above_bricks;
-};
-
 /// A brick by its place alone, for surfaces whose bricks are not in memory.
 struct PlacedBrick {
   TileKey key;
   std::uint32_t brick = 0;  ///< any number
 };
-/// O(bricks log bricks), in any order. The same for any number of threads of the build.
-[[nodiscard]] BrickTiles cut_into_tiles(std::vector<PlacedBrick> bricks);
-[[nodiscard]] BrickTiles cut_into_tiles(const BrickGrid& grid);
+/// A node before what lies in it.
+void sort_placed(std::vector<PlacedBrick>& bricks);
+
+/// Takes what cutting gives; its errors end the cutting.
+struct TileSink {
+  std::function<Status(const BrickTile&)> tile;  ///< by first_code()
+  /// Bricks above the tiles, where more than kTileBricks smaller ones replace one.
+  std::function<Status(const PlacedBrick&)> above;
+};
+/// `sorted`: all bricks in the node. O(bricks). The same for any number of threads of the build.
+[[nodiscard]] Status cut_into_tiles(TileKey node, std::span<const PlacedBrick> sorted, const TileSink& sink);
+[[nodiscard]] Status cut_into_tiles(const BrickGrid& grid, const TileSink& sink);
 
 /// Gives bricks by their numbers.
 using BrickSource = std::function<Status(std::uint32_t number, Brick& brick)>;

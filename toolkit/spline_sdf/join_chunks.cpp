@@ -52,21 +52,37 @@ const ChunkBrick* find_owner(const std::vector<SurfaceChunk>& chunks, const Chun
   if (after == chunks.begin()) return nullptr;
   chunk = static_cast<std::size_t>(after - chunks.begin()) - 1;
   const auto key = [](const ChunkBrick& one) { return std::pair(one.level, one.code); };
-  const std::vector<ChunkBrick>& own = chunks[chunk].own;
+  const std::vector<ChunkBrick>& rim = chunks[chunk].rim;
   const auto found =
-      std::lower_bound(own.begin(), own.end(), brick,
+      std::lower_bound(rim.begin(), rim.end(), brick,
                        [&](const ChunkBrick& a, const ChunkBrick& b) { return key(a) < key(b); });
-  return found != own.end() && key(*found) == key(brick) ? &*found : nullptr;
+  return found != rim.end() && key(*found) == key(brick) ? &*found : nullptr;
+}
+
+/// Visits what two parts made of one brick: the part beside it, and the one that it is in.
+template <class Visit>
+void each_seam(const std::vector<SurfaceChunk>& chunks, Visit&& visit) {
+  for (std::size_t c = 0; c < chunks.size(); ++c)
+    for (const ChunkBrick& brick : chunks[c].seam) {
+      std::size_t owner = 0;
+      const ChunkBrick* other = find_owner(chunks, brick, owner);
+      if (other != nullptr && !other->summary.smaller) visit(c, brick.summary, owner, other->summary);
+    }
 }
 
 /// Visits all own bricks, level after level by code.
 template <class Visit>
-void each_own(const std::vector<SurfaceChunk>& chunks, int levels, Visit&& visit) {
-  std::vector<std::size_t> next(chunks.size(), 0);
+Status each_own(const StoredChunks& stored, int levels, Visit&& visit) {
+  std::vector<std::size_t> next(stored.chunks().size(), 0);
+  std::vector<ChunkBrick> own;
   for (int level = 0; level < levels; ++level)
-    for (std::size_t c = 0; c < chunks.size(); ++c)
-      for (; next[c] < chunks[c].own.size() && chunks[c].own[next[c]].level == level; ++next[c])
-        visit(c, chunks[c].own[next[c]]);
+    for (std::size_t c = 0; c < next.size(); ++c) {
+      const std::size_t count = stored.counts(c)[static_cast<std::size_t>(level)];
+      PALPATE_TRY(stored.read_own(c, next[c], count, own));
+      next[c] += count;
+      for (const ChunkBrick& brick : own) visit(c, brick);
+    }
+  return Done{};
 }
 
 /// Agreement of the areas that two chunks give one brick.
@@ -89,56 +105,47 @@ void JoinedPiece::put(Brick& brick) const noexcept {
   felt.put(brick);
 }
 
-JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& grid, bool both_sides,
-                         int threads) {
+Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bool both_sides, int threads) {
+  const std::vector<SurfaceChunk>& chunks = stored.chunks();
   const ChunkNumbers number(chunks);
   OrientedDisjointSets groups(number.outward() + 1), pieces(number.pieces());
   std::map<std::pair<std::uint32_t, std::uint32_t>, double> sums;
   grid.levels = 1;
-  for (std::size_t c = 0; c < chunks.size(); ++c) {
-    if (!chunks[c].own.empty()) grid.levels = std::max(grid.levels, chunks[c].own.back().level + 1);
-    for (const ChunkBrick& brick : chunks[c].seam) {
-      std::size_t owner = 0;
-      const ChunkBrick* other = find_owner(chunks, brick, owner);
-      if (other == nullptr || other->summary.smaller) continue;
-      const std::uint32_t a = brick.summary.piece, b = other->summary.piece;
-      pieces.join(number.piece(c, a), number.piece(owner, b));
-      sums[std::minmax(number.group(c, a), number.group(owner, b))] +=
-          agreement_of(brick.summary, other->summary);
-    }
-  }
+  for (std::size_t c = 0; c < chunks.size(); ++c)
+    for (int level = 0; level < BrickGrid::kMaxLevels; ++level)
+      if (stored.counts(c)[static_cast<std::size_t>(level)] > 0)
+        grid.levels = std::max(grid.levels, level + 1);
+  each_seam(chunks, [&](std::size_t c, const BrickSummary& a, std::size_t owner, const BrickSummary& b) {
+    pieces.join(number.piece(c, a.piece), number.piece(owner, b.piece));
+    sums[std::minmax(number.group(c, a.piece), number.group(owner, b.piece))] += agreement_of(a, b);
+  });
   std::vector<SeamVote> votes;
   for (const auto& [pair, sum] : sums) votes.push_back({pair.first, pair.second, sum});
   std::stable_sort(votes.begin(), votes.end(),
                    [](const SeamVote& x, const SeamVote& y) { return std::abs(x.sum) > std::abs(y.sum); });
-  double all = 0.0, against = 0.0;
-  for (const SeamVote& vote : votes) {
-    all += std::abs(vote.sum);
-    if (groups.join(vote.a, vote.b, vote.sum < 0.0 ? 1 : 0) == OrientedDisjointSets::Joined::kBeforeOtherwise)
-      against += std::abs(vote.sum);
-  }
-  JoinedChunks out;
-  out.contradicted = all > 0.0 ? against / all : 0.0;
+  for (const SeamVote& vote : votes) groups.join(vote.a, vote.b, vote.sum < 0.0 ? 1 : 0);
   std::vector<Vec3> areas(number.outward() + 1, Vec3::Zero());  // by root
   constexpr std::uint32_t kUnmet = 0xffffffffu;
   std::vector<std::uint32_t> dense(number.pieces(), kUnmet);
   std::uint32_t count = 0;
-  each_own(chunks, grid.levels, [&](std::size_t c, const ChunkBrick& brick) {
+  const auto note = [&](std::size_t c, const ChunkBrick& brick) {
     std::uint32_t& met = dense[pieces.find(number.piece(c, brick.summary.piece)).set];
     if (met == kUnmet) met = count++;
     const auto in = groups.find(number.group(c, brick.summary.piece));
     if (!brick.summary.smaller)
       areas[in.set] += (in.flipped != 0 ? -1.0 : 1.0) * brick.summary.part.area.cast<double>();
-  });
+  };
+  PALPATE_TRY(each_own(stored, grid.levels, note));
   const auto outward = groups.find(number.outward());
   const auto is_flipped = [&](std::size_t c, std::uint32_t piece) {
     const auto in = groups.find(number.group(c, piece));
     return (in.flipped != 0) != (in.set == outward.set ? outward.flipped != 0 : looks_down(areas[in.set]));
   };
+  Status read = Done{};
   const std::vector<PieceClass> classes = find_closed_components(
       grid, count,
       [&](const VisitSummary& visit) {
-        each_own(chunks, grid.levels, [&](std::size_t c, const ChunkBrick& brick) {
+        read = each_own(stored, grid.levels, [&](std::size_t c, const ChunkBrick& brick) {
           BrickSummary one = brick.summary;
           if (is_flipped(c, one.piece)) one.part.area = -one.part.area;
           one.piece = dense[pieces.find(number.piece(c, one.piece)).set];
@@ -146,6 +153,8 @@ JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& gri
         });
       },
       both_sides, threads);
+  PALPATE_TRY(std::move(read));
+  JoinedChunks out;
   for (std::size_t c = 0; c < chunks.size(); ++c) {
     std::vector<JoinedPiece>& of = out.pieces.emplace_back(chunks[c].groups.size());
     for (std::uint32_t p = 0; p < of.size(); ++p) {
@@ -154,6 +163,15 @@ JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& gri
       if (met != kUnmet) of[p].felt = classes[met];
     }
   }
+  double all = 0.0, against = 0.0;
+  each_seam(chunks, [&](std::size_t c, const BrickSummary& a, std::size_t owner, const BrickSummary& b) {
+    const JoinedPiece &one = out.pieces[c][a.piece], &other = out.pieces[owner][b.piece];
+    if (one.felt.number == 0) return;
+    const double agreement = agreement_of(a, b);
+    all += std::abs(agreement);
+    if ((one.flipped != other.flipped) != (agreement < 0.0)) against += std::abs(agreement);
+  });
+  out.contradicted = all > 0.0 ? against / all : 0.0;
   return out;
 }
 

@@ -91,7 +91,7 @@ SurfaceChunk build_surface_chunk(cloud::Cloud cloud, const BrickRegion& region, 
                             brick_options(frame.measured, frame.build), &around, threads);
   }
   PieceNumbers numbers(pieces);
-  const BrickRegion beside = region.grown(1);
+  const BrickRegion beside = region.grown(1), inner = region.grown(-1);
   std::vector<std::uint32_t> own;  // numbers of the grid's bricks, once they are collected
   std::uint32_t number = 0;
   for (int l = 0; l < sampled.grid.levels; ++l) {
@@ -106,7 +106,9 @@ SurfaceChunk build_surface_chunk(cloud::Cloud cloud, const BrickRegion& region, 
       if (!is_own && (one.summary.smaller || one.summary.cells + one.summary.beyond == 0)) continue;
       one.summary.piece = numbers.number(one.summary.piece, out.groups);
       (is_own ? out.own : out.seam).push_back(one);
-      if (is_own) own.push_back(brick);
+      if (!is_own) continue;
+      own.push_back(brick);
+      if (!inner.contains(cube, l)) out.rim.push_back(one);
     }
   }
   sampled.collect();
@@ -114,6 +116,12 @@ SurfaceChunk build_surface_chunk(cloud::Cloud cloud, const BrickRegion& region, 
   out.bricks.reserve(own.size());
   for (const std::uint32_t brick : own) out.bricks.push_back(sampled.grid.bricks[brick]);
   return out;
+}
+
+LevelCounts level_counts(const SurfaceChunk& chunk) {
+  LevelCounts counts{};
+  for (const ChunkBrick& one : chunk.own) ++counts[static_cast<std::size_t>(one.level)];
+  return counts;
 }
 
 }  // namespace palpate::spline_sdf

@@ -2,11 +2,13 @@
 // the same in every division into regions but for their side, which is decided when all parts are joined.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
 
 #include <palpate/cloud.h>
+#include <palpate/result.h>
 #include "toolkit/spline_sdf/build_bricks.h"
 #include "toolkit/spline_sdf/morton_points.h"
 #include "toolkit/spline_sdf/spline_sdf_model.h"
@@ -37,6 +39,7 @@ struct ChunkBrick {
 struct SurfaceChunk {
   std::uint64_t first_code = 0;       ///< least code of the region, at level 0
   std::vector<ChunkBrick> own;        ///< in the region, level after level by code
+  std::vector<ChunkBrick> rim;        ///< those of `own` beside other regions
   std::vector<ChunkBrick> seam;       ///< of other regions beside it, as made here
   std::vector<std::uint32_t> groups;  ///< OrientedPieces::group by piece; the others from 0
   SampleDistances distances;          ///< of the sample's points in the region
@@ -61,15 +64,31 @@ struct JoinedPiece {
 
 struct JoinedChunks {
   std::vector<std::vector<JoinedPiece>> pieces;  ///< by chunk and piece
-  /// Area on seams where two parts contradict what was decided, as a share of all on seams.
+  /// Area on seams of closed pieces where two parts contradict what was decided, as a share of all on theirs:
+  /// an open sheet is felt alike from both sides.
   double contradicted = 0.0;
 };
 
-/// Puts the closed pieces and the number of levels in `grid`. `chunks`: by first_code; their bricks are not
-/// read. Groups are joined by the sum of the agreement of their bricks, best supported first, as faces are
-/// within a part. Pieces that are not joined to a group oriented by visibility are oriented by looks_down().
-/// O(bricks log bricks).
-[[nodiscard]] JoinedChunks join_chunks(const std::vector<SurfaceChunk>& chunks, BrickGrid& grid,
-                                       bool both_sides, int threads);
+/// Numbers of a chunk's own bricks, by level.
+using LevelCounts = std::array<std::uint32_t, BrickGrid::kMaxLevels>;
+[[nodiscard]] LevelCounts level_counts(const SurfaceChunk& chunk);
+
+/// Chunks whose own bricks are on disk: in memory are their rims, seams, groups and sums.
+class StoredChunks {
+ public:
+  virtual ~StoredChunks() = default;
+  [[nodiscard]] virtual const std::vector<SurfaceChunk>& chunks() const = 0;  ///< by first_code
+  [[nodiscard]] virtual const LevelCounts& counts(std::size_t chunk) const = 0;
+  /// Own bricks `first` to `first + count` of a chunk, into `out`.
+  [[nodiscard]] virtual Status read_own(std::size_t chunk, std::size_t first, std::size_t count,
+                                        std::vector<ChunkBrick>& out) const = 0;
+};
+
+/// Puts the closed pieces and the number of levels in `grid`. Groups are joined by the sum of the agreement
+/// of their bricks, best supported first, as faces are within a part. Pieces that are not joined to a group
+/// oriented by visibility are oriented by looks_down(). Reads all own bricks twice, a level of a chunk at a
+/// time. Errors of reading. O(bricks).
+[[nodiscard]] Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bool both_sides,
+                                               int threads);
 
 }  // namespace palpate::spline_sdf

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <span>
 
 #include "toolkit/core/bytes.h"
@@ -41,40 +40,19 @@ void put_geometry(const SplineSdf& surface, double rms_mm, IndexBytes& index) {
   });
 }
 
-/// Largest bricks along the edge of a cube whose parts of a piece are joined: so near that a start a few
-/// voxels off the surface still sees its side.
-constexpr int kJoinedBits = 2;
-
-/// The pieces, with their parts joined within cubes: seen from afar the same, and a twentieth of the bytes.
+/// The pieces, with their parts joined: a twentieth of the bytes.
 void put_pieces(const BrickGrid& grid, IndexBytes& index) {
   index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(grid.closed_components.size())); });
-  const double per = 1.0 / std::ldexp(grid.cube_edge(), kJoinedBits);
   for (const ClosedComponent& piece : grid.closed_components) {
-    struct Sum {
-      Vec3 area = Vec3::Zero(), middle = Vec3::Zero();
-      double weight = 0.0;
-    };
-    std::map<std::uint64_t, Sum> by_cube;
-    for (const geometry::AreaElement& part : piece.parts) {
-      std::array<std::uint32_t, 3> cube{};
-      for (std::size_t a = 0; a < 3; ++a)
-        cube[a] = static_cast<std::uint32_t>(std::clamp(
-            static_cast<double>(part.middle[static_cast<Eigen::Index>(a)]) * per, 0.0, 0x1p21 - 1.0));
-      Sum& sum = by_cube[search::morton_code(cube[0], cube[1], cube[2])];
-      const Vec3 area = part.area.cast<double>();
-      const double weight = area.norm();
-      sum.area += area;
-      sum.middle += weight * part.middle.cast<double>();
-      sum.weight += weight;
-    }
-    index.put(9 + by_cube.size() * kPartBytes, [&](ByteWriter& to) {
+    const std::vector<geometry::AreaElement> parts =
+        joined_in_cubes(piece.parts, std::ldexp(grid.cube_edge(), kJoinedBits));
+    index.put(9 + parts.size() * kPartBytes, [&](ByteWriter& to) {
       to.single(piece.normal_orientation);
       to.u8(piece.tight ? 1 : 0);
-      to.u32(static_cast<std::uint32_t>(by_cube.size()));
-      for (const auto& [code, sum] : by_cube) {
-        const Vec3 middle = sum.weight > 0.0 ? Vec3(sum.middle / sum.weight) : Vec3(Vec3::Zero());
-        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(middle[a]));
-        for (int a = 0; a < 3; ++a) to.single(static_cast<float>(sum.area[a]));
+      to.u32(static_cast<std::uint32_t>(parts.size()));
+      for (const geometry::AreaElement& part : parts) {
+        for (int a = 0; a < 3; ++a) to.single(part.middle[a]);
+        for (int a = 0; a < 3; ++a) to.single(part.area[a]);
       }
     });
   }
@@ -131,19 +109,22 @@ Result<SurfaceFileWriter> SurfaceFileWriter::create(const std::string& path, std
 Status SurfaceFileWriter::add(const SplineSdf& surface) {
   SampleDistances distances;
   add_distances(surface.grid, *sample_, nullptr, distances);
-  return add(surface, cut_into_tiles(surface.grid), bricks_of(surface.grid), distances);
+  return add(
+      surface, [&](const TileSink& sink) { return cut_into_tiles(surface.grid, sink); },
+      bricks_of(surface.grid), distances);
 }
 
-Status SurfaceFileWriter::add(const SplineSdf& surface, const BrickTiles& tiles, const BrickSource& bricks,
+Status SurfaceFileWriter::add(const SplineSdf& surface, const CutBricks& cut, const BrickSource& bricks,
                               const SampleDistances& distances) {
   ++surfaces_;
   put_geometry(surface, distances.rms_voxels() * surface.grid.voxel_mm, index_);
   put_pieces(surface.grid, index_);
-  index_.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(tiles.tiles.size())); });
-  for (const BrickTile& tile : tiles.tiles) {
+  IndexBytes rows, above;
+  std::uint32_t tiles = 0, bricks_above = 0;
+  const auto put_tile = [&](const BrickTile& tile) -> Status {
     PALPATE_ASSIGN(const std::vector<std::byte> image, tile_image(tile, bricks));
     PALPATE_TRY(file_.write(image));
-    index_.put(kTileRowBytes, [&](ByteWriter& to) {
+    rows.put(kTileRowBytes, [&](ByteWriter& to) {
       to.u64(tile.key.code);
       to.i32(tile.key.depth);
       to.u32(0);
@@ -153,17 +134,29 @@ Status SurfaceFileWriter::add(const SplineSdf& surface, const BrickTiles& tiles,
       to.u32(static_cast<std::uint32_t>(tile.bricks.size()));
     });
     at_ += image.size();
-  }
-  index_.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(tiles.above.size())); });
-  Brick brick;
-  for (std::size_t i = 0; i < tiles.above.size(); ++i) {
-    PALPATE_TRY(bricks(tiles.above_bricks[i], brick));
-    index_.put(12 + kStoredBrickBytes, [&](ByteWriter& to) {
-      to.u64(tiles.above[i].code);
-      to.i32(tiles.above[i].depth);
+    ++tiles;
+    return Done{};
+  };
+  const auto put_above = [&](const PlacedBrick& one) -> Status {
+    Brick brick;
+    PALPATE_TRY(bricks(one.brick, brick));
+    above.put(12 + kStoredBrickBytes, [&](ByteWriter& to) {
+      to.u64(one.key.code);
+      to.i32(one.key.depth);
       write_stored_brick(brick, to);
     });
-  }
+    ++bricks_above;
+    return Done{};
+  };
+  PALPATE_TRY(cut({put_tile, put_above}));
+  index_.put(4 + rows.bytes().size(), [&](ByteWriter& to) {
+    to.u32(tiles);
+    to.raw(rows.bytes());
+  });
+  index_.put(4 + above.bytes().size(), [&](ByteWriter& to) {
+    to.u32(bricks_above);
+    to.raw(above.bytes());
+  });
   return Done{};
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -48,8 +49,10 @@ class SurfaceFileWriter {
                                                         std::shared_ptr<const cloud::Cloud> sample);
   /// Adds a surface, the finest first. O(bricks).
   [[nodiscard]] Status add(const SplineSdf& surface);
-  /// The same for a surface without bricks in memory, which were cut into tiles.
-  [[nodiscard]] Status add(const SplineSdf& surface, const BrickTiles& tiles, const BrickSource& bricks,
+  /// Gives the bricks of a surface to a sink, cut into tiles.
+  using CutBricks = std::function<Status(const TileSink& sink)>;
+  /// The same for a surface whose bricks are not in memory; `bricks` gives those that `cut` names.
+  [[nodiscard]] Status add(const SplineSdf& surface, const CutBricks& cut, const BrickSource& bricks,
                            const SampleDistances& distances);
   /// At least one surface must have been added.
   [[nodiscard]] Status finish();

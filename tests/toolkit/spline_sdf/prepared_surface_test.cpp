@@ -128,18 +128,24 @@ void expect_same_brick(const BrickGrid& a, const BrickGrid& b, const Vec3& at) {
 
 TEST(BrickTiles, HoldEveryBrickOnce) {
   const std::shared_ptr<const SplineSdf> surface = surface_of(block_cloud());
-  const BrickTiles cut = cut_into_tiles(surface->grid);
-  std::multiset<std::uint32_t> seen(cut.above_bricks.begin(), cut.above_bricks.end());
-  std::uint64_t past = 0;
-  for (const BrickTile& tile : cut.tiles) {
+  std::multiset<std::uint32_t> seen;
+  std::uint64_t past = 0, tiles = 0;
+  const auto see_tile = [&](const BrickTile& tile) -> Status {
+    ++tiles;
     EXPECT_LE(tile.bricks.size(), kTileBricks);
     EXPECT_GE(tile.key.first_code(), past);
     past = TileKey{tile.key.code + 1, tile.key.depth}.first_code();
     seen.insert(tile.bricks.begin(), tile.bricks.end());
     const std::vector<std::byte> image = tile_image(tile, bricks_of(surface->grid)).value();
     EXPECT_TRUE(check_tile_image(image, tile.key, surface->grid));
-  }
-  EXPECT_GT(cut.tiles.size(), 3u);
+    return Done{};
+  };
+  const auto see_above = [&](const PlacedBrick& one) -> Status {
+    seen.insert(one.brick);
+    return Done{};
+  };
+  EXPECT_TRUE(cut_into_tiles(surface->grid, {see_tile, see_above}));
+  EXPECT_GT(tiles, 3u);
   ASSERT_EQ(seen.size(), surface->grid.bricks.size());
   for (std::uint32_t b = 0; b < seen.size(); ++b) EXPECT_EQ(seen.count(b), 1u) << b;
 }

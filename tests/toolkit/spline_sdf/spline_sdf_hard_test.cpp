@@ -12,6 +12,7 @@
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/render/correction_ramp.h"
+#include "toolkit/spline_sdf/brick_components.h"
 
 namespace palpate::spline_sdf {
 
@@ -321,6 +322,67 @@ TEST_P(OverEdges, AHandIsNeitherLostNorCaught) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Noise, OverEdges, ::testing::Values(0.0, 0.15));
+
+/// A ball's bricks, which look outwards, within the lattice.
+std::vector<BrickSummary> ball_of_bricks(double radius, double middle, std::uint32_t piece) {
+  std::vector<BrickSummary> out;
+  const auto rings = static_cast<int>(radius);
+  for (int i = 0; i < rings; ++i) {
+    const double polar = std::numbers::pi * (i + 0.5) / rings;
+    const auto around = static_cast<int>(std::ceil(2.0 * rings * std::sin(polar)));
+    const double area = 2.0 * std::numbers::pi * radius * std::sin(polar) * std::numbers::pi * radius / rings;
+    for (int k = 0; k < around; ++k) {
+      const double angle = 2.0 * std::numbers::pi * k / around;
+      const Vec3 normal(std::sin(polar) * std::cos(angle), std::sin(polar) * std::sin(angle),
+                        std::cos(polar));
+      BrickSummary& one = out.emplace_back();
+      one.part = {(Vec3::Constant(middle) + radius * normal).cast<float>(),
+                  (area / around * normal).cast<float>()};
+      one.piece = piece;
+      one.cells = 16;
+    }
+  }
+  return out;
+}
+
+TEST(ClosedComponents, JoinedPartsTellTheSameSide) {
+  // A thin shell, whose inner wall shares its cubes with the outer one, and a small ball of few bricks.
+  std::vector<BrickSummary> bricks = ball_of_bricks(150.0, 200.0, 0);
+  for (BrickSummary one : ball_of_bricks(142.0, 200.0, 0)) {
+    one.part.area = -one.part.area;
+    bricks.push_back(one);
+  }
+  for (BrickSummary one : ball_of_bricks(20.0, 500.0, 1)) {
+    one.part.area = -one.part.area;  // looks inwards
+    bricks.push_back(one);
+  }
+  const auto found = [&](std::size_t most) {
+    BrickGrid grid;
+    static_cast<void>(find_closed_components(
+        grid, 2,
+        [&](const VisitSummary& visit) {
+          for (const BrickSummary& one : bricks) visit(one, 0);
+        },
+        false, 2, most));
+    return grid;
+  };
+  ASSERT_GT(bricks.size(), 40000u);
+  const BrickGrid whole = found(bricks.size() + 1), joined = found(8192);
+  ASSERT_EQ(whole.closed_components.size(), 2u);
+  ASSERT_EQ(joined.closed_components.size(), 2u);
+  EXPECT_LT(joined.closed_components[0].parts.size(), 8192u);
+  EXPECT_EQ(joined.closed_components[1].parts.size(), whole.closed_components[1].parts.size());
+  for (std::size_t p = 0; p < 2; ++p) {
+    EXPECT_EQ(joined.closed_components[p].normal_orientation, p == 0 ? 1.0f : -1.0f);
+    EXPECT_EQ(joined.closed_components[p].normal_orientation, whole.closed_components[p].normal_orientation);
+    EXPECT_TRUE(joined.closed_components[p].tight);
+  }
+  // A cube away and farther.
+  for (const Vec3& at : {Vec3(200, 200, 200), Vec3(200, 200, 320), Vec3(200, 200, 375)})
+    EXPECT_NEAR(geometry::winding_number(joined.closed_components[0].parts, at),
+                geometry::winding_number(whole.closed_components[0].parts, at), 0.1)
+        << at.transpose();
+}
 
 }  // namespace
 }  // namespace palpate::spline_sdf
