@@ -22,7 +22,7 @@
 
 namespace palpate::device {
 
-using test::refused;
+using test::refused, test::value_of;
 
 /// Waits until it is so; false after a patience that is no deadline: after it a test fails instead of
 /// hanging.

@@ -193,9 +193,8 @@ TEST_F(RecordFile, ReadsBackWhole) {
   EXPECT_EQ(end.ticks, kTicks);
   EXPECT_EQ(end.lost, 0u);
   EXPECT_TRUE(end.warnings().empty());
-  const Result<Recording> recording = open_bytes(disk_.bytes);
-  ASSERT_TRUE(recording);
-  const RecordingHeader wanted = some_header(), &got = recording->header();
+  const auto recording = value_of(open_bytes(disk_.bytes));
+  const RecordingHeader wanted = some_header(), &got = recording.header();
   EXPECT_EQ(got.program, wanted.program);
   EXPECT_EQ(got.scene_text, wanted.scene_text);
   EXPECT_EQ(got.scene_hash, wanted.scene_hash);

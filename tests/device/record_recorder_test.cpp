@@ -79,15 +79,14 @@ TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
   EXPECT_FALSE(rig.recorder.add_depth(given.front())) << "its end stands last";
   EXPECT_EQ(rig.on_disk(), 15u) << "the ticks are as they are without images";
   EXPECT_EQ(rig.end.depth_images, given.size());
-  Result<Recording> recording = open_bytes(rig.disk.copy());
-  ASSERT_TRUE(recording);
+  auto recording = value_of(open_bytes(rig.disk.copy()));
   std::vector<std::byte> image;
   for (const std::vector<std::byte>& one : given) {
-    ASSERT_TRUE(recording->next_depth(image).value());
+    ASSERT_TRUE(recording.next_depth(image).value());
     EXPECT_TRUE(image == one) << one.size();
   }
-  EXPECT_FALSE(recording->next_depth(image).value());
-  EXPECT_TRUE(recording->end().closed);
+  EXPECT_FALSE(recording.next_depth(image).value());
+  EXPECT_TRUE(recording.end().closed);
   // Earlier programs read what holds no images, and name the version of what does.
   constexpr std::size_t kVersionAt = 8;
   EXPECT_EQ(rig.disk.copy()[kVersionAt], std::byte{kRecordingVersionWithDepth});
@@ -110,12 +109,11 @@ TEST(Recorder, ADepthImageWithADamagedPartIsLeftOutWhole) {
   *at = std::byte{3};
   ReadRecordingOptions skipping;
   skipping.skip_damaged = true;
-  Result<Recording> recording = open_bytes(bytes, skipping);
-  ASSERT_TRUE(recording);
+  auto recording = value_of(open_bytes(bytes, skipping));
   std::vector<std::byte> image;
-  ASSERT_TRUE(recording->next_depth(image).value());
+  ASSERT_TRUE(recording.next_depth(image).value());
   EXPECT_TRUE(image == kept);
-  EXPECT_FALSE(recording->next_depth(image).value());
+  EXPECT_FALSE(recording.next_depth(image).value());
   Result<Recording> strict = open_bytes(bytes);
   ASSERT_TRUE(strict);
   EXPECT_FALSE(strict->next_depth(image)) << "damage is an error unless it is left out";
@@ -128,13 +126,12 @@ TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
   RecorderOptions options;
   options.ring_bytes = std::size_t{1} << 16;
   ASSERT_TRUE(record(disk, source, kSession, options));
-  Result<Recording> recording = open_bytes(disk.copy());
-  ASSERT_TRUE(recording);
+  auto recording = value_of(open_bytes(disk.copy()));
   RecordedTick tick;
   std::size_t i = 0;
   std::int64_t before_ns = 0;
   for (;; ++i) {
-    const Result<bool> more = recording->next(tick);
+    const Result<bool> more = recording.next(tick);
     ASSERT_TRUE(more) << more.error().message();
     if (!*more) break;
     ASSERT_LT(i, source.given.size());
@@ -146,8 +143,8 @@ TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
     EXPECT_LT(tick.late_ns, 10'001);
   }
   EXPECT_EQ(i, std::size_t{kSession});
-  ASSERT_EQ(recording->renderers().size(), 2u);
-  EXPECT_EQ(recording->renderers()[1].name, "mesh-godobject");
+  ASSERT_EQ(recording.renderers().size(), 2u);
+  EXPECT_EQ(recording.renderers()[1].name, "mesh-godobject");
 }
 
 TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
@@ -317,12 +314,11 @@ TEST_F(RecorderOnDisk, KilledInTheMiddleItLosesASecondAtMost) {
   }
   ::close(pipes[0]);
   ASSERT_TRUE(WIFSIGNALED(status));
-  Result<Recording> recording = Recording::open(path);
-  ASSERT_TRUE(recording) << recording.error().message();
-  EXPECT_GE(static_cast<std::int64_t>(ticks_of(*recording)), last - 1000)
+  auto recording = value_of(Recording::open(path));
+  EXPECT_GE(static_cast<std::int64_t>(ticks_of(recording)), last - 1000)
       << "of " << last << " ticks, a millisecond each";
-  EXPECT_FALSE(recording->end().closed);
-  EXPECT_TRUE(says(recording->end().warnings().front(), "crashed"));
+  EXPECT_FALSE(recording.end().closed);
+  EXPECT_TRUE(says(recording.end().warnings().front(), "crashed"));
 }
 
 TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
@@ -350,10 +346,9 @@ TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 0);
   EXPECT_LE(std::filesystem::file_size(path), kMaxBytes);
-  Result<Recording> recording = Recording::open(path);
-  ASSERT_TRUE(recording);
+  auto recording = value_of(Recording::open(path));
   // Whole chunks, and at most half a one behind them.
-  EXPECT_GT(ticks_of(*recording), 0u);
+  EXPECT_GT(ticks_of(recording), 0u);
 }
 
 TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {

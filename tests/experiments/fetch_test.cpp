@@ -26,18 +26,16 @@ TEST(Sha256, KnownAnswers) {
 }
 
 TEST(Process, PassesArgumentsAsTheyAre) {
-  const Result<ProcessOutcome> run =
-      run_process({"printf", "%s|", "a b", "$HOME", "`id`", "'"}, {.time_limit_s = 10.0});
-  ASSERT_TRUE(run.ok());
-  EXPECT_EQ(run->out, "a b|$HOME|`id`|'|");
-  EXPECT_EQ(run->exit_code, 0);
+  const auto run =
+      value_of(run_process({"printf", "%s|", "a b", "$HOME", "`id`", "'"}, {.time_limit_s = 10.0}));
+  EXPECT_EQ(run.out, "a b|$HOME|`id`|'|");
+  EXPECT_EQ(run.exit_code, 0);
 }
 
 TEST(Process, EndsWhatTakesTooLong) {
-  const Result<ProcessOutcome> run = run_process({"sleep", "60"}, {.time_limit_s = 0.2});
-  ASSERT_TRUE(run.ok());
-  EXPECT_TRUE(run->timed_out);
-  EXPECT_NE(run->exit_code, 0);
+  const auto run = value_of(run_process({"sleep", "60"}, {.time_limit_s = 0.2}));
+  EXPECT_TRUE(run.timed_out);
+  EXPECT_NE(run.exit_code, 0);
 }
 
 TEST(Process, AMissingProgramIsAnError) {
@@ -46,11 +44,9 @@ TEST(Process, AMissingProgramIsAnError) {
 
 TEST(Process, FilesHaveALimit) {
   const std::string file = testing::TempDir() + "palpate_limit_" + std::to_string(::getpid());
-  const Result<ProcessOutcome> run =
-      run_process({"dd", "if=/dev/zero", "of=" + file, "bs=1000", "status=none"},
-                  {.time_limit_s = 60.0, .file_limit_bytes = 1'000'000});
-  ASSERT_TRUE(run.ok());
-  EXPECT_EQ(run->exit_code, kFileLimitExitCode) << run->err;
+  const auto run = value_of(run_process({"dd", "if=/dev/zero", "of=" + file, "bs=1000", "status=none"},
+                                        {.time_limit_s = 60.0, .file_limit_bytes = 1'000'000}));
+  EXPECT_EQ(run.exit_code, kFileLimitExitCode) << run.err;
   EXPECT_EQ(std::filesystem::file_size(file), 1'000'000u);
   std::filesystem::remove(file);
 }
@@ -321,25 +317,23 @@ TEST_F(Fetch, WithoutAChecksumTheContentMustBeTheScan) {
   scan_.points = 3;
   EXPECT_THAT(failure(), HasSubstr("has 2 points, the scan has 3"));
   scan_.points = 2;
-  const auto got = fetch_scan(scan_, options_, no_progress());
-  ASSERT_TRUE(got.ok()) << got.error().message();
-  EXPECT_EQ(file_text(*got), kPly);
-  EXPECT_EQ(file_text(checksum_record(*got)), sha256_of(kPly) + "\n");
+  const auto got = value_of(fetch_scan(scan_, options_, no_progress()));
+  EXPECT_EQ(file_text(got), kPly);
+  EXPECT_EQ(file_text(checksum_record(got)), sha256_of(kPly) + "\n");
 }
 
 TEST_F(Fetch, WhatDiffersFromTheRecordIsKeptOnlyByForce) {
   from_file("");
   write_text(folder_ / "scan.ply", kPly);
-  const auto first = fetch_scan(scan_, options_, no_progress());
-  ASSERT_TRUE(first.ok()) << first.error().message();
+  const auto first = value_of(fetch_scan(scan_, options_, no_progress()));
   const std::string changed = std::string(kPly).replace(std::string(kPly).rfind('1'), 1, "2");
   write_text(folder_ / "scan.ply", changed);
   EXPECT_THAT(failure(), HasSubstr("--force"));
-  EXPECT_EQ(file_text(*first), kPly) << "the old one stays";
+  EXPECT_EQ(file_text(first), kPly) << "the old one stays";
   options_.force = true;
   ASSERT_TRUE(fetch_scan(scan_, options_, no_progress()).ok());
-  EXPECT_EQ(file_text(*first), changed);
-  EXPECT_EQ(file_text(checksum_record(*first)), sha256_of(changed) + "\n");
+  EXPECT_EQ(file_text(first), changed);
+  EXPECT_EQ(file_text(checksum_record(first)), sha256_of(changed) + "\n");
 }
 
 TEST_F(Fetch, ASpoiledFileInTheCacheIsFetchedAgain) {
@@ -347,20 +341,17 @@ TEST_F(Fetch, ASpoiledFileInTheCacheIsFetchedAgain) {
   const Environment data("PALPATE_DATA", nullptr);
   options_.cache = folder_ / "xdg" / "palpate";
   from_file(sha256_of(kContent));
-  const auto first = bring_scan(scan_, options_, no_progress());
-  ASSERT_TRUE(first.ok()) << first.error().message();
-  EXPECT_TRUE(first->fetched);
-  const auto here = bring_scan(scan_, options_, no_progress());
-  ASSERT_TRUE(here.ok());
-  EXPECT_FALSE(here->fetched);
-  EXPECT_EQ(here->note, "");
-  write_text(first->file, kContent.substr(0, 100));
-  EXPECT_FALSE(check_stored(scan_, first->file));
-  const auto again = bring_scan(scan_, options_, no_progress());
-  ASSERT_TRUE(again.ok()) << again.error().message();
-  EXPECT_TRUE(again->fetched);
-  EXPECT_THAT(again->note, HasAll("checksum is wrong", "fetched again"));
-  EXPECT_EQ(file_text(first->file), kContent);
+  const auto first = value_of(bring_scan(scan_, options_, no_progress()));
+  EXPECT_TRUE(first.fetched);
+  const auto here = value_of(bring_scan(scan_, options_, no_progress()));
+  EXPECT_FALSE(here.fetched);
+  EXPECT_EQ(here.note, "");
+  write_text(first.file, kContent.substr(0, 100));
+  EXPECT_FALSE(check_stored(scan_, first.file));
+  const auto again = value_of(bring_scan(scan_, options_, no_progress()));
+  EXPECT_TRUE(again.fetched);
+  EXPECT_THAT(again.note, HasAll("checksum is wrong", "fetched again"));
+  EXPECT_EQ(file_text(first.file), kContent);
   options_.force = true;
   EXPECT_TRUE(bring_scan(scan_, options_, no_progress())->fetched);
 }

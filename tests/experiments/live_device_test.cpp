@@ -82,13 +82,12 @@ TEST_F(LiveDevice, UnpluggedTenTimesInOneSessionOnAVirtualClock) {
   const std::string openings = "openings: " + std::to_string(plan_.opened);
   EXPECT_GT(plan_.opened, 1);
   EXPECT_NE(std::find(notes.begin(), notes.end(), openings), notes.end()) << notes;
-  Result<device::Recording> recording = device::Recording::open(a.record);
-  ASSERT_TRUE(recording) << recording.error().message();
+  auto recording = value_of(device::Recording::open(a.record));
   device::RecordedTick tick;
-  Result<bool> more = recording->next(tick);
-  while (more && *more) more = recording->next(tick);
+  Result<bool> more = recording.next(tick);
+  while (more && *more) more = recording.next(tick);
   ASSERT_TRUE(more) << more.error().message();
-  const auto& kept = recording->notes();
+  const auto& kept = recording.notes();
   const auto is_kept = [&](const std::string& what) {
     return std::any_of(kept.begin(), kept.end(),
                        [&](const std::string& note) { return note.find(what) != std::string::npos; });

@@ -399,11 +399,10 @@ TEST_F(BridgeCommand, ADeviceThatDoesNotOpenIsAReportToo) {
 }
 
 TEST(SessionDevice, OptionsAreReadInOrder) {
-  const auto options = option_pairs({"k=2.5", "firmware=a=b", "empty="});
-  ASSERT_TRUE(options);
-  ASSERT_EQ(options->size(), 3u);
-  EXPECT_EQ((*options)[1], (std::pair<std::string, std::string>("firmware", "a=b")));
-  EXPECT_EQ((*options)[2].second, "");
+  const auto options = value_of(option_pairs({"k=2.5", "firmware=a=b", "empty="}));
+  ASSERT_EQ(options.size(), 3u);
+  EXPECT_EQ(options[1], (std::pair<std::string, std::string>("firmware", "a=b")));
+  EXPECT_EQ(options[2].second, "");
   EXPECT_TRUE(option_pairs({})->empty());
   for (const char* bad : {"k", "=2", ""}) EXPECT_FALSE(option_pairs({bad})) << bad;
 }

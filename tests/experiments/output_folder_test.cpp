@@ -19,11 +19,7 @@ using Begun = OutputFolder::Begun;
 
 class Folder : public InFolder {
  protected:
-  OutputFolder open() const {
-    const Result<OutputFolder> opened = OutputFolder::open(in("out"));
-    EXPECT_TRUE(opened.ok()) << opened.error().message();
-    return *opened;
-  }
+  OutputFolder open() const { return value_of(OutputFolder::open(in("out"))); }
   OutputFolder begun(const std::string& key, Begun expected) const {
     const OutputFolder folder = open();
     const Result<Begun> how = folder.begin(key);
@@ -39,9 +35,8 @@ class Folder : public InFolder {
 
 TEST_F(Folder, IsMadeAndKeptFromStrangers) {
   {
-    const Result<OutputFolder> made = OutputFolder::open(in("a/b/"));
-    ASSERT_TRUE(made.ok()) << made.error().message();
-    ASSERT_TRUE(made->begin("k").ok() && made->write("result.json", "{}").ok() && made->complete().ok());
+    const auto made = value_of(OutputFolder::open(in("a/b/")));
+    ASSERT_TRUE(made.begin("k").ok() && made.write("result.json", "{}").ok() && made.complete().ok());
   }
   EXPECT_TRUE(OutputFolder::open(in("a/b")).ok());
   EXPECT_TRUE(fs::exists(in("a/b/result.json"))) << "nothing changes before a run begins";
@@ -206,18 +201,16 @@ TEST_F(Folder, OpenedAgainKeepsWhatItDoesNotWrite) {
   }
   write_text(in("out/mine.txt"), "not Palpate's");
   {
-    const Result<OutputFolder> again = OutputFolder::reopen(in("out") + "/");
-    ASSERT_TRUE(again.ok()) << again.error().message();
+    const auto again = value_of(OutputFolder::reopen(in("out") + "/"));
     EXPECT_FALSE(OutputFolder::reopen(in("out/table7")).ok()) << "locked as a whole";
-    EXPECT_TRUE(again->write("report.html", "new").ok() && again->write("more.svg", "more").ok());
-    EXPECT_FALSE(again->write("mine.txt", "taken").ok());
+    EXPECT_TRUE(again.write("report.html", "new").ok() && again.write("more.svg", "more").ok());
+    EXPECT_FALSE(again.write("mine.txt", "taken").ok());
   }
   EXPECT_EQ(file_text(in("out/result.json")), "{}");
   EXPECT_EQ(file_text(in("out/report.html")), "new");
   {
-    const Result<OutputFolder> table = OutputFolder::reopen(in("out/table7"));
-    ASSERT_TRUE(table.ok()) << table.error().message();
-    EXPECT_TRUE(table->write("result.json", "{8}").ok());
+    const auto table = value_of(OutputFolder::reopen(in("out/table7")));
+    EXPECT_TRUE(table.write("result.json", "{8}").ok());
   }
   EXPECT_EQ(file_text(in("out/table7/result.json")), "{8}");
   EXPECT_EQ(file_text(in("out/result.json")), "{}");
@@ -230,15 +223,14 @@ TEST_F(Folder, OpenedAgainKeepsWhatItDoesNotWrite) {
 // ---- The manifests of the thesis's tables: what they hold, and that nothing in one is ignored.
 
 TEST(Manifests, HoldThePrintedValues) {
-  const auto manifests = manifests_for("");
-  ASSERT_TRUE(manifests.ok()) << manifests.error().message();
+  const auto manifests = value_of(manifests_for(""));
   const auto table = [&](int number) -> const Manifest& {
-    const auto at = std::find_if(manifests->begin(), manifests->end(),
+    const auto at = std::find_if(manifests.begin(), manifests.end(),
                                  [&](const Manifest& m) { return m.table == number; });
-    EXPECT_NE(at, manifests->end()) << "table " << number;
+    EXPECT_NE(at, manifests.end()) << "table " << number;
     return *at;
   };
-  ASSERT_GE(manifests->size(), 8u);
+  ASSERT_GE(manifests.size(), 8u);
   EXPECT_TRUE(table(6).kind == Manifest::Kind::kNeighbours);
   EXPECT_TRUE(table(11).kind == Manifest::Kind::kMethods);
   EXPECT_TRUE(table(3).kind == Manifest::Kind::kMeshes);
@@ -276,7 +268,7 @@ TEST(Manifests, HoldThePrintedValues) {
   EXPECT_EQ(table(13).printed_frames, 32597u);
   EXPECT_FALSE(table(13).models[0].stand_in.empty());
   // Every scene that a manifest names is there and is one.
-  for (const Manifest& m : *manifests)
+  for (const Manifest& m : manifests)
     for (const ManifestModel& model : m.models)
       for (const std::string& name : {model.scene, model.stand_in}) {
         if (name.empty()) continue;
@@ -288,16 +280,15 @@ TEST(Manifests, HoldThePrintedValues) {
         EXPECT_TRUE(scene.ok()) << scene.error().message();
       }
   const render::Registry registry = all_renderers();
-  for (const Manifest& m : *manifests)
+  for (const Manifest& m : manifests)
     for (const ManifestRun& run : m.runs) {
       const bool baseline = run.renderer.rfind("mesh-", 0) == 0;
       if (baseline && registry.find("mesh-godobject") == nullptr) continue;  // built without the baselines
       const auto requests = parse_renderers(run.renderer, registry);
       EXPECT_TRUE(requests.ok()) << requests.error().message();
     }
-  const auto chosen = manifests_for("9,7,9");
-  ASSERT_TRUE(chosen.ok());
-  EXPECT_EQ(chosen->size(), 2u);
+  const auto chosen = value_of(manifests_for("9,7,9"));
+  EXPECT_EQ(chosen.size(), 2u);
 }
 
 TEST(Manifests, AreStrict) {
@@ -342,13 +333,11 @@ TEST(Manifests, AreStrict) {
 }
 
 TEST(Manifests, TablesComeFirstAndAreChosenByNumberOrName) {
-  const auto all = manifests_for("");
-  ASSERT_TRUE(all.ok());
-  EXPECT_EQ(all->front().id(), "table3");
+  const auto all = value_of(manifests_for(""));
+  EXPECT_EQ(all.front().id(), "table3");
   const std::vector<std::string> named = {"behaviours", "growth", "ladder", "off-vertex", "scanner"};
-  ASSERT_GT(all->size(), named.size());
-  for (std::size_t i = 0; i < named.size(); ++i)
-    EXPECT_EQ((*all)[all->size() - named.size() + i].id(), named[i]);
+  ASSERT_GT(all.size(), named.size());
+  for (std::size_t i = 0; i < named.size(); ++i) EXPECT_EQ(all[all.size() - named.size() + i].id(), named[i]);
   EXPECT_EQ(manifests_for("growth,7").value().front().id(), "growth");
   EXPECT_FALSE(manifests_for("0").ok());
 }

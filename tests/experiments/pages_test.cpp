@@ -93,9 +93,8 @@ TEST_F(FormerNames, StillRunAndNameTheNewOnes) {
 
 TEST_F(FormerNames, TakeTheOptionsThatTheyHad) {
   const auto read = [](const std::vector<std::string>& words) {
-    const Result<ReadLine> line = read_line(words);
-    EXPECT_TRUE(line) << line.error().message();
-    return line ? line->name + ": " + line->note : std::string();
+    const auto line = value_of(read_line(words));
+    return line.name + ": " + line.note;
   };
   EXPECT_TRUE(
       read({"replay", "plane", "--renderer=cloud", "--out", "o"}).starts_with("compare: `palpate replay`"));
@@ -219,10 +218,9 @@ TEST(Pages, ScenesOnPagesAreScenes) {
 }
 
 TEST(Pages, FiguresAreWhatTheResultsSay) {
-  const auto pages = pages_with_figures(PALPATE_SOURCE_ROOT);
-  ASSERT_TRUE(pages) << pages.error().message();
+  const auto pages = value_of(pages_with_figures(PALPATE_SOURCE_ROOT));
   std::size_t blocks = 0;
-  for (const PageWithFigures& page : *pages) {
+  for (const PageWithFigures& page : pages) {
     blocks += page.blocks;
     EXPECT_EQ(page.after, page.before) << page.file << ": `palpate report --docs .` writes its figures";
   }

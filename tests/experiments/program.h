@@ -20,10 +20,12 @@
 
 #include "tests/files.h"
 #include "tests/in_folder.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 
+using test::value_of;
 using testing::HasSubstr, testing::Not;
 
 /// Scenes and a path on which a command is done in a moment.

@@ -11,6 +11,7 @@
 #include "experiments/psychophysics/procedures.h"
 #include "experiments/psychophysics/psychometric.h"
 #include "experiments/psychophysics/trial_statistics.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
@@ -74,20 +75,18 @@ TEST(Power, TrialsAreTheComputedOnes) {
   const double shares[] = {0.60, 0.65, 0.70, 0.75};
   const std::uint64_t trials[] = {158, 69, 37, 23};
   for (int i = 0; i < 4; ++i) {
-    const auto needed = trials_for_difference(shares[i], 0.8, 0.05);
-    ASSERT_TRUE(needed);
-    EXPECT_EQ(needed->first, trials[i]);
-    EXPECT_GE(difference_power(needed->first, shares[i], 0.05), 0.8);
-    EXPECT_LT(difference_power(needed->first - 1, shares[i], 0.05), 0.8);
-    EXPECT_LT(difference_power(needed->safe - 1, shares[i], 0.05), 0.8) << "the number before does not";
-    for (std::uint64_t n = needed->safe; n < needed->safe + 200; ++n)
+    const auto needed = trials_for_difference(shares[i], 0.8, 0.05).value();
+    EXPECT_EQ(needed.first, trials[i]);
+    EXPECT_GE(difference_power(needed.first, shares[i], 0.05), 0.8);
+    EXPECT_LT(difference_power(needed.first - 1, shares[i], 0.05), 0.8);
+    EXPECT_LT(difference_power(needed.safe - 1, shares[i], 0.05), 0.8) << "the number before does not";
+    for (std::uint64_t n = needed.safe; n < needed.safe + 200; ++n)
       ASSERT_GE(difference_power(n, shares[i], 0.05), 0.8) << n;
   }
   const std::uint64_t equivalent[] = {158, 68, 39};
   for (int i = 0; i < 3; ++i) {
-    const auto needed = trials_for_equivalence(shares[i], 0.8, 0.05);
-    ASSERT_TRUE(needed);
-    EXPECT_EQ(needed->first, equivalent[i]);
+    const auto needed = trials_for_equivalence(shares[i], 0.8, 0.05).value();
+    EXPECT_EQ(needed.first, equivalent[i]);
   }
   EXPECT_FALSE(trials_for_difference(0.5, 0.8, 0.05)) << "nothing is to be found";
   EXPECT_FALSE(trials_for_difference(0.5001, 0.8, 0.05)) << "nobody sits through so many";
@@ -102,11 +101,10 @@ TEST(Power, TestsKeepTheirErrors) {
       if (equivalence_p(n, k, 0.65) <= 0.05) wrongly = binomial_at_most(n, k, 0.65);
     EXPECT_LE(wrongly, 0.05) << n;
   }
-  const auto bound = shown_bound(68, 0.8, 0.05);
-  ASSERT_TRUE(bound);
-  EXPECT_GE(equivalence_power(68, *bound, 0.05), 0.8);
-  EXPECT_LT(equivalence_power(68, *bound - 0.001, 0.05), 0.8) << "the smallest";
-  EXPECT_LE(*bound, 0.65);
+  const auto bound = shown_bound(68, 0.8, 0.05).value();
+  EXPECT_GE(equivalence_power(68, bound, 0.05), 0.8);
+  EXPECT_LT(equivalence_power(68, bound - 0.001, 0.05), 0.8) << "the smallest";
+  EXPECT_LE(bound, 0.65);
   EXPECT_NEAR(difference_p(16, 12), 0.0384, 1e-4);
 }
 
@@ -223,14 +221,12 @@ TEST(Sensitivity, ABiasIsNoInsensitivity) {
 
 TEST(Sensitivity, ExtremesAreFinite) {
   for (const Task task : kTasks) {
-    const auto all = sensitivity(task, Strategy::kDifferencing, {20, 20, 0, 20});
-    ASSERT_TRUE(all);
-    EXPECT_TRUE(std::isfinite(all->dprime.value));
-    EXPECT_DOUBLE_EQ(std::round(all->dprime.interval.high), kLargestDprime) << "nothing bounds it from above";
-    EXPECT_GT(all->dprime.interval.low, 1.0);
-    const auto none = sensitivity(task, Strategy::kDifferencing, {10, 20, 10, 20});
-    ASSERT_TRUE(none);
-    EXPECT_LE(none->dprime.interval.low, 1e-6) << name_of(task);
+    const auto all = sensitivity(task, Strategy::kDifferencing, {20, 20, 0, 20}).value();
+    EXPECT_TRUE(std::isfinite(all.dprime.value));
+    EXPECT_DOUBLE_EQ(std::round(all.dprime.interval.high), kLargestDprime) << "nothing bounds it from above";
+    EXPECT_GT(all.dprime.interval.low, 1.0);
+    const auto none = sensitivity(task, Strategy::kDifferencing, {10, 20, 10, 20}).value();
+    EXPECT_LE(none.dprime.interval.low, 1e-6) << name_of(task);
     EXPECT_FALSE(sensitivity(task, Strategy::kDifferencing, {}));
   }
 }
@@ -277,10 +273,10 @@ TEST(Psychometric, JndIsRightOnAverageAndItsIntervalCovers) {
       observer.jnd = 0.05;
       const auto answers =
           level_answers(observer, Task::kTwoInterval, 40, 77 + static_cast<std::uint64_t>(s));
-      const auto fit = fit_psychometric(answers, {Task::kTwoInterval, shape, 1.0, 1.0, 0.0}, std::nullopt);
-      ASSERT_TRUE(fit);
-      log_bias += std::log(fit->function.jnd / 0.05) / kStudies;
-      const Interval i = bootstrap_jnd(answers, *fit, std::nullopt, 5, kResamplesHere);
+      const auto fit =
+          fit_psychometric(answers, {Task::kTwoInterval, shape, 1.0, 1.0, 0.0}, std::nullopt).value();
+      log_bias += std::log(fit.function.jnd / 0.05) / kStudies;
+      const Interval i = bootstrap_jnd(answers, fit, std::nullopt, 5, kResamplesHere);
       covered += (i.low <= 0.05 && 0.05 <= i.high ? 1.0 : 0.0) / kStudies;
     }
     std::printf("constant levels, %s: bias %+.1f %%, covered %.3f\n", name_of(shape), 100.0 * log_bias,
@@ -294,10 +290,9 @@ TEST(Psychometric, TheSameSeedGivesTheSameInterval) {
   ObserverOptions observer;
   observer.jnd = 0.05;
   const auto answers = level_answers(observer, Task::kTwoInterval, 30, 1);
-  const auto fit = fit_psychometric(answers, {}, 1.0);
-  ASSERT_TRUE(fit);
-  EXPECT_DOUBLE_EQ(fit->function.slope, 1.0);
-  const Interval a = bootstrap_jnd(answers, *fit, 1.0, 9, 50), b = bootstrap_jnd(answers, *fit, 1.0, 9, 50);
+  const auto fit = fit_psychometric(answers, {}, 1.0).value();
+  EXPECT_DOUBLE_EQ(fit.function.slope, 1.0);
+  const Interval a = bootstrap_jnd(answers, fit, 1.0, 9, 50), b = bootstrap_jnd(answers, fit, 1.0, 9, 50);
   EXPECT_EQ(a.low, b.low);
   EXPECT_EQ(a.high, b.high);
   EXPECT_FALSE(fit_psychometric({}, {}, 1.0));
@@ -376,10 +371,9 @@ TEST(PsiMethod, IsRightOnAverageAndCovers) {
       Psi psi(options);
       run_with_observer(
           psi, seed + static_cast<std::uint64_t>(r), 1.0, [](double, bool) {}, jnd);
-      const auto found = psi.estimate();
-      ASSERT_TRUE(found);
-      log_bias += std::log(found->value / jnd) / kRuns;
-      covered += (found->interval.low <= jnd && jnd <= found->interval.high ? 1.0 : 0.0) / kRuns;
+      const auto found = psi.estimate().value();
+      log_bias += std::log(found.value / jnd) / kRuns;
+      covered += (found.interval.low <= jnd && jnd <= found.interval.high ? 1.0 : 0.0) / kRuns;
     }
     std::printf("Psi, JND %g: bias %+.1f %%, covered %.3f\n", jnd, 100.0 * log_bias, covered);
     EXPECT_NEAR(log_bias, 0.0, 0.05) << jnd;
@@ -409,9 +403,8 @@ TEST(UpDownRules, TheirIntervalCovers) {
     });
     std::vector<LevelAnswers> all;
     for (const auto& [level, answers] : levels) all.push_back(answers);
-    const auto fit = fit_psychometric(all, {}, 1.0);
-    ASSERT_TRUE(fit);
-    const Estimate found = bootstrap_procedure([&] { return std::make_unique<UpDown>(options); }, *fit, 1.0,
+    const auto fit = fit_psychometric(all, {}, 1.0).value();
+    const Estimate found = bootstrap_procedure([&] { return std::make_unique<UpDown>(options); }, fit, 1.0,
                                                static_cast<std::uint64_t>(s), kResamplesHere);
     log_bias += std::log(found.value / kJnd) / kStudies;
     const Interval& i = found.interval;
@@ -435,26 +428,23 @@ TEST(Order, IsBalancedAndSeeded) {
 }
 
 TEST(ObserverSpecs, AreReadAndRefused) {
-  const auto good = parse_observer("simulated:dprime=1.5:lapse=0.02");
-  ASSERT_TRUE(good) << good.error().message();
-  EXPECT_DOUBLE_EQ(good->options.dprime, 1.5);
-  EXPECT_FALSE(good->has_jnd);
-  const auto machine = parse_observer("machine:hand=slide:stiffness=0.1");
-  ASSERT_TRUE(machine) << machine.error().message();
-  EXPECT_EQ(machine->kind, ObserverKind::kMachine);
-  EXPECT_EQ(machine->hand, "slide");
-  EXPECT_DOUBLE_EQ(machine->thresholds.stiffness, 0.1);
-  const auto person = parse_observer("person");
-  ASSERT_TRUE(person) << person.error().message();
-  EXPECT_EQ(person->kind, ObserverKind::kPerson);
+  const auto good = test::value_of(parse_observer("simulated:dprime=1.5:lapse=0.02"));
+  EXPECT_DOUBLE_EQ(good.options.dprime, 1.5);
+  EXPECT_FALSE(good.has_jnd);
+  const auto machine = test::value_of(parse_observer("machine:hand=slide:stiffness=0.1"));
+  EXPECT_EQ(machine.kind, ObserverKind::kMachine);
+  EXPECT_EQ(machine.hand, "slide");
+  EXPECT_DOUBLE_EQ(machine.thresholds.stiffness, 0.1);
+  const auto person = test::value_of(parse_observer("person"));
+  EXPECT_EQ(person.kind, ObserverKind::kPerson);
   // What is not named is that of the types.
   const Thresholds usual;
-  EXPECT_DOUBLE_EQ(machine->thresholds.force, usual.force);
-  EXPECT_DOUBLE_EQ(machine->thresholds.direction_deg, usual.direction_deg);
-  EXPECT_DOUBLE_EQ(machine->thresholds.vibration, usual.vibration);
-  EXPECT_DOUBLE_EQ(machine->thresholds.moved_kg, usual.moved_kg);
-  EXPECT_DOUBLE_EQ(machine->depth_mm, ObserverSpec{}.depth_mm);
-  EXPECT_EQ(person->hand, ObserverSpec{}.hand);
+  EXPECT_DOUBLE_EQ(machine.thresholds.force, usual.force);
+  EXPECT_DOUBLE_EQ(machine.thresholds.direction_deg, usual.direction_deg);
+  EXPECT_DOUBLE_EQ(machine.thresholds.vibration, usual.vibration);
+  EXPECT_DOUBLE_EQ(machine.thresholds.moved_kg, usual.moved_kg);
+  EXPECT_DOUBLE_EQ(machine.depth_mm, ObserverSpec{}.depth_mm);
+  EXPECT_EQ(person.hand, ObserverSpec{}.hand);
   for (const char* bad :
        {"persons", "simulated:dprime=x", "machine:hand=tap", "machine:force=0", "person:dprime=1",
         "simulated:dprime=-1", "simulated:colour=red", "machine:dprime=1", ""})

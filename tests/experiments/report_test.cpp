@@ -472,9 +472,8 @@ TEST(Looks, StayTheSameBesideOthers) {
 }
 
 TEST(FramesTable, StandsBesideTheThesis) {
-  const auto manifests = manifests_for("7");
-  ASSERT_TRUE(manifests.ok());
-  const std::string text = to_text(frames_table(manifests->front(), document()), 100);
+  const auto manifests = value_of(manifests_for("7"));
+  const std::string text = to_text(frames_table(manifests.front(), document()), 100);
   EXPECT_THAT(text, HasAll("54,717", "37.4", "1,234", "Not in the thesis"));
 }
 

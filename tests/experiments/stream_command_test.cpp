@@ -82,25 +82,23 @@ TEST_F(Streams, ALiveSessionRecordsBothStreamsAndTheirReplayIsTheSame) {
   succeeds(
       "compare --stream @/both.palrec --path @/both.palrec --stream-delay 0 --renderers depth-image "
       "--out @/replay");
-  const auto replayed = trace::read_trace_csv(in("replay/trace.csv"));
-  ASSERT_TRUE(replayed) << replayed.error().message();
-  Result<device::Recording> recording = device::Recording::open(in("both.palrec"));
-  ASSERT_TRUE(recording);
+  const auto replayed = value_of(trace::read_trace_csv(in("replay/trace.csv")));
+  auto recording = value_of(device::Recording::open(in("both.palrec")));
   device::RecordedTick tick;
   std::size_t at = 0, compared = 0, contact = 0;
-  while (recording->next(tick).value()) {
+  while (recording.next(tick).value()) {
     const device::RecordedTrack& track = tick.tracks[0];
     if (!track.stepped) continue;
-    while (at < replayed->path.size() && replayed->path.t_s[at] < tick.t_s) ++at;
-    if (at == replayed->path.size() || replayed->path.t_s[at] != tick.t_s) continue;
-    EXPECT_EQ(replayed->trace.frames[at].force_n, track.frame.force_n) << "at " << tick.t_s;
+    while (at < replayed.path.size() && replayed.path.t_s[at] < tick.t_s) ++at;
+    if (at == replayed.path.size() || replayed.path.t_s[at] != tick.t_s) continue;
+    EXPECT_EQ(replayed.trace.frames[at].force_n, track.frame.force_n) << "at " << tick.t_s;
     ++compared;
     contact += track.frame.contact ? 1u : 0u;
     if (HasFailure()) break;
   }
   EXPECT_GT(compared, 1400u);
   EXPECT_GT(contact, 100u);
-  EXPECT_EQ(recording->end().depth_images, live["stream"]["frames"].get<std::uint64_t>() + 1)
+  EXPECT_EQ(recording.end().depth_images, live["stream"]["frames"].get<std::uint64_t>() + 1)
       << "and the camera";
   const json info = json::parse(succeeds("info @/both.palrec --json").out);
   EXPECT_EQ(info["stream"]["width"], 160);

@@ -138,10 +138,9 @@ TEST(Rows, AreReadAsTheyWereWritten) {
   failed.prepare_ms.reset();
   failed.error_p95_percent.reset();
   const std::string text = rows_text({row, failed});
-  const auto back = rows_of(text, "rows.jsonl");
-  ASSERT_TRUE(back) << back.error().message();
-  EXPECT_EQ(rows_text(*back), text);
-  EXPECT_EQ((*back)[0].error_p95_percent->interval->low, row.error_p95_percent->interval->low);
+  const auto back = value_of(rows_of(text, "rows.jsonl"));
+  EXPECT_EQ(rows_text(back), text);
+  EXPECT_EQ(back[0].error_p95_percent->interval->low, row.error_p95_percent->interval->low);
 }
 
 TEST(Rows, ABrokenOneIsRefusedWithItsLine) {
@@ -360,12 +359,11 @@ ChangeVerdict verdict_of(const Changes& changes, const std::string& number) {
 }
 
 TEST(Against, SaysWhatIsBetterAndWorseBeyondTheInterval) {
-  const auto changes = changes_between(document_with(1.0, 100, 2.0), document_with(1.5, 90, 2.0));
-  ASSERT_TRUE(changes);
-  EXPECT_EQ(verdict_of(*changes, "frame_all.mean_us"), ChangeVerdict::kWorse);
-  EXPECT_EQ(verdict_of(*changes, "memory.bytes"), ChangeVerdict::kBetter);
-  EXPECT_EQ(verdict_of(*changes, "accuracy.force_rms_percent"), ChangeVerdict::kSame);
-  EXPECT_FALSE(changes->worse_for_sure()) << "a time alone is the machine's";
+  const auto changes = value_of(changes_between(document_with(1.0, 100, 2.0), document_with(1.5, 90, 2.0)));
+  EXPECT_EQ(verdict_of(changes, "frame_all.mean_us"), ChangeVerdict::kWorse);
+  EXPECT_EQ(verdict_of(changes, "memory.bytes"), ChangeVerdict::kBetter);
+  EXPECT_EQ(verdict_of(changes, "accuracy.force_rms_percent"), ChangeVerdict::kSame);
+  EXPECT_FALSE(changes.worse_for_sure()) << "a time alone is the machine's";
   const auto within = changes_between(document_with(1.0, 100, 2.0), document_with(1.05, 101, 2.0));
   EXPECT_EQ(verdict_of(*within, "frame_all.mean_us"), ChangeVerdict::kSame);
   EXPECT_TRUE(within->worse_for_sure()) << "a byte is a byte";
@@ -374,10 +372,9 @@ TEST(Against, SaysWhatIsBetterAndWorseBeyondTheInterval) {
 TEST(Against, TimesOfOtherMachinesAndOtherPathsAreNotCompared) {
   metrics::ResultDocument other = document_with(1.0, 100, 2.0);
   other.machine.cpu = "another cpu";
-  const auto changes = changes_between(other, document_with(9.0, 100, 2.0));
-  ASSERT_TRUE(changes);
-  for (const Change& c : changes->all) EXPECT_FALSE(c.is_time) << c.number;
-  EXPECT_FALSE(changes->notes.empty());
+  const auto changes = value_of(changes_between(other, document_with(9.0, 100, 2.0)));
+  for (const Change& c : changes.all) EXPECT_FALSE(c.is_time) << c.number;
+  EXPECT_FALSE(changes.notes.empty());
   other.path_hash = "q";
   EXPECT_FALSE(changes_between(other, document_with(1.0, 100, 2.0)));
 }

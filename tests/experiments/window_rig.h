@@ -21,6 +21,7 @@
 #include "device/simulated/simulated_arm.h"
 #include "experiments/session/session.h"
 #include "experiments/window/window.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::experiments {
 
@@ -30,9 +31,8 @@ inline constexpr const char* kWindowWaves =
 
 /// A generated scene, loaded.
 inline scene::LoadedScene loaded_scene(const std::string& name) {
-  const auto file = scene::open_scene(name);
-  EXPECT_TRUE(file.ok());
-  return scene::load(*file, all_readers(), {}, no_progress()).value();
+  const auto file = test::value_of(scene::open_scene(name));
+  return test::value_of(scene::load(file, all_readers(), {}, no_progress()));
 }
 
 /// Where tests leave their pictures for people; empty: nowhere.

@@ -75,8 +75,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   window->panel().workspace = false;
   const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
   const Pixel at = seen(place_mm);
-  const std::optional<Hit> before = window->scene().splats().at(at.x, at.y);
-  ASSERT_TRUE(before);
+  ASSERT_TRUE(window->scene().splats().at(at.x, at.y));
   EXPECT_EQ(window->scene().shifted(), 0u);
   window->mouse_at(window->view_width() + 50.0, 5.0);  // away: the hand is this test's
   session.hand().aim(place_mm - Vec3{0.0, 0.0, 6.0});
@@ -112,9 +111,8 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   EXPECT_GE(window->scene().shifted(), moved * 9 / 10);
   const Vec3 now_mm = cloud.origin_mm + *editable->point_position_mm(0, deepest);
   const Pixel there = seen(now_mm);
-  const std::optional<Hit> hit = window->scene().splats().at(there.x, there.y);
-  ASSERT_TRUE(hit);
-  EXPECT_LT((hit->place_mm - now_mm).norm(), 0.5 * deepest_mm) << "the picture has it where it was";
+  const auto hit = window->scene().splats().at(there.x, there.y).value();
+  EXPECT_LT((hit.place_mm - now_mm).norm(), 0.5 * deepest_mm) << "the picture has it where it was";
   // What is taken back is seen to go.
   const_cast<deformation::Editable*>(editable)->restore(0);
   for (int i = 0; i < 100 && window->scene().shifted() > 0; ++i) {

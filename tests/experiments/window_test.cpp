@@ -203,19 +203,17 @@ TEST(SeenLine, IsCutAtTheNearPlaneAndNowhereElse) {
   const auto line = [&](const Vec3& a, const Vec3& b) { return project_line(clip, a, b, kWidth, kHeight); };
   const Vec3 eye = camera.eye_mm(), forward = camera.forward(), right = camera.right();
   const Vec3 before = eye + camera.distance_mm() * forward, behind = eye - 5.0 * forward + right;
-  const auto whole = line(before, before + right);
-  ASSERT_TRUE(whole);
-  EXPECT_FALSE(whole->cut_a || whole->cut_b);
+  const auto whole = line(before, before + right).value();
+  EXPECT_FALSE(whole.cut_a || whole.cut_b);
   const Pixel end = *project(clip, before + right, kWidth, kHeight);
-  EXPECT_EQ(whole->b.x, end.x);
-  EXPECT_EQ(whole->b.y, end.y);
+  EXPECT_EQ(whole.b.x, end.x);
+  EXPECT_EQ(whole.b.y, end.y);
   // One end behind the eye: what is left ends on the near plane, on the same line.
   for (const bool turned : {false, true}) {
-    const auto cut = turned ? line(behind, before) : line(before, behind);
-    ASSERT_TRUE(cut);
-    EXPECT_EQ(cut->cut_a, turned);
-    EXPECT_EQ(cut->cut_b, !turned);
-    const Pixel& at = turned ? cut->a : cut->b;
+    const auto cut = (turned ? line(behind, before) : line(before, behind)).value();
+    EXPECT_EQ(cut.cut_a, turned);
+    EXPECT_EQ(cut.cut_b, !turned);
+    const Pixel& at = turned ? cut.a : cut.b;
     EXPECT_NEAR(at.depth, 0.0, 1e-12);
     const Vec3 place = unproject(clip, at, kWidth, kHeight);
     EXPECT_NEAR((place - before).cross(behind - before).norm() / (behind - before).norm(), 0.0, 1e-9);
