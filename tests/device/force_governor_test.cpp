@@ -38,8 +38,7 @@ TEST(Governor, RefusesLimitsThatAreNone) {
       EXPECT_FALSE(ForceGovernor::create(arm_limits(), options)) << bad;
     }
   }
-  GovernorOptions options;
-  options.user_limit_n = -1.0;
+  GovernorOptions options{.user_limit_n = -1.0};
   EXPECT_TRUE(refused(ForceGovernor::create(arm_limits(), options), "user's force limit"));
 }
 
@@ -59,8 +58,7 @@ TEST(Governor, ZeroUntilArmed) {
 }
 
 TEST(Governor, SoftStartRisesLinearly) {
-  GovernorOptions options;
-  options.slew_n_per_s = 1e6;
+  GovernorOptions options{.slew_n_per_s = 1e6};
   ForceGovernor g = governor(options);
   g.arm(10.0);
   EXPECT_EQ(g.govern(10.0, at(Vec3::Zero()), {1, 0, 0}).newtons(), Vec3::Zero());
@@ -71,9 +69,7 @@ TEST(Governor, SoftStartRisesLinearly) {
 }
 
 TEST(Governor, ClampKeepsTheDirection) {
-  GovernorOptions options;
-  options.user_limit_n = 2.0;
-  options.slew_n_per_s = 1e6;
+  GovernorOptions options{.user_limit_n = 2.0, .slew_n_per_s = 1e6};
   ForceGovernor g = governor(options);
   const double t = rest(g, Vec3::Zero(), Vec3::Zero());
   const Vec3 out = g.govern(t + kMs, at(Vec3::Zero()), {30, 40, 0}).newtons();
@@ -84,8 +80,7 @@ TEST(Governor, ClampKeepsTheDirection) {
 }
 
 TEST(Governor, SlewLimitsEachStep) {
-  GovernorOptions options;
-  options.slew_n_per_s = 500.0;
+  GovernorOptions options{.slew_n_per_s = 500.0};
   ForceGovernor g = governor(options);
   const double t = rest(g, Vec3::Zero(), Vec3::Zero());
   EXPECT_NEAR(g.govern(t + kMs, at(Vec3::Zero()), {2, 0, 0}).newtons().x(), 0.5, 1e-12);
@@ -194,9 +189,8 @@ TEST(GovernorProperty, HoldsForAnyInput) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     Random random(seed);
-    GovernorOptions options;
-    options.user_limit_n = random.uniform(0.1, 5.0);
-    options.slew_n_per_s = random.uniform(100.0, 1000.0);
+    GovernorOptions options{.user_limit_n = random.uniform(0.1, 5.0),
+                            .slew_n_per_s = random.uniform(100.0, 1000.0)};
     ForceGovernor g = governor(options);
     const double step_n = options.slew_n_per_s * options.period_s;
     double t_s = random.uniform(0.0, 100.0);

@@ -139,9 +139,7 @@ class UdpBench final : public LinkBench {
       far_.tick();
       held.tell(held_.held_n != Vec3::Zero());
     });
-    BridgeOptions options;
-    options.name = "bridge:relay";
-    options.session = 0x1234'5678'9ABC'DEF0;
+    BridgeOptions options{.name = "bridge:relay", .session = 0x1234'5678'9ABC'DEF0};
     if (!as_in_a_session_) options.max_age_s = kPatientS;
     device_ = std::make_unique<BridgeDevice>(
         std::make_unique<UdpLink>(UdpAddress::of(relay_->where()).value()), clock_, options);

@@ -91,11 +91,7 @@ struct TwoPlanes {
 };
 
 inline SwitchOptions bench_options(SwitchRule rule = SwitchRule::kContactElseWait) {
-  SwitchOptions options;
-  options.rule = rule;
-  options.device_force_max_n = 3.3;
-  options.force_limit_n = 3.3;
-  return options;
+  return {.rule = rule, .device_force_max_n = 3.3, .force_limit_n = 3.3};
 }
 
 }  // namespace palpate::device

@@ -19,9 +19,8 @@ namespace palpate::device {
 namespace {
 
 Packet any_packet(Random& random) {
-  Packet packet;
-  packet.kind = random.below(2) == 0 ? PacketKind::kState : PacketKind::kCommand;
-  packet.sequence = static_cast<std::uint16_t>(random.below(65536));
+  Packet packet{.kind = random.below(2) == 0 ? PacketKind::kState : PacketKind::kCommand,
+                .sequence = static_cast<std::uint16_t>(random.below(65536))};
   for (std::int16_t& count : packet.counts)
     count = static_cast<std::int16_t>(static_cast<int>(random.below(65536)) - 32768);
   packet.flags = static_cast<std::uint8_t>(random.below(32));
@@ -29,8 +28,7 @@ Packet any_packet(Random& random) {
 }
 
 TEST(Packets, AKnownOneHasTheseBytes) {
-  Packet packet;
-  packet.sequence = 0x1234;
+  Packet packet{.sequence = 0x1234};
   packet.counts = {1, -2, 300};
   packet.flags = Packet::kHomed | 5;
   const PacketBytes bytes = encoded(packet);
@@ -147,8 +145,7 @@ TEST(PacketDevice, AForceBeyondItsCountsKeepsItsDirectionAndNeverWraps) {
 TEST(PacketDevice, OpeningAndEveryEndLetsTheMotorsGo) {
   LinkRig rig;
   const auto left_over = [&] {
-    Packet old;
-    old.kind = PacketKind::kCommand;
+    Packet old{.kind = PacketKind::kCommand};
     old.counts = {100, 0, 0};
     rig.board.command(encoded(old), 0);
   };
@@ -194,9 +191,7 @@ TEST(SimulatedLink, RefusesWhatIsNotRight) {
 // ---- The physics of the simulated devices against closed forms.
 
 ArmOptions bare_arm() {
-  ArmOptions arm;
-  arm.force_max_n = 1e6;
-  return arm;
+  return {.force_max_n = 1e6};
 }
 
 TEST(Motion, FreeDecayOfAVelocity) {
@@ -250,8 +245,7 @@ TEST(SimulatedArm, FrictionStopsItWhereItsEnergyIsSpent) {
   options.damping_n_s_per_mm = 0.0;
   options.friction_n = 0.1;
   // A hand that moves at 100 mm/s and lets go: the device flies on with that speed, m v^2 / 2f = 2.25 mm.
-  Hand guide;
-  guide.guides = true;
+  Hand guide{.guides = true};
   HandScript script = HandScript::create("throw", {0.0, 1.0}, {Vec3(0, 0, 0), Vec3(60, 80, 0)},
                                          HandScript::Between::kStraight)
                           .value();
@@ -279,8 +273,7 @@ TEST(SimulatedArm, APushBelowFrictionMovesNothingAndAboveItAccelerates) {
     ArmOptions options = bare_arm();
     options.damping_n_s_per_mm = 0.0;
     options.friction_n = 0.1;
-    Hand hand;
-    hand.push_n = Vec3(0, 0, -push);
+    Hand hand{.push_n = Vec3(0, 0, -push)};
     const HandScript script = resting_at(Vec3(0, 0, 1));
     SimulatedArm arm(options, hand, script, clock);
     ASSERT_TRUE(arm.open());
@@ -317,8 +310,7 @@ TEST(SimulatedArm, MeasuresInStepsOfItsEncoder) {
   VirtualClock clock;
   ArmOptions options = bare_arm();
   options.encoder_mm = 0.055;
-  Hand guide;
-  guide.guides = true;
+  Hand guide{.guides = true};
   const HandScript script = HandScript::create("ramp", {0.0, 1.0}, {Vec3(0, 0, 0), Vec3(1.1, -2.2, 0.02)},
                                                HandScript::Between::kStraight)
                                 .value();
@@ -340,9 +332,7 @@ TEST(SimulatedArm, MeasuresInStepsOfItsEncoder) {
 
 TEST(SimulatedArm, CommandsArriveAfterTheirDelayInTheirOrderAndSaturate) {
   VirtualClock clock;
-  ArmOptions options;
-  options.damping_n_s_per_mm = 0.0;
-  options.delay_s = 0.0025;
+  ArmOptions options{.damping_n_s_per_mm = 0.0, .delay_s = 0.0025};
   const HandScript script = resting_at(Vec3(0, 0, -1));
   SimulatedArm arm(options, {}, script, clock);
   ASSERT_TRUE(arm.open());

@@ -223,8 +223,7 @@ struct PlaneRig {
   explicit PlaneRig(int open_tries = 0) {
     clock.advance(1.0);
     wire.keeps_rest = true;
-    PlanarOptions options;
-    options.open_tries = open_tries;
+    PlanarOptions options{.open_tries = open_tries};
     device =
         std::make_unique<PlanarDevice>(std::make_unique<FakeLink>(wire), clock, *planar_model(2), options);
   }

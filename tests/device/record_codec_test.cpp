@@ -92,8 +92,7 @@ TEST(RecordCodec, TheCorpusIsReadOrRefused) {
   if (const char* const write_to = std::getenv("PALPATE_WRITE_CORPUS")) {
     MemoryDisk disk;
     RandomTicks source(kSeed);
-    RecorderOptions options;
-    options.chunk_s = 0.004;
+    RecorderOptions options{.chunk_s = 0.004};
     ASSERT_TRUE(record(disk, source, 12, options));
     const auto write = [&](const char* name, const std::vector<std::byte>& bytes) {
       std::ofstream(std::filesystem::path(write_to) / name, std::ios::binary)
@@ -143,16 +142,14 @@ TEST(RecordCodec, AnAnswerWhoseCallsNobodyNotedIsKeptAndSaysSo) {
 class RecordFile : public testing::Test {
  protected:
   void SetUp() override {
-    RecorderOptions options;
-    options.chunk_s = 0.004;
+    RecorderOptions options{.chunk_s = 0.004};
     ASSERT_TRUE(record(disk_, source_, static_cast<int>(kTicks), options));
   }
   /// Ticks read; an Error as text in `error`.
   std::size_t read(const std::vector<std::byte>& bytes, std::string& error, RecordingEnd* end = nullptr,
                    bool skip = false) {
     error.clear();
-    ReadRecordingOptions options;
-    options.skip_damaged = skip;
+    ReadRecordingOptions options{.skip_damaged = skip};
     Result<Recording> recording = open_bytes(bytes, options);
     if (!recording) {
       error = recording.error().message();

@@ -64,8 +64,7 @@ struct RecorderRig {
 };
 
 TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
-  RecorderOptions options;
-  options.depth = true;
+  RecorderOptions options{.depth = true};
   RecorderRig rig(options);
   Random random(kRecorderSeed);
   std::vector<std::vector<std::byte>> given;
@@ -95,8 +94,7 @@ TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
 }
 
 TEST(Recorder, ADepthImageWithADamagedPartIsLeftOutWhole) {
-  RecorderOptions options;
-  options.depth = true;
+  RecorderOptions options{.depth = true};
   RecorderRig rig(options);
   const std::vector<std::byte> lost(kDepthPartBytes + 1, std::byte{1}), kept(10, std::byte{2});
   ASSERT_TRUE(rig.recorder.add_depth(lost));
@@ -107,8 +105,7 @@ TEST(Recorder, ADepthImageWithADamagedPartIsLeftOutWhole) {
   const auto at = std::search(bytes.begin(), bytes.end(), run.begin(), run.end());
   ASSERT_NE(at, bytes.end());
   *at = std::byte{3};
-  ReadRecordingOptions skipping;
-  skipping.skip_damaged = true;
+  ReadRecordingOptions skipping{.skip_damaged = true};
   auto recording = value_of(open_bytes(bytes, skipping));
   std::vector<std::byte> image;
   ASSERT_TRUE(recording.next_depth(image).value());
@@ -357,8 +354,7 @@ TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {
   {
     auto first = Recorder::create(path, some_header(), source);
     ASSERT_TRUE(first);
-    RecorderOptions replacing;
-    replacing.replace = true;
+    RecorderOptions replacing{.replace = true};
     EXPECT_TRUE(refused(Recorder::create(path, some_header(), source, replacing), "another program"));
   }
   EXPECT_TRUE(refused(Recorder::create(path, some_header(), source), "--force"));

@@ -99,8 +99,7 @@ struct Bench {
   explicit Bench(std::int64_t rate_hz = 1000, trace::ProbePath played = pressing(),
                  std::vector<ScriptedFault> faults = {})
       : path(std::move(played)), device(path, clock, sim_limits(), 100'000, std::move(faults)), plane(0.5) {
-    GovernorOptions governed;
-    governed.period_s = 1.0 / static_cast<double>(rate_hz);
+    GovernorOptions governed{.period_s = 1.0 / static_cast<double>(rate_hz)};
     servo.emplace(plane, governed, device, clock, geometry::RigidTransform{});
   }
   /// The last thing that the device heard.

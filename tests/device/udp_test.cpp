@@ -220,8 +220,7 @@ TEST(BridgeOverSockets, NobodyThereIsSaid) {
     where = port.address().text();
   }
   const MonotonicClock clock;
-  BridgeOptions options;
-  options.open_tries = 20;
+  BridgeOptions options{.open_tries = 20};
   BridgeDevice device(std::make_unique<UdpLink>(UdpAddress::of(where).value()), clock, options);
   EXPECT_TRUE(refused(device.open(), "nobody listens"));
   EXPECT_FALSE(release_far_end(where));

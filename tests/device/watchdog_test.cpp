@@ -149,11 +149,7 @@ struct Pressed {
     for (int i = 0; i < 100; ++i) next();
     EXPECT_GT(board.held()[2], 900);
   }
-  static GovernorOptions quick() {
-    GovernorOptions options;
-    options.soft_start_s = 0.02;
-    return options;
-  }
+  static GovernorOptions quick() { return {.soft_start_s = 0.02}; }
   void next() {
     clock.advance(1e-3);
     tick = servo->tick();
@@ -279,8 +275,7 @@ constexpr timespec kShort{0, 1'000'000};
 
 /// A command of a force.
 PacketBytes pressing() {
-  Packet command;
-  command.kind = PacketKind::kCommand;
+  Packet command{.kind = PacketKind::kCommand};
   command.counts = {0, 0, 900};
   return encoded(command);
 }

@@ -145,9 +145,7 @@ TEST(Observers, AnswerAsOftenRightAsTheirModel) {
     for (const double dprime : {0.0, 1.0, 2.0})
       for (const Strategy strategy : {Strategy::kDifferencing, Strategy::kIndependent}) {
         if (task == Task::kSameDifferent && strategy == Strategy::kIndependent) continue;
-        ObserverOptions observer;
-        observer.dprime = dprime;
-        observer.strategy = strategy;
+        ObserverOptions observer{.dprime = dprime, .strategy = strategy};
         const Answers answers = answers_of(task, observer, kTrials, kSeed);
         EXPECT_EQ(answers.signals, kTrials / 2) << "balanced";
         const double share = static_cast<double>(answers.correct()) / kTrials;
@@ -195,8 +193,7 @@ TEST(Sensitivity, IsRightOnAverageAndCovers) {
   constexpr std::uint64_t kTrials = 100;
   for (const Task task : kTasks)
     for (const double dprime : {1.5, 2.5}) {
-      ObserverOptions observer;
-      observer.dprime = dprime;
+      ObserverOptions observer{.dprime = dprime};
       const Quality q = quality_of(task, observer, kTrials, kStudies);
       EXPECT_NEAR(q.bias, 0.0, 0.15) << name_of(task) << " " << dprime;
       EXPECT_GE(q.covered, 0.906) << name_of(task) << " " << dprime;
@@ -207,9 +204,7 @@ TEST(Sensitivity, IsRightOnAverageAndCovers) {
 
 TEST(Sensitivity, ABiasIsNoInsensitivity) {
   for (const Task task : {Task::kTwoInterval, Task::kYesNo}) {
-    ObserverOptions observer;
-    observer.dprime = 1.5;
-    observer.bias = 0.7;
+    ObserverOptions observer{.dprime = 1.5, .bias = 0.7};
     const Quality q = quality_of(task, observer, 200, 200);
     EXPECT_NEAR(q.bias, 0.0, 0.1) << name_of(task);
     EXPECT_GE(q.covered, 0.89) << name_of(task);
@@ -269,8 +264,7 @@ TEST(Psychometric, JndIsRightOnAverageAndItsIntervalCovers) {
   for (const Shape shape : {Shape::kDprime, Shape::kWeibull}) {
     double log_bias = 0.0, covered = 0.0;
     for (int s = 0; s < kStudies; ++s) {
-      ObserverOptions observer;
-      observer.jnd = 0.05;
+      ObserverOptions observer{.jnd = 0.05};
       const auto answers =
           level_answers(observer, Task::kTwoInterval, 40, 77 + static_cast<std::uint64_t>(s));
       const auto fit =
@@ -287,8 +281,7 @@ TEST(Psychometric, JndIsRightOnAverageAndItsIntervalCovers) {
 }
 
 TEST(Psychometric, TheSameSeedGivesTheSameInterval) {
-  ObserverOptions observer;
-  observer.jnd = 0.05;
+  ObserverOptions observer{.jnd = 0.05};
   const auto answers = level_answers(observer, Task::kTwoInterval, 30, 1);
   const auto fit = fit_psychometric(answers, {}, 1.0).value();
   EXPECT_DOUBLE_EQ(fit.function.slope, 1.0);
@@ -301,9 +294,7 @@ TEST(Psychometric, TheSameSeedGivesTheSameInterval) {
 /// One run of a procedure with an observer of this JND; the level of each trial is given to `see`.
 template <class See>
 void run_with_observer(Adaptive& procedure, std::uint64_t seed, double slope, See&& see, double jnd = 0.05) {
-  ObserverOptions observer;
-  observer.jnd = jnd;
-  observer.slope = slope;
+  ObserverOptions observer{.jnd = jnd, .slope = slope};
   for (std::uint64_t trial = 0; procedure.level(); ++trial) {
     const double level = *procedure.level(), d = dprime_of_difference(observer, Task::kTwoInterval, level);
     const bool second = balanced_cell(seed, trial, 2) == 1;

@@ -213,8 +213,7 @@ TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
     for (volatile int endless = 0;;) endless = endless + 1;
   };
   std::vector<StressCell> row;
-  CellLimits limits;
-  limits.seconds = 2.0;
+  CellLimits limits{.seconds = 2.0};
   run_row_apart({good, crash, hang, good}, request_of("cloud"), registry(), limits, [&](StressCell&& cell) {
     row.push_back(std::move(cell));
     return true;

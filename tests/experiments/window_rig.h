@@ -161,9 +161,8 @@ class WindowSession {
     hold(Vec3(0.0, 0.0, 10.0), clock);
     // Its limits say where the free place is for the device.
     if (fitted_free_mm) hold(fitted_map().device_mm(*fitted_free_mm), clock);
-    device::SwitchOptions switching;
-    switching.device_force_max_n = plant_->limits().force_max_n;
-    switching.force_limit_n = plant_->limits().force_max_n;
+    device::SwitchOptions switching{.device_force_max_n = plant_->limits().force_max_n,
+                                    .force_limit_n = plant_->limits().force_max_n};
     const Clock& timed = frames != nullptr ? *frames : clock;
     mixer_ = std::make_unique<device::Mixer>(switching, clock, timed);
     for (const std::string& name : renderers) {
