@@ -160,7 +160,7 @@ class HeldDevice final : public Device {
     return true;
   }
 
-  DeviceState state = [] { return {.status = ReadStatus::kFresh}; }();
+  DeviceState state{.status = ReadStatus::kFresh};
   Vec3 held_n = Vec3::Zero();
   int cuts = 0;
 

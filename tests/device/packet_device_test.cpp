@@ -145,9 +145,7 @@ TEST(PacketDevice, AForceBeyondItsCountsKeepsItsDirectionAndNeverWraps) {
 TEST(PacketDevice, OpeningAndEveryEndLetsTheMotorsGo) {
   LinkRig rig;
   const auto left_over = [&] {
-    Packet old{.kind = PacketKind::kCommand};
-    old.counts = {100, 0, 0};
-    rig.board.command(encoded(old), 0);
+    rig.board.command(encoded(Packet{.kind = PacketKind::kCommand, .counts = {100, 0, 0}}), 0);
   };
   left_over();
   ASSERT_TRUE(rig.device.open());

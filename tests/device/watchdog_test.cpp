@@ -275,9 +275,7 @@ constexpr timespec kShort{0, 1'000'000};
 
 /// A command of a force.
 PacketBytes pressing() {
-  Packet command{.kind = PacketKind::kCommand};
-  command.counts = {0, 0, 900};
-  return encoded(command);
+  return encoded(Packet{.kind = PacketKind::kCommand, .counts = {0, 0, 900}});
 }
 
 /// A child that presses; gone with this.
