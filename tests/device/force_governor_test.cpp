@@ -112,9 +112,8 @@ TEST_P(EveryFault, IsZeroAtOnceAndLatches) {
   EXPECT_EQ(g.fault(), broken.fault) << fault_name(g.fault());
   EXPECT_FALSE(g.armed());
   EXPECT_EQ(g.counters().faults, 1u);
-  for (int i = 1; i < 100; ++i) {
+  for (int i = 1; i < 100; ++i)
     EXPECT_EQ(g.govern(t + i, at(Vec3::Zero()), wanted).newtons(), Vec3::Zero()) << "no re-arming by itself";
-  }
   g.arm(1000.0);
   EXPECT_EQ(g.fault(), Fault::kNone);
   EXPECT_LT(g.govern(1000.0 + kMs, at({40, 0, 0}), wanted).newtons().norm(), 0.01) << "soft start";
@@ -156,9 +155,8 @@ TEST(Governor, LatenessDoesNotShortenASoftStart) {
   g.arm(0.0);
   (void)g.govern(0.0, at(Vec3::Zero()), {1, 0, 0});
   (void)g.govern(0.010, at(Vec3::Zero()), {1, 0, 0});  // late
-  for (int i = 1; i <= 200; ++i) {
+  for (int i = 1; i <= 200; ++i)
     EXPECT_LE(g.govern(0.010 + i * kMs, at(Vec3::Zero()), {1, 0, 0}).newtons().x(), i / 500.0 + 1e-9);
-  }
 }
 
 TEST(Governor, ShortSilenceIsNoFault) {

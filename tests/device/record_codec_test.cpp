@@ -250,8 +250,7 @@ TEST_F(RecordFile, DamageInTheMiddleIsRefusedAndCanBeLeftOut) {
   std::string error;
   const std::size_t front = read(wrong, error);
   EXPECT_LT(front, kTicks);
-  EXPECT_TRUE(says(error, "--skip-damaged"));
-  EXPECT_TRUE(says(error, "byte "));
+  EXPECT_TRUE(says(error, "--skip-damaged", "byte "));
   RecordingEnd end;
   const std::size_t rest = read(wrong, error, &end, true);
   EXPECT_EQ(error, "");
@@ -266,8 +265,7 @@ TEST_F(RecordFile, ANewerVersionAndAnotherFileAreRefusedByName) {
   std::vector<std::byte> wrong = disk_.bytes;
   wrong[8] = std::byte{9};
   read(wrong, error);
-  EXPECT_TRUE(says(error, "version 9"));
-  EXPECT_TRUE(says(error, "newer Palpate"));
+  EXPECT_TRUE(says(error, "version 9", "newer Palpate"));
   read(std::vector<std::byte>(64, std::byte{'x'}), error);
   EXPECT_TRUE(says(error, "is no recording"));
 }

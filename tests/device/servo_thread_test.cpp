@@ -164,9 +164,8 @@ TEST(ServoLoop, RearmsWhenAskedTo) {
 
 TEST(ServoLoop, RefusesWhatItCannotRun) {
   Bench<VirtualClock> bench;
-  for (const std::int64_t rate : {0, 499, 8001, -1000}) {
+  for (const std::int64_t rate : {0, 499, 8001, -1000})
     EXPECT_TRUE(refused(ServoLoop::create(*bench.servo, bench.clock, rate), "500 to 8000"));
-  }
   const std::vector<TickObserver*> many(ServoLoop::kMaxObservers + 1, nullptr);
   EXPECT_FALSE(ServoLoop::create(*bench.servo, bench.clock, 1000, many));
 }

@@ -152,9 +152,8 @@ TEST_F(HelpTexts, EverySubcommandIsListedAndExplainsItself) {
     const ProcessOutcome help = succeeds(one.name.c_str(), "--help-all");
     EXPECT_EQ(help.err, "") << one.name;
     EXPECT_THAT(help.out, HasSubstr(one.summary.substr(0, one.summary.find(' '))));
-    for (const std::string& example : one.examples) {
+    for (const std::string& example : one.examples)
       EXPECT_THAT(help.out, HasSubstr(example)) << one.name << ": ";
-    }
   }
 }
 
