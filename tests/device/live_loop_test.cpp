@@ -147,12 +147,7 @@ TEST(RequestSlot, ManyThreadsPostAndOneTakes) {
 }
 
 DeviceLimits limits_of(const Vec3& half, WorkspaceShape shape) {
-  DeviceLimits limits;
-  limits.force_max_n = 3.3;
-  limits.workspace_mm = {-half, half};
-  limits.rate_hz = 1000.0;
-  limits.workspace_shape = shape;
-  return limits;
+  return {3.3, {-half, half}, 0.0, 1000.0, 0.0, 0.0, shape};
 }
 
 TEST(Workspace, FitsTheBoxIntoTheShape) {

@@ -74,12 +74,7 @@ struct Seen final : TickObserver {
 };
 
 DeviceLimits sim_limits() {
-  DeviceLimits limits;
-  limits.force_max_n = 3.3;
-  limits.workspace_mm = {Vec3::Constant(-80), Vec3::Constant(80)};
-  limits.resolution_mm = 0.055;
-  limits.rate_hz = 1000.0;
-  return limits;
+  return {3.3, {Vec3::Constant(-80), Vec3::Constant(80)}, 0.055, 1000.0};
 }
 
 /// From 1 mm above the plane to 2 mm below it, and there.
