@@ -152,7 +152,14 @@ TEST(MachineObserver, FeelsASpacingANoiseAndARate) {
 
 class FeltStudy : public StudyFolder {
  protected:
-  /// With keys from standard input.
+  /// With keys from standard input; it must end well.
+  ProcessOutcome answered(const std::string& plan, const std::string& keys, const std::string& out,
+                          const std::string& more = {}) const {
+    ProcessOutcome run = person(plan, keys, out, more);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return run;
+  }
+  /// The same on a virtual clock; however it ends.
   ProcessOutcome person(const std::string& plan, const std::string& keys, const std::string& out,
                         const std::string& more = {}) const {
     return person_in_real_time(plan, keys, out, "--accelerated " + more);
@@ -197,17 +204,14 @@ TEST_F(FeltStudy, APersonAnswersByKeys) {
   const std::string plan = short_plan();
   // Six trials, a break before one of them that waits for the space bar; x answers nothing. In the end a name
   // of a renderer stands nowhere on the screen.
-  const ProcessOutcome part = person(plan, "ax1", "out", "--stop-after 2");
-  ASSERT_EQ(part.exit_code, 0) << part.err;
+  const ProcessOutcome part = answered(plan, "ax1", "out", "--stop-after 2");
   EXPECT_THAT(part.out, HasSubstr("2 trials are answered")) << part.err;
   EXPECT_THAT(part.err, HasSubstr("trial 2: touch 3 of 3"));
   EXPECT_THAT((part.out + part.err), Not(HasSubstr("cloud"))) << part.out << part.err;
   // Standard input ends early: what was answered stays.
-  const ProcessOutcome cut = person(plan, "b", "out");
-  ASSERT_EQ(cut.exit_code, 0) << cut.err;
+  const ProcessOutcome cut = answered(plan, "b", "out");
   EXPECT_THAT(cut.out, HasSubstr("3 trials are answered")) << cut.err;
-  const ProcessOutcome rest = person(plan, " a b a b", "out");
-  ASSERT_EQ(rest.exit_code, 0) << rest.err;
+  const ProcessOutcome rest = answered(plan, " a b a b", "out");
   EXPECT_THAT(rest.err, HasSubstr("a break"));
   std::istringstream lines(text_in("out/trials.csv"));
   std::string answers;
@@ -341,16 +345,14 @@ TEST_F(FeltStudy, OfAPersonInRealTimeKeepsHowTheLoopWasScheduled) {
 
 TEST_F(FeltStudy, ALevelIsFeltAfterAnother) {
   // The staircase makes a renderer anew for each level, in one session.
-  const ProcessOutcome run = person("staircase", "11221122", "out", "--stop-after 8");
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_THAT(run.out, HasSubstr("8 trials are answered")) << run.err;
+  EXPECT_THAT(answered("staircase", "11221122", "out", "--stop-after 8").out,
+              HasSubstr("8 trials are answered"));
 }
 
 TEST_F(FeltStudy, MarksGoToLabStreamingLayer) {
   const Environment file("LSL_STUB_FILE", in("marks").c_str());
   const std::string plan = short_plan();
-  const ProcessOutcome run = person(plan, "1", "out", "--stop-after 1 --lsl --lsl-library " PALPATE_LSL_STUB);
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  answered(plan, "1", "out", "--stop-after 1 --lsl --lsl-library " PALPATE_LSL_STUB);
   const std::string marks = text_in("marks");
   std::size_t at = 0;
   for (const char* next : {"name;Palpate;1", "type;Markers;0", "source;palpate-P01;3", "outlet;chunk;0",
