@@ -164,16 +164,14 @@ TEST(HidArm, IsCalibratedByItsButtonDrivenAndLetGo) {
   board.pressed = false;
   EXPECT_EQ(board.counts[0], 8327);
   EXPECT_EQ(board.counts[1], -10926);
-  EXPECT_TRUE(comes([&] {
+  const auto pushes = [&] {
     frame(Vec3(0, 0, 0.5));
     return board.ma[2] != 0;
-  }));
+  };
+  EXPECT_TRUE(comes(pushes));
   EXPECT_TRUE(arm.cut_force());
   EXPECT_TRUE(comes([&] { return board.ma[0] == 0 && board.ma[1] == 0 && board.ma[2] == 0; }));
-  EXPECT_TRUE(comes([&] {
-    frame(Vec3(0, 0, 0.5));
-    return board.ma[2] != 0;
-  }));
+  EXPECT_TRUE(comes(pushes));
   arm.close();
   EXPECT_EQ(board.ma[2], 0) << "closing writes zero before it ends";
   board.ma[2] = 500;  // what a program left that was killed

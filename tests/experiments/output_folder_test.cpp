@@ -26,6 +26,12 @@ class Folder : public InFolder {
     EXPECT_TRUE(how.ok() && *how == expected);
     return folder;
   }
+  /// A run that wrote these files to its end.
+  void completed(const std::vector<std::pair<const char*, const char*>>& files) const {
+    const OutputFolder folder = begun("k", Begun::kAnew);
+    for (const auto& [name, text] : files) EXPECT_TRUE(folder.write(name, text).ok()) << name;
+    EXPECT_TRUE(folder.complete().ok());
+  }
   bool there(const std::string& name) const { return fs::exists(fs::symlink_status(in("out/" + name))); }
   static bool take(const OutputFolder& folder, const std::string& part, const std::string& key,
                    const std::string& expected) {
@@ -76,9 +82,7 @@ TEST_F(Folder, ANewRunRemovesOurFilesAndNoOthers) {
   EXPECT_FALSE(there("trace-old.csv"));
   EXPECT_FALSE(there("figures")) << "empty and ours";
   EXPECT_EQ(file_text(in("out/notes.txt")), "years of work");
-  const Status onto = folder.write("notes.txt", "a result");
-  ASSERT_FALSE(onto.ok());
-  EXPECT_THAT(onto.error().message(), HasSubstr("Palpate did not write it"));
+  EXPECT_TRUE(test::refused(folder.write("notes.txt", "a result"), "Palpate did not write it"));
   EXPECT_TRUE(folder.write("both.csv", "2").ok() && folder.write("both.csv", "3").ok());
   EXPECT_EQ(file_text(in("out/both.csv")), "3");
   EXPECT_EQ(file_text(in("out/notes.txt")), "years of work");
@@ -87,10 +91,7 @@ TEST_F(Folder, ANewRunRemovesOurFilesAndNoOthers) {
 TEST_F(Folder, TheMarkCannotPointOutOfTheFolder) {
   fs::create_directories(in("out"));
   write_text(in("precious"), "years of work");
-  {
-    const OutputFolder folder = begun("k", Begun::kAnew);
-    ASSERT_TRUE(folder.write("a.csv", "1").ok() && folder.complete().ok());
-  }
+  completed({{"a.csv", "1"}});
   std::ofstream(in("out/.palpate-output"), std::ios::app)
       << "file ../precious\nfile " << in("precious") << "\nfile \nfile .\nfile figures\n";
   fs::create_directories(in("out/figures/mine"));
@@ -134,9 +135,7 @@ TEST_F(Folder, ACompleteRunIsNotTakenOverAndAnInterruptedOneOfAnotherKeyIsRefuse
   run("k", Begun::kAnew, true);
   run("k", Begun::kAnew, false);
   run("k", Begun::kGoesOn, false);
-  const Result<Begun> other = open().begin("other");
-  ASSERT_FALSE(other.ok());
-  EXPECT_THAT(other.error().message(), HasAll("of something else", "remove this folder"));
+  EXPECT_TRUE(test::refused(open().begin("other"), "of something else", "remove this folder"));
   EXPECT_FALSE(open().begin("other", "rows").ok());
   EXPECT_TRUE(there("a.csv"));
   run("k", Begun::kGoesOn, true);
@@ -168,10 +167,7 @@ TEST_F(Folder, ARecordIsGoneOnWithWhetherItsRunWasCompleteOrNot) {
 }
 
 TEST_F(Folder, AFileThatIsReadIsNotReplaced) {
-  {
-    const OutputFolder folder = begun("k", Begun::kAnew);
-    ASSERT_TRUE(folder.write("trace.csv", "1").ok() && folder.complete().ok());
-  }
+  completed({{"trace.csv", "1"}});
   write_text(in("out/mine.csv"), "mine");
   fs::create_symlink(in("out/trace.csv"), in("link.csv"));
   const OutputFolder folder = open();
