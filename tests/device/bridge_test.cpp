@@ -167,7 +167,6 @@ TEST(Bridge, AProgramThatDiesIsSilenceAndZeroWithinTheWatchdogsTime) {
   // It was only slow after all: nothing of its force is taken up again until it has commanded zero.
   rig.network.host_is_gone = false;
   for (int i = 0; i < 15; ++i) {
-    Datagram loud{.kind = DatagramKind::kCommand};
     rig.device->send(rig.governor->govern(rig.clock.now_s(), rig.device->read(), Vec3{1, 0, 0}));
     rig.pass();
     ASSERT_TRUE(rig.held.held_n.isZero(0.0));

@@ -241,7 +241,7 @@ TEST(FalconKinematics, KnownPoses) {
       Known{{-25, 15, 105}, {-0.064, 34.838, 12.046}, {-962.4, -4.5, -630.0}}};
   for (const Known& one : known) {
     const auto angles = falcon_angles(one.place_mm).value();
-    EXPECT_LT((kDegrees * *angles - one.angles_degrees).cwiseAbs().maxCoeff(), 0.0006);
+    EXPECT_LT((kDegrees * angles - one.angles_degrees).cwiseAbs().maxCoeff(), 0.0006);
     EXPECT_LT((falcon_counts_of_angles(angles) - one.counts).cwiseAbs().maxCoeff(), 0.06);
     const FalconPose pose = falcon_position(angles, kCentre);
     EXPECT_TRUE(pose.converged);

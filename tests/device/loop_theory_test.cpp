@@ -47,7 +47,7 @@ void expect_limit(const ArmOptions& arm, const Hand& hand, double limit, double 
 }
 
 ArmOptions linear_arm(double mass_kg, double damping, double period_s) {
-  return {.mass_kg = mass_kg, .damping_n_s_per_mm = damping, .period_s = period_s, .force_max_n = 1e6};
+  return {.mass_kg = mass_kg, .damping_n_s_per_mm = damping, .force_max_n = 1e6, .period_s = period_s};
 }
 
 /// The limit of a mass and a damper under a sampled spring, by hand: the period's map has trace 1 + e + a K
@@ -383,7 +383,7 @@ LoopRun run_admittance(const AdmittanceOptions& options, const Hand& hand, const
 }
 
 TEST(Admittance, MovesAsItsVirtualMassUnderAForce) {
-  AdmittanceOptions options{.bandwidth_hz = 0.0, .damping_n_s_per_mm = 0.0};
+  AdmittanceOptions options{.damping_n_s_per_mm = 0.0, .bandwidth_hz = 0.0};
   Hand hand;
   hand.push_n = Vec3(0, 0, -4.0);  // 4 N on 2 kg: 2 m/s^2
   const LoopRun done = run_admittance(options, hand, resting_at(Vec3(0, 0, 500)), 1.0, 0.5);
