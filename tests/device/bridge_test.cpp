@@ -121,14 +121,9 @@ TEST(Bridge, NoOldForceComesThroughInAnyWeather) {
     ASSERT_TRUE(rig.start().ok());
     rig.frames(kSoftStartFrames, Vec3{1.0, 0, 0});
     Random random(seed);
+    const auto up_to = [&](double most) { return random.uniform(0, most); };
     for (auto* way : {&rig.network.to_far, &rig.network.to_host})
-      way->weather = {random.uniform(0, 0.3),
-                      random.uniform(0, 0.3),
-                      random.uniform(0, 0.2),
-                      0.2e-3,
-                      random.uniform(0, 5e-3),
-                      random.uniform(0, 0.1),
-                      1.0};
+      way->weather = {up_to(0.3), up_to(0.3), up_to(0.2), 0.2e-3, up_to(5e-3), up_to(0.1), 1.0};
     // No ramp times one of these forces is another of them: the numbers have no common measure.
     constexpr double kBaseN = 1.4142135623730951, kStepN = 3.1415926535897932e-4;
     std::vector<double> made_s;
