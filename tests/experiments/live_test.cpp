@@ -30,7 +30,7 @@ class Live : public OnCommandLine {
 };
 
 TEST_F(Live, SwitchesUnderTheHandWithoutAStepOfItsOwnAndIsTheSameTwice) {
-  const std::vector<std::string> few = {"--seconds", "4", "--switch-every", "0.3", "--accelerated"};
+  const Words few = words("--seconds 4 --switch-every 0.3 --accelerated");
   const ProcessOutcome run = succeeds(live("out", few));
   expect_valid("live", text_in("out/live.json"));
   const json first = document("out");
@@ -56,7 +56,7 @@ TEST_F(Live, SwitchesUnderTheHandWithoutAStepOfItsOwnAndIsTheSameTwice) {
 }
 
 TEST_F(Live, AKickUnderTheHandIsCountedAndAnExactSurfaceHasNone) {
-  const std::vector<std::string> few = {"--seconds", "6", "--hand", "explore", "--accelerated", "--verbose"};
+  const Words few = words("--seconds 6 --hand explore --accelerated --verbose");
   // A penalty for each near point: its force steps as points come and go.
   succeeds(live_of("penalty-grid", "kicks", few));
   const json kicks = document("kicks")["renderers"][0]["felt_steps"];
@@ -311,8 +311,8 @@ class BridgeCommand : public OnCommandLine {
 };
 
 TEST_F(BridgeCommand, AProgramAtAnotherProcessFeelsTheDevice) {
-  Started bridge(folder_, {"live", "serve", "--device", "sim:falcon", "--listen", "127.0.0.1:0",
-                           "--watchdog-ms", "1000", "--most-age-ms", "1000"});
+  Started bridge(folder_, words("live serve --device sim:falcon --listen 127.0.0.1:0 --watchdog-ms 1000 "
+                                "--most-age-ms 1000"));
   const std::string where = address_of(bridge);
   ASSERT_NE(where, "") << bridge.err();
   const ProcessOutcome run =

@@ -35,8 +35,7 @@ class Streams : public OnCommandLine {
 };
 
 TEST_F(Streams, AWallIsComparedWithItsFormulaAndIsTheSameTwice) {
-  const std::vector<std::string> few = {"--renderers", "depth-image", "--path",
-                                        "press-and-slide:frames=1200"};
+  const Words few = words("--renderers depth-image --path press-and-slide:frames=1200");
   succeeds("compare --stream", kIdealWall, few, "--out @/out");
   expect_valid("result", text_in("out/result.json"));
   const json first = result("out")["renderers"][0];
