@@ -357,7 +357,10 @@ TEST(HandGuide, FollowsSmoothlyAndNoFasterThanAHand) {
   EXPECT_EQ(guide.at(0.0).position_mm.x(), there_mm);
 }
 
-class LiveInAWindow : public InFolder {};
+class LiveInAWindow : public OnCommandLine {
+ protected:
+  const Words line = words("live", kWindowWaves, "--renderers cloud --out", in("out"));
+};
 
 TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
   {
@@ -365,25 +368,15 @@ TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
     const auto window = Window::open(link, {});
     if (!window) GTEST_SKIP() << window.error().message();
   }
-  const ProcessOutcome run =
-      palpate_process({"live", kWindowWaves, "--renderers", "cloud", "--window", "--hand", "press",
-                       "--seconds", "2", "--rearm", "--out", in("out")});
+  const ProcessOutcome run = palpate_process(words(line, "--window --hand press --seconds 2 --rearm"));
   ASSERT_TRUE(ended_well(run.exit_code, in("out/live.json"))) << run.err;
   EXPECT_NE(run.err.find("touchable after"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("first touch after"), std::string::npos) << run.err;
-  EXPECT_NE(file_text(in("out/live.json")).find("\"hand\": \"press\""), std::string::npos);
+  EXPECT_NE(text_in("out/live.json").find("\"hand\": \"press\""), std::string::npos);
 }
-
 TEST_F(LiveInAWindow, WhatCannotBeIsRefusedWithAReason) {
-  const auto refused = [&](std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"live", kWindowWaves, "--renderers", "cloud", "--out", in("out")};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 2) << run.err;
-    return run.err;
-  };
-  EXPECT_NE(refused({"--window", "--accelerated"}).find("--accelerated"), std::string::npos);
-  EXPECT_NE(refused({"--hand", "mouse"}).find("--window"), std::string::npos);
+  refuses("--accelerated", line, "--window --accelerated");
+  refuses("--window", line, "--hand mouse");
 }
 
 TEST(WindowFeed, LosesSamplesAndNothingElseWhereNobodyReads) {
