@@ -1,7 +1,5 @@
 // Cases of a command as processes of their own: what is listed, what a process leaves, and that the command
 // then only draws.
-#include <fmt/format.h>
-
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -41,16 +39,6 @@ class Cluster : public OnCommandLine {
     }
     EXPECT_EQ(rows.erase("id"), 1u);
     return rows;
-  }
-  /// What no clock has a say in, by setting.
-  std::map<std::string, std::string> exact(const std::string& out) const {
-    std::map<std::string, std::string> all;
-    const json document = json_in(out + "/sweep.json");
-    for (const json& row : document["rows"])
-      all[row["setting"]] =
-          fmt::format("{} {} {} {}", row["trace_hash"].dump(), row["error_p95_percent"].dump(),
-                      row["bytes"].dump(), row["status"].dump());
-    return all;
   }
 };
 

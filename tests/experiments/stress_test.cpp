@@ -243,10 +243,7 @@ TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
     }
   const std::string page = text_in("out/report.html");
   EXPECT_THAT(page, HasSubstr("<svg"));
-  // A folder of a version that kept no page is drawn from its document.
-  for (const char* file : {"page.json", "report.html"})
-    std::filesystem::remove(in(std::string("out/") + file));
-  succeeds("report @/out");
+  draw_without_page("out");
   EXPECT_EQ(text_in("out/report.html"), page);
   succeeds(line);
   EXPECT_EQ(json_in("out/stress.json")["cells"], first["cells"]);
