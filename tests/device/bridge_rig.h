@@ -160,11 +160,7 @@ class HeldDevice final : public Device {
     return true;
   }
 
-  DeviceState state = [] {
-    DeviceState fresh;
-    fresh.status = ReadStatus::kFresh;
-    return fresh;
-  }();
+  DeviceState state{.status = ReadStatus::kFresh};
   Vec3 held_n = Vec3::Zero();
   int cuts = 0;
 
@@ -176,10 +172,7 @@ class HeldDevice final : public Device {
 struct BridgeRig {
   explicit BridgeRig(std::uint64_t seed = 1, const BridgeServerOptions& far_options = {})
       : network(clock, seed), port(network), far(held, port, clock, far_options) {
-    BridgeOptions options;
-    options.name = "bridge:rig";
-    options.session = 0x1234'5678'9ABC'DEF0;
-    options.open_tries = 100;
+    BridgeOptions options{.name = "bridge:rig", .session = 0x1234'5678'9ABC'DEF0, .open_tries = 100};
     options.wait = [this] { pass(); };
     auto owned = std::make_unique<PretendedLink>(network);
     link = owned.get();
@@ -195,8 +188,7 @@ struct BridgeRig {
   Status start() {
     const Status opened = device->open();
     if (!opened) return opened;
-    GovernorOptions options;
-    options.slew_n_per_s = 1e6;
+    GovernorOptions options{.slew_n_per_s = 1e6};
     governor.emplace(ForceGovernor::create(device->limits(), options).value());
     governor->arm(clock.now_s());
     return Done{};

@@ -16,11 +16,10 @@ Datagram any_datagram(Random& random) {
   constexpr DatagramKind kKinds[] = {DatagramKind::kHello,   DatagramKind::kWelcome, DatagramKind::kBusy,
                                      DatagramKind::kCommand, DatagramKind::kState,   DatagramKind::kRelease,
                                      DatagramKind::kReleased};
-  Datagram datagram;
-  datagram.kind = kKinds[random.below(std::size(kKinds))];
-  datagram.session = random.next();
-  datagram.sequence = static_cast<std::uint32_t>(random.next());
-  datagram.answers = static_cast<std::uint32_t>(random.next());
+  Datagram datagram{.kind = kKinds[random.below(std::size(kKinds))],
+                    .session = random.next(),
+                    .sequence = static_cast<std::uint32_t>(random.next()),
+                    .answers = static_cast<std::uint32_t>(random.next())};
   const double x = random.uniform(-5, 5), y = random.uniform(-5, 5), z = random.uniform(-5, 5);
   if (datagram.kind == DatagramKind::kCommand || datagram.kind == DatagramKind::kState)
     datagram.vector = Vec3{x, y, z};
@@ -78,15 +77,13 @@ TEST(Datagrams, RoundTripAndNoDamagePasses) {
 }
 
 TEST(Datagrams, ACommandThatIsNotFiniteIsNone) {
-  Datagram command;
-  command.kind = DatagramKind::kCommand;
+  Datagram command{.kind = DatagramKind::kCommand};
   for (const double bad :
        {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     command.vector = Vec3{0.0, bad, 0.0};
     EXPECT_FALSE(decoded_datagram(DatagramBytes(command).bytes()));
   }
-  Datagram welcome;
-  welcome.kind = DatagramKind::kWelcome;
+  Datagram welcome{.kind = DatagramKind::kWelcome};
   EXPECT_FALSE(decoded_datagram(DatagramBytes(welcome).bytes())) << "limits of nothing";
 }
 
@@ -119,20 +116,14 @@ TEST(Bridge, FeelsTheFarDevice) {
 // the far end's two limits allow, and none comes back.
 TEST(Bridge, NoOldForceComesThroughInAnyWeather) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
-    BridgeServerOptions far_options;
-    far_options.slew_n_per_s = 1e6;
+    BridgeServerOptions far_options{.slew_n_per_s = 1e6};
     BridgeRig rig(seed, far_options);
     ASSERT_TRUE(rig.start().ok());
     rig.frames(kSoftStartFrames, Vec3{1.0, 0, 0});
     Random random(seed);
+    const auto up_to = [&](double most) { return random.uniform(0, most); };
     for (auto* way : {&rig.network.to_far, &rig.network.to_host})
-      way->weather = {random.uniform(0, 0.3),
-                      random.uniform(0, 0.3),
-                      random.uniform(0, 0.2),
-                      0.2e-3,
-                      random.uniform(0, 5e-3),
-                      random.uniform(0, 0.1),
-                      1.0};
+      way->weather = {up_to(0.3), up_to(0.3), up_to(0.2), 0.2e-3, up_to(5e-3), up_to(0.1), 1.0};
     // No ramp times one of these forces is another of them: the numbers have no common measure.
     constexpr double kBaseN = 1.4142135623730951, kStepN = 3.1415926535897932e-4;
     std::vector<double> made_s;
@@ -171,8 +162,6 @@ TEST(Bridge, AProgramThatDiesIsSilenceAndZeroWithinTheWatchdogsTime) {
   // It was only slow after all: nothing of its force is taken up again until it has commanded zero.
   rig.network.host_is_gone = false;
   for (int i = 0; i < 15; ++i) {
-    Datagram loud;
-    loud.kind = DatagramKind::kCommand;
     rig.device->send(rig.governor->govern(rig.clock.now_s(), rig.device->read(), Vec3{1, 0, 0}));
     rig.pass();
     ASSERT_TRUE(rig.held.held_n.isZero(0.0));
@@ -252,8 +241,7 @@ TEST(Bridge, OldCommandsPlayedAgainMoveNothing) {
     ASSERT_TRUE(rig.held.held_n.isZero(0.0));
   }
   // A program that comes later is not disturbed by them either.
-  BridgeOptions options;
-  options.session = 77;
+  BridgeOptions options{.session = 77};
   options.wait = [&] { rig.pass(); };
   for (int i = 0; i < 1100; ++i) rig.pass();  // the old session ends
   BridgeDevice later(std::make_unique<PretendedLink>(rig.network), rig.clock, options);
@@ -284,8 +272,7 @@ TEST(Bridge, SaysWhyItDoesNotOpen) {
 
   BridgeRig taken;
   ASSERT_TRUE(taken.device->open().ok());
-  BridgeOptions other;
-  other.session = 5;
+  BridgeOptions other{.session = 5};
   other.wait = [&] {
     taken.device->send(ForceGovernor::create(taken.device->limits(), {}).value().zero());
     taken.pass();

@@ -400,22 +400,20 @@ std::string problem(const std::string& name, Options options = {}, const std::st
 }
 
 TEST(FalconDriver, MakesADeviceThatIsNotOpen) {
-  const auto made = made_falcon("falcon");
-  ASSERT_TRUE(made);
-  EXPECT_EQ(made->device->name(), "falcon");
-  EXPECT_EQ(made->device->limits().force_max_n, 2.0);
-  EXPECT_EQ(made->device->read().status, ReadStatus::kLost);
-  EXPECT_FALSE(made->device->cut_force());
-  EXPECT_TRUE(made->zero);
-  EXPECT_GE(made->unproven.size(), 4u);
+  const auto made = value_of(made_falcon("falcon"));
+  EXPECT_EQ(made.device->name(), "falcon");
+  EXPECT_EQ(made.device->limits().force_max_n, 2.0);
+  EXPECT_EQ(made.device->read().status, ReadStatus::kLost);
+  EXPECT_FALSE(made.device->cut_force());
+  EXPECT_TRUE(made.zero);
+  EXPECT_GE(made.unproven.size(), 4u);
 }
 
 TEST(FalconDriver, CalibratedItIsStrongerAndDoubtsLess) {
-  const auto made = made_falcon(
-      "falcon:A7", {{"k", "3.6"}, {"calibrated", "yes"}, {"event-character", "off"}, {"firmware", "f.bin"}});
-  ASSERT_TRUE(made) << made.error().message();
-  EXPECT_EQ(made->device->limits().force_max_n, 8.0);
-  EXPECT_EQ(made->unproven.size(), 3u);
+  const auto made = value_of(made_falcon(
+      "falcon:A7", {{"k", "3.6"}, {"calibrated", "yes"}, {"event-character", "off"}, {"firmware", "f.bin"}}));
+  EXPECT_EQ(made.device->limits().force_max_n, 8.0);
+  EXPECT_EQ(made.unproven.size(), 3u);
   EXPECT_EQ(made_falcon("falcon", {{"event-character", "on"}})->unproven.size(), 5u);
 }
 

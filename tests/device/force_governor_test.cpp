@@ -38,8 +38,7 @@ TEST(Governor, RefusesLimitsThatAreNone) {
       EXPECT_FALSE(ForceGovernor::create(arm_limits(), options)) << bad;
     }
   }
-  GovernorOptions options;
-  options.user_limit_n = -1.0;
+  GovernorOptions options{.user_limit_n = -1.0};
   EXPECT_TRUE(refused(ForceGovernor::create(arm_limits(), options), "user's force limit"));
 }
 
@@ -59,8 +58,7 @@ TEST(Governor, ZeroUntilArmed) {
 }
 
 TEST(Governor, SoftStartRisesLinearly) {
-  GovernorOptions options;
-  options.slew_n_per_s = 1e6;
+  GovernorOptions options{.slew_n_per_s = 1e6};
   ForceGovernor g = governor(options);
   g.arm(10.0);
   EXPECT_EQ(g.govern(10.0, at(Vec3::Zero()), {1, 0, 0}).newtons(), Vec3::Zero());
@@ -71,9 +69,7 @@ TEST(Governor, SoftStartRisesLinearly) {
 }
 
 TEST(Governor, ClampKeepsTheDirection) {
-  GovernorOptions options;
-  options.user_limit_n = 2.0;
-  options.slew_n_per_s = 1e6;
+  GovernorOptions options{.user_limit_n = 2.0, .slew_n_per_s = 1e6};
   ForceGovernor g = governor(options);
   const double t = rest(g, Vec3::Zero(), Vec3::Zero());
   const Vec3 out = g.govern(t + kMs, at(Vec3::Zero()), {30, 40, 0}).newtons();
@@ -84,8 +80,7 @@ TEST(Governor, ClampKeepsTheDirection) {
 }
 
 TEST(Governor, SlewLimitsEachStep) {
-  GovernorOptions options;
-  options.slew_n_per_s = 500.0;
+  GovernorOptions options{.slew_n_per_s = 500.0};
   ForceGovernor g = governor(options);
   const double t = rest(g, Vec3::Zero(), Vec3::Zero());
   EXPECT_NEAR(g.govern(t + kMs, at(Vec3::Zero()), {2, 0, 0}).newtons().x(), 0.5, 1e-12);
@@ -117,9 +112,8 @@ TEST_P(EveryFault, IsZeroAtOnceAndLatches) {
   EXPECT_EQ(g.fault(), broken.fault) << fault_name(g.fault());
   EXPECT_FALSE(g.armed());
   EXPECT_EQ(g.counters().faults, 1u);
-  for (int i = 1; i < 100; ++i) {
+  for (int i = 1; i < 100; ++i)
     EXPECT_EQ(g.govern(t + i, at(Vec3::Zero()), wanted).newtons(), Vec3::Zero()) << "no re-arming by itself";
-  }
   g.arm(1000.0);
   EXPECT_EQ(g.fault(), Fault::kNone);
   EXPECT_LT(g.govern(1000.0 + kMs, at({40, 0, 0}), wanted).newtons().norm(), 0.01) << "soft start";
@@ -161,9 +155,8 @@ TEST(Governor, LatenessDoesNotShortenASoftStart) {
   g.arm(0.0);
   (void)g.govern(0.0, at(Vec3::Zero()), {1, 0, 0});
   (void)g.govern(0.010, at(Vec3::Zero()), {1, 0, 0});  // late
-  for (int i = 1; i <= 200; ++i) {
+  for (int i = 1; i <= 200; ++i)
     EXPECT_LE(g.govern(0.010 + i * kMs, at(Vec3::Zero()), {1, 0, 0}).newtons().x(), i / 500.0 + 1e-9);
-  }
 }
 
 TEST(Governor, ShortSilenceIsNoFault) {
@@ -194,9 +187,8 @@ TEST(GovernorProperty, HoldsForAnyInput) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     Random random(seed);
-    GovernorOptions options;
-    options.user_limit_n = random.uniform(0.1, 5.0);
-    options.slew_n_per_s = random.uniform(100.0, 1000.0);
+    GovernorOptions options{.user_limit_n = random.uniform(0.1, 5.0),
+                            .slew_n_per_s = random.uniform(100.0, 1000.0)};
     ForceGovernor g = governor(options);
     const double step_n = options.slew_n_per_s * options.period_s;
     double t_s = random.uniform(0.0, 100.0);

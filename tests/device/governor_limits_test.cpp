@@ -125,8 +125,7 @@ TEST(GovernorEdge, WantsAWorkspaceUnlessItIsSwitchedOff) {
 TEST(GovernorSpeed, WhatPushesAlongFadesAndWhatBrakesStays) {
   // By which share of 1 N along and against a motion of some speed is let through.
   const auto shares = [](double mm_per_s, double sign) {
-    GovernorOptions options;
-    options.edge_share = 0.0;
+    GovernorOptions options{.edge_share = 0.0};
     ForceGovernor g = governor(options);
     double t = rest(g, Vec3::Zero(), Vec3{sign, 0, 0});
     double out = 0.0, x = 0.0;
@@ -146,8 +145,7 @@ TEST(GovernorSpeed, WhatPushesAlongFadesAndWhatBrakesStays) {
 }
 
 TEST(GovernorSpeed, RefusesAFadeThatEndsBeforeItBegins) {
-  GovernorOptions options;
-  options.fade_to_mm_per_s = 900.0;
+  GovernorOptions options{.fade_to_mm_per_s = 900.0};
   EXPECT_FALSE(ForceGovernor::create(arm_limits(), options));
   options.fade_from_mm_per_s = 0.0;
   EXPECT_TRUE(ForceGovernor::create(arm_limits(), options).ok()) << "off";
@@ -156,8 +154,7 @@ TEST(GovernorSpeed, RefusesAFadeThatEndsBeforeItBegins) {
 // ---- rates: the same hand and the same jitter at 1 and at 4 kHz
 
 TEST(GovernorRates, OrdinaryJitterTripsNothingAtFourKilohertz) {
-  GovernorOptions options;
-  options.period_s = kPeriod4kS;
+  GovernorOptions options{.period_s = kPeriod4kS};
   ForceGovernor g = governor(options);
   const Vec3 wanted{1, 0, 0};
   const double t = rest(g, Vec3::Zero(), wanted, kPeriod4kS);
@@ -168,8 +165,7 @@ TEST(GovernorRates, OrdinaryJitterTripsNothingAtFourKilohertz) {
 
 TEST(GovernorRates, AJumpIsASpeedWhateverTheRate) {
   for (const double period_s : {kMs, kPeriod4kS, 0.125e-3}) {
-    GovernorOptions options;
-    options.period_s = period_s;
+    GovernorOptions options{.period_s = period_s};
     for (const double mm_per_s : {4900.0, 5100.0}) {
       ForceGovernor g = governor(options);
       const double t = rest(g, Vec3::Zero(), Vec3::Zero(), period_s);
@@ -182,8 +178,7 @@ TEST(GovernorRates, AJumpIsASpeedWhateverTheRate) {
 TEST(GovernorRates, AStepOfACoarseDeviceIsNoJump) {
   DeviceLimits coarse = arm_limits();
   coarse.resolution_mm = 1.0;
-  GovernorOptions options;
-  options.period_s = kPeriod4kS;
+  GovernorOptions options{.period_s = kPeriod4kS};
   ForceGovernor g = governor(options, coarse);
   double t = rest(g, Vec3::Zero(), Vec3::Zero(), kPeriod4kS);
   t += kPeriod4kS;

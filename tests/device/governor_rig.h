@@ -17,10 +17,7 @@ inline DeviceLimits arm_limits(WorkspaceShape shape = WorkspaceShape::kBox) {
 }
 
 inline DeviceState at(const Vec3& position_mm, ReadStatus status = ReadStatus::kFresh) {
-  DeviceState state;
-  state.status = status;
-  state.position_mm = position_mm;
-  return state;
+  return {.status = status, .position_mm = position_mm};
 }
 
 inline DeviceState unhomed_at(const Vec3& position_mm) {

@@ -22,7 +22,7 @@
 
 namespace palpate::device {
 
-using test::refused;
+using test::refused, test::value_of;
 
 /// Waits until it is so; false after a patience that is no deadline: after it a test fails instead of
 /// hanging.
@@ -45,9 +45,10 @@ template <class Condition>
   return options;
 }
 
-/// Whether a text has this part; a failure shows the text.
-[[nodiscard]] inline testing::AssertionResult says(std::string_view text, std::string_view part) {
-  return test::contains(text, part);
+/// Whether a text has these parts; a failure shows the text.
+template <class... Parts>
+[[nodiscard]] testing::AssertionResult says(std::string_view text, const Parts&... parts) {
+  return test::contains(text, parts...);
 }
 
 /// Whether a Status or Result is none of an Error; a failure shows its message.

@@ -68,12 +68,10 @@ class FakeLink final : public Link {
 inline GovernedForce governed(const Vec3& newtons) {
   DeviceLimits limits{
       100.0, {Vec3::Constant(-100.0), Vec3::Constant(100.0)}, 0.01, 1000.0, 0.0, 0.0, WorkspaceShape::kBox};
-  GovernorOptions options;
-  options.user_limit_n = 100.0;
+  GovernorOptions options{.user_limit_n = 100.0};
   ForceGovernor governor = ForceGovernor::create(limits, options).value();
   governor.arm(0.0);
-  DeviceState state;
-  state.status = ReadStatus::kFresh;
+  DeviceState state{.status = ReadStatus::kFresh};
   for (int i = 0; i < 600; ++i) (void)governor.govern(i * 1e-3, state, newtons);
   return governor.govern(0.6, state, newtons);
 }

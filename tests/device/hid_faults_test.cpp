@@ -139,9 +139,7 @@ class UdpBench final : public LinkBench {
       far_.tick();
       held.tell(held_.held_n != Vec3::Zero());
     });
-    BridgeOptions options;
-    options.name = "bridge:relay";
-    options.session = 0x1234'5678'9ABC'DEF0;
+    BridgeOptions options{.name = "bridge:relay", .session = 0x1234'5678'9ABC'DEF0};
     if (!as_in_a_session_) options.max_age_s = kPatientS;
     device_ = std::make_unique<BridgeDevice>(
         std::make_unique<UdpLink>(UdpAddress::of(relay_->where()).value()), clock_, options);
@@ -209,13 +207,12 @@ TEST(TextArm, HalfACommandDoesNotSpoilTheGuardsZero) {
     return TtyBoard::Bytes{};
   });
   const MonotonicClock clock;
-  const Result<MadeDevice> made = driver_of(&register_arm_driver, "arm:polhem-v3")
-                                      .make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
-  ASSERT_TRUE(made) << made.error().message();
+  const auto made = value_of(driver_of(&register_arm_driver, "arm:polhem-v3")
+                                 .make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock));
   const int line = ::open(board.path().c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
   ASSERT_EQ(::write(line, "[900,0,", 7), 7);
   while (board.received().size() < 7) ::usleep(1000);
-  ASSERT_TRUE(made->zero());
+  ASSERT_TRUE(made.zero());
   ::close(line);
   constexpr int kPatienceMs = 2000;
   const auto is_zero = [&] {

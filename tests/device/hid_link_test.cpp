@@ -149,9 +149,9 @@ TEST(HidArm, IsCalibratedByItsButtonDrivenAndLetGo) {
       EXPECT_EQ(entry.status, DeviceStatus::kReady);
       EXPECT_TRUE(says(entry.what, usb.node()));
     }
-  auto made = driver_of(&register_arm_driver, "arm:polhem-v2").make({"arm:polhem-v2", {}, {}}, clock);
-  ASSERT_TRUE(made);
-  Device& arm = *made->device;
+  auto made =
+      value_of(driver_of(&register_arm_driver, "arm:polhem-v2").make({"arm:polhem-v2", {}, {}}, clock));
+  Device& arm = *made.device;
   ASSERT_TRUE(ok(arm.open()));
   const auto frame = [&](const Vec3& force) {
     const DeviceState state = arm.read();
@@ -164,40 +164,38 @@ TEST(HidArm, IsCalibratedByItsButtonDrivenAndLetGo) {
   board.pressed = false;
   EXPECT_EQ(board.counts[0], 8327);
   EXPECT_EQ(board.counts[1], -10926);
-  EXPECT_TRUE(comes([&] {
+  const auto pushes = [&] {
     frame(Vec3(0, 0, 0.5));
     return board.ma[2] != 0;
-  }));
+  };
+  EXPECT_TRUE(comes(pushes));
   EXPECT_TRUE(arm.cut_force());
   EXPECT_TRUE(comes([&] { return board.ma[0] == 0 && board.ma[1] == 0 && board.ma[2] == 0; }));
-  EXPECT_TRUE(comes([&] {
-    frame(Vec3(0, 0, 0.5));
-    return board.ma[2] != 0;
-  }));
+  EXPECT_TRUE(comes(pushes));
   arm.close();
   EXPECT_EQ(board.ma[2], 0) << "closing writes zero before it ends";
   board.ma[2] = 500;  // what a program left that was killed
-  EXPECT_TRUE(made->zero());
+  EXPECT_TRUE(made.zero());
   EXPECT_EQ(board.ma[2], 0) << "the guard's way";
 }
 
 TEST(HidSpaceMouse, MovesOverTheRealLibrary) {
   HidrawDouble usb(kCompact);
   const MonotonicClock clock;
-  auto made = driver_of(&register_spacemouse_driver, "spacemouse").make({"spacemouse", {}, {}}, clock);
-  ASSERT_TRUE(made) << made.error().message();
-  EXPECT_FALSE(made->zero) << "it has no motors";
-  ASSERT_TRUE(made->device->open());
+  auto made =
+      value_of(driver_of(&register_spacemouse_driver, "spacemouse").make({"spacemouse", {}, {}}, clock));
+  EXPECT_FALSE(made.zero) << "it has no motors";
+  ASSERT_TRUE(made.device->open());
   EXPECT_TRUE(comes([&] { return !usb.written().empty(); }));
   EXPECT_EQ(usb.written().front(), (Bytes{4, 1})) << "numbered: no 0 before";
   EXPECT_TRUE(comes([&] {
     usb.report({1, 0x5E, 0x01, 0, 0, 0, 0});
-    return made->device->read().position_mm.x() > 1.0;
+    return made.device->read().position_mm.x() > 1.0;
   }));
   usb.report({3, 1, 0});
-  EXPECT_TRUE(comes([&] { return made->device->read().buttons == 1; }));
+  EXPECT_TRUE(comes([&] { return made.device->read().buttons == 1; }));
   usb.unplug();
-  EXPECT_TRUE(comes([&] { return made->device->read().status == ReadStatus::kLost; }));
+  EXPECT_TRUE(comes([&] { return made.device->read().status == ReadStatus::kLost; }));
 }
 
 /// Over an open link to a board that gives back what it is sent.

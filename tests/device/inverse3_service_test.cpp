@@ -271,12 +271,11 @@ TEST(Inverse3Service, TheGuardsHandleOfItsOwnLetsGo) {
   rig.arm();
   EXPECT_TRUE(rig.felt_until(Vec3{0.5, 0, 0}, [&] { return rig.service->held_n().x() > 0.4; }));
   const auto made =
-      driver_of(&register_inverse3_driver, "inverse3")
-          .make({"inverse3", {}, {{"service", "127.0.0.1:" + std::to_string(rig.service->port())}}},
-                rig.clock);
-  ASSERT_TRUE(made);
+      value_of(driver_of(&register_inverse3_driver, "inverse3")
+                   .make({"inverse3", {}, {{"service", "127.0.0.1:" + std::to_string(rig.service->port())}}},
+                         rig.clock));
   // It gives up after 0.3 s, which is short on a busy machine.
-  EXPECT_TRUE(comes([&] { return made->zero(); }));
+  EXPECT_TRUE(comes([&] { return made.zero(); }));
 }
 
 }  // namespace

@@ -198,17 +198,14 @@ TEST(Inverse3, AServiceThatLiesNeverGetsForceThrough) {
 TEST(Inverse3Driver, ReadsItsOptionsAndRefusesOthers) {
   const Driver driver = driver_of(&register_inverse3_driver, "inverse3:049D");
   const MonotonicClock clock;
-  const auto made = driver.make({"inverse3:049D",
-                                 {},
-                                 {{"service", "localhost:10001"},
-                                  {"force-gate", "1"},
-                                  {"torque-scaling", "off"},
-                                  {"centre-mm", "0/-100/200"},
-                                  {"force-max-n", "3"}}},
-                                clock);
-  ASSERT_TRUE(made) << made.error().message();
-  EXPECT_EQ(made->device->limits().force_max_n, 3.0);
-  EXPECT_FALSE(made->unproven.empty());
+  const std::vector<std::pair<std::string, std::string>> options = {{"service", "localhost:10001"},
+                                                                    {"force-gate", "1"},
+                                                                    {"torque-scaling", "off"},
+                                                                    {"centre-mm", "0/-100/200"},
+                                                                    {"force-max-n", "3"}};
+  const auto made = value_of(driver.make({"inverse3:049D", {}, options}, clock));
+  EXPECT_EQ(made.device->limits().force_max_n, 3.0);
+  EXPECT_FALSE(made.unproven.empty());
   const std::pair<const char*, const char*> bad[] = {{"force-gate", "2"},   {"torque-scaling", "maybe"},
                                                      {"centre-mm", "1/2"},  {"service", "nowhere"},
                                                      {"force-max-n", "99"}, {"colour", "red"}};

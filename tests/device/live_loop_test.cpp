@@ -15,10 +15,7 @@ namespace palpate::device {
 namespace {
 
 SwitchOptions usual() {
-  SwitchOptions options;
-  options.device_force_max_n = 3.3;
-  options.force_limit_n = 2.3;
-  return options;
+  return {.device_force_max_n = 3.3, .force_limit_n = 2.3};
 }
 
 TEST(SwitchRules, RaisedCosineIsThatOfTheLibrary) {
@@ -150,12 +147,7 @@ TEST(RequestSlot, ManyThreadsPostAndOneTakes) {
 }
 
 DeviceLimits limits_of(const Vec3& half, WorkspaceShape shape) {
-  DeviceLimits limits;
-  limits.force_max_n = 3.3;
-  limits.workspace_mm = {-half, half};
-  limits.rate_hz = 1000.0;
-  limits.workspace_shape = shape;
-  return limits;
+  return {3.3, {-half, half}, 0.0, 1000.0, 0.0, 0.0, shape};
 }
 
 TEST(Workspace, FitsTheBoxIntoTheShape) {
@@ -199,8 +191,7 @@ TEST(Workspace, AFactorIsFeltAsStiffness) {
     path.hip_mm.push_back(Vec3(0.0, 0.0, 0.5 - 1e-3 * i));
   }
   SimulatedDevice device(path, clock, limits_of(Vec3(50.0, 50.0, 50.0), WorkspaceShape::kBox), 2000);
-  GovernorOptions options;
-  options.soft_start_s = 1e-9;
+  GovernorOptions options{.soft_start_s = 1e-9};
   Servo servo(wall, options, device, clock, DeviceMap(geometry::RigidTransform{}, 3.0));
   ASSERT_TRUE(servo.start());
   Tick tick;
@@ -268,14 +259,8 @@ struct Felt {
 Felt switched_with(double fade_s) {
   constexpr double kPeriodS = 1e-3, kPressN = 1.14, kSettleS = 3.0, kHandNPerMm = 0.25;
   const double depth_mm = kPressN / 0.8;
-  ArmOptions arm;
-  arm.mass_kg = 0.15;
-  arm.damping_n_s_per_mm = 0.0;
-  arm.force_max_n = 100.0;
-  arm.delay_s = kPeriodS;
-  Hand hand;
-  hand.damping_n_s_per_mm = 0.006;
-  hand.stiffness_n_per_mm = kHandNPerMm;
+  ArmOptions arm{.mass_kg = 0.15, .damping_n_s_per_mm = 0.0, .force_max_n = 100.0, .delay_s = kPeriodS};
+  Hand hand{.damping_n_s_per_mm = 0.006, .stiffness_n_per_mm = kHandNPerMm};
   const Vec3 goal(0.0, 0.0, -depth_mm - kPressN / kHandNPerMm);
   const HandScript script =
       HandScript::create("press", {0.0, 0.5}, {Vec3(0.0, 0.0, 2.0), goal}, HandScript::Between::kMinimumJerk)
@@ -288,10 +273,7 @@ Felt switched_with(double fade_s) {
   if (fade_s > 0.0) options.fade_s = fade_s;
   TwoPlanes rig(options, 1.2, 0.5);
   rig.a->stiffness_n_per_mm = 0.8;
-  GovernorOptions governed;
-  governed.user_limit_n = 100.0;
-  governed.slew_n_per_s = 1e9;
-  governed.soft_start_s = 1e-9;
+  GovernorOptions governed{.user_limit_n = 100.0, .slew_n_per_s = 1e9, .soft_start_s = 1e-9};
   EXPECT_TRUE(device.open());
   Servo servo(rig.mixer, governed, device, clock, geometry::RigidTransform{});
   EXPECT_TRUE(servo.start(Vec3(0.0, 0.0, 2.0)));

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <thread>
+#include <utility>
 
 #include "device/live/hand_controls.h"
 #include "tests/device/live_rig.h"
@@ -17,9 +19,7 @@ namespace {
 /// Came from above, and has been at rest a millimetre deep for long.
 struct Touching : TwoPlanes {
   explicit Touching(SwitchRule rule = SwitchRule::kContactElseWait) : TwoPlanes(bench_options(rule)) {
-    begin(1.0);
-    rest(1.0, 5);
-    rest(-1.0, 200);
+    come(-1.0, 200, 5);
   }
 };
 
@@ -40,8 +40,7 @@ TEST(Mixer, InFreeSpaceItSwapsAtOnce) {
   TwoPlanes rig(bench_options());
   rig.begin(5.0);
   rig.rest(5.0, 160);
-  rig.ask(1);
-  rig.step(5.0);
+  rig.ask_at(5.0, 1);
   EXPECT_EQ(rig.mixer.last().decision, MixDecision::kSwapped);
   EXPECT_EQ(rig.felt(), 1);
   EXPECT_DOUBLE_EQ(rig.rest(-1.0, 1).force_n.z(), 0.8);
@@ -49,8 +48,7 @@ TEST(Mixer, InFreeSpaceItSwapsAtOnce) {
 
 TEST(Mixer, InContactItFadesAndTheForceNeverSteps) {
   Touching rig;
-  rig.ask(1);
-  double last = rig.step(-1.0).force_n.z();
+  double last = rig.ask_at(-1.0, 1).force_n.z();
   EXPECT_EQ(rig.mixer.last().decision, MixDecision::kFadeBegun);
   EXPECT_DOUBLE_EQ(last, 0.5) << "the first frame of a fade is all of the old one";
   const double most = 0.3 * std::numbers::pi / (2.0 * 0.15) * 1e-3;
@@ -65,6 +63,12 @@ TEST(Mixer, InContactItFadesAndTheForceNeverSteps) {
   EXPECT_NEAR(frames, 150, 1);
   EXPECT_DOUBLE_EQ(last, 0.8);
   EXPECT_EQ(rig.felt(), 1);
+}
+
+/// What it decided in its last frame, and why.
+using Decided = std::pair<MixDecision, SwitchReason>;
+Decided decided(const TwoPlanes& rig) {
+  return {rig.mixer.last().decision, rig.mixer.last().reason};
 }
 
 TEST(Mixer, RefusesWithAReason) {
@@ -84,9 +88,8 @@ TEST(Mixer, RefusesWithAReason) {
     for (int i = 0; i < 200; ++i) rig.step(c.z_mm, c.mm_per_frame * i);
     rig.ask(1);
     rig.step(c.z_mm, c.mm_per_frame * 200);
-    EXPECT_EQ(rig.mixer.last().reason, c.reason);
     const bool fades = c.reason == SwitchReason::kNone;
-    EXPECT_EQ(rig.mixer.last().decision, fades ? MixDecision::kFadeBegun : MixDecision::kRefused);
+    EXPECT_EQ(decided(rig), Decided(fades ? MixDecision::kFadeBegun : MixDecision::kRefused, c.reason));
     EXPECT_EQ(rig.mixer.last().state, fades ? MixState::kFading : MixState::kSteady);
   }
 }
@@ -95,10 +98,8 @@ TEST(Mixer, WaitsByChoiceAsksToLiftOffAndSwapsWhenTheHandHasLeft) {
   TwoPlanes rig(bench_options(), 1.2);
   rig.begin(1.0);
   rig.rest(-2.0, 200);
-  rig.ask(1);
-  rig.step(-2.0);
-  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kWaits);
-  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kForcesDiffer);
+  rig.ask_at(-2.0, 1);
+  EXPECT_EQ(decided(rig), Decided(MixDecision::kWaits, SwitchReason::kForcesDiffer));
   rig.rest(-2.0, 4900);
   EXPECT_FALSE(rig.mixer.last().lift_off);
   rig.rest(-2.0, 200);
@@ -124,10 +125,8 @@ TEST(Mixer, StudiesWaitForFreeSpaceAlone) {
 
 TEST(Mixer, OneRequestIsQueuedDuringAFade) {
   Touching rig;
-  rig.ask(1);
-  rig.step(-1.0);
-  rig.ask(0);
-  rig.step(-1.0);
+  rig.ask_at(-1.0, 1);
+  rig.ask_at(-1.0, 0);
   EXPECT_EQ(rig.mixer.last().decision, MixDecision::kQueued);
   rig.step(-1.0);
   EXPECT_EQ(rig.mixer.last().decision, MixDecision::kNone) << "said once";
@@ -141,11 +140,9 @@ TEST(Mixer, OneRequestIsQueuedDuringAFade) {
 TEST(Mixer, WhatCannotBeAskedForIsRefused) {
   TwoPlanes rig(bench_options());
   rig.begin(1.0);
-  rig.ask(5);
-  rig.step(1.0);
+  rig.ask_at(1.0, 5);
   EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kNoSuchRenderer);
-  rig.ask(0);
-  rig.step(1.0);
+  rig.ask_at(1.0, 0);
   EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kAlreadyFelt);
   rig.rest(-2.0, 50);
   rig.b->stiffness_n_per_mm = 3.0;
@@ -164,8 +161,7 @@ TEST(Mixer, AStandbyThatAnswersNoNumberIsNeverFadedTo) {
   EXPECT_DOUBLE_EQ(rig.step(-1.0).force_n.z(), 0.5) << "nobody feels it";
   EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kNonFinite);
   rig.b->broken = false;
-  rig.ask(1);
-  rig.step(-1.0);
+  rig.ask_at(-1.0, 1);
   EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kDisqualified);
   rig.mixer.request({SwitchRequest::Kind::kNext, SwitchSource::kKey, 0});
   rig.step(-1.0);
@@ -183,8 +179,7 @@ TEST(Mixer, AFaultInAFadeEndsInZeroAndGoesOnWithWhoIsHealthy) {
     ASSERT_EQ(rig.mixer.last().state, MixState::kFading);
     (old_one ? rig.a : rig.b)->broken = true;
     EXPECT_FALSE(is_finite(rig.step(-1.0).force_n)) << "the governor must see it";
-    EXPECT_EQ(rig.mixer.last().decision, MixDecision::kAborted);
-    EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kFault);
+    EXPECT_EQ(decided(rig), Decided(MixDecision::kAborted, SwitchReason::kFault));
     EXPECT_EQ(rig.rest(-1.0, 5).force_n, Vec3::Zero()) << "not to one, not to the other";
     rig.mixer.release_contact(Vec3(0.0, 0.0, 1.0));
     const render::Frame after = rig.rest(-1.0, 5);
@@ -222,18 +217,17 @@ TEST(Mixer, AStandbyThatIsTooSlowIsDisqualifiedAndOneLateFrameIsNot) {
   rig.begin(5.0);
   rig.b->clock = &rig.clock;
   rig.rest(5.0, 10);
-  rig.b->takes_s = 2e-3;
-  rig.t_s = rig.clock.now_s();
-  rig.step(5.0);
+  const auto late_frame = [&] {
+    rig.b->takes_s = 2e-3;
+    rig.t_s = rig.clock.now_s();
+    rig.step(5.0);
+  };
+  late_frame();
   rig.b->takes_s = 0.0;
   rig.t_s = rig.clock.now_s();
   rig.rest(5.0, 100);
   EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kNo) << "the operating system's";
-  for (int i = 0; i < 3; ++i) {
-    rig.b->takes_s = 2e-3;
-    rig.t_s = rig.clock.now_s();
-    rig.step(5.0);
-  }
+  for (int i = 0; i < 3; ++i) late_frame();
   EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kTooSlow);
   const int steps = rig.b->steps;
   rig.t_s = rig.clock.now_s();
@@ -263,8 +257,7 @@ TEST(Mixer, TooSlowTogetherTheStandbyGoesAtHalfRateAndIsPlacedInFreeSpace) {
   steps(-1.0, 50);
   rig.ask(1);
   steps(-1.0, 1);
-  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kWaits);
-  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kHalfRate);
+  EXPECT_EQ(decided(rig), Decided(MixDecision::kWaits, SwitchReason::kHalfRate));
   const int placed = rig.b->lettings_go;
   steps(4.0, 200);
   EXPECT_EQ(rig.felt(), 1);
@@ -278,9 +271,7 @@ TEST(Mixer, AChangeOfParametersIsASwitch) {
   int destroyed = 0;
   TwoPlanes rig(bench_options());
   rig.a->destroyed = &destroyed;
-  rig.begin(1.0);
-  rig.rest(1.0, 3);
-  rig.rest(-1.0, 200);
+  rig.come(-1.0, 200);
   std::unique_ptr<render::HapticRenderer> stiffer = std::make_unique<HighPlane>(0.9, 0.0);
   stiffer->restart(Vec3(0.0, 0.0, 1.0), 0.0);
   ASSERT_TRUE(rig.mixer.offer(stiffer, 0));
@@ -302,9 +293,7 @@ TEST(Mixer, AChangeOfParametersIsASwitch) {
 
 TEST(Mixer, AnArrivalForALaneThatIsNotFeltReplacesItAtOnce) {
   TwoPlanes rig(bench_options());
-  rig.begin(1.0);
-  rig.rest(1.0, 3);
-  rig.rest(-1.0, 20);
+  rig.come(-1.0, 20);
   std::unique_ptr<render::HapticRenderer> other = std::make_unique<HighPlane>(0.7, 0.0);
   ASSERT_TRUE(rig.mixer.offer(other, 1));
   bool replaced = false;
@@ -321,9 +310,7 @@ TEST(Mixer, AnArrivalForALaneThatIsNotFeltReplacesItAtOnce) {
 
 TEST(Mixer, AnArrivalThatMayNotTakeOverGoesBack) {
   TwoPlanes rig(bench_options(SwitchRule::kContactElseRefuse));
-  rig.begin(1.0);
-  rig.rest(1.0, 3);
-  rig.rest(-2.0, 100);
+  rig.come(-2.0, 100);
   std::unique_ptr<render::HapticRenderer> hard = std::make_unique<HighPlane>(1.5, 0.0);
   const render::HapticRenderer* const arrived = hard.get();
   ASSERT_TRUE(rig.mixer.offer(hard, 0));
@@ -340,9 +327,7 @@ TEST(Mixer, AnArrivalThatMayNotTakeOverGoesBack) {
 TEST(Mixer, ArrivalsFromAnotherThreadWhileItRuns) {
   int made = 0, back = 0, destroyed = 0;  // outlive the mixer, which destroys what is left
   TwoPlanes rig(bench_options());
-  rig.begin(1.0);
-  rig.rest(1.0, 3);
-  rig.rest(-0.5, 200);  // at rest in contact: else the first would wait for free space, which never comes
+  rig.come(-0.5, 200);  // at rest in contact: else the first would wait for free space, which never comes
   std::atomic<bool> done{false};
   std::thread worker([&] {
     while (made < 20) {
@@ -442,7 +427,7 @@ TEST(SwitchButton, APressIsDecidedLaterAndAHeldOneGoesBack) {
   TwoPlanes rig(bench_options());
   SwitchButton button(rig.mixer);
   rig.begin(5.0);
-  std::uint8_t at[4] = {9, 9, 9, 9};
+  std::map<int, std::uint8_t> at;  // by the frame
   for (int i = 1; i <= 3000; ++i) {
     rig.step(5.0);
     Tick tick;
@@ -450,15 +435,12 @@ TEST(SwitchButton, APressIsDecidedLaterAndAHeldOneGoesBack) {
     // A short press at 0.5 s, a long one from 1.5 to 2.3 s.
     tick.state.buttons = (i >= 500 && i < 600) || (i >= 1500 && i < 2300) ? 1u : 0u;
     button.took(tick);
-    if (i == 690) at[0] = rig.felt();
-    if (i == 710) at[1] = rig.felt();
-    if (i == 2200) at[2] = rig.felt();
-    if (i == 2510) at[3] = rig.felt();
+    at[i] = rig.felt();
   }
-  EXPECT_EQ(at[0], 0) << "a press moves the hand";
-  EXPECT_EQ(at[1], 1);
-  EXPECT_EQ(at[2], 0) << "while it is held";
-  EXPECT_EQ(at[3], 1) << "what was felt before";
+  EXPECT_EQ(at[690], 0) << "a press moves the hand";
+  EXPECT_EQ(at[710], 1);
+  EXPECT_EQ(at[2200], 0) << "while it is held";
+  EXPECT_EQ(at[2510], 1) << "what was felt before";
 }
 
 }  // namespace

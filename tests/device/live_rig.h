@@ -80,6 +80,17 @@ struct TwoPlanes {
     for (int i = 0; i < frames; ++i) frame = step(z_mm);
     return frame;
   }
+  /// Begins a millimetre above, and is at a height for so many frames.
+  void come(double z_mm, int frames, int above = 3) {
+    begin(1.0);
+    rest(1.0, above);
+    rest(z_mm, frames);
+  }
+  /// Asks for a lane, and steps once.
+  render::Frame ask_at(double z_mm, std::uint8_t lane) {
+    ask(lane);
+    return step(z_mm);
+  }
   void ask(std::uint8_t lane) { mixer.request({SwitchRequest::Kind::kSelect, SwitchSource::kProgram, lane}); }
   [[nodiscard]] std::uint8_t felt() const { return mixer.last().tracked[mixer.last().felt].lane; }
 
@@ -91,11 +102,7 @@ struct TwoPlanes {
 };
 
 inline SwitchOptions bench_options(SwitchRule rule = SwitchRule::kContactElseWait) {
-  SwitchOptions options;
-  options.rule = rule;
-  options.device_force_max_n = 3.3;
-  options.force_limit_n = 3.3;
-  return options;
+  return {.rule = rule, .device_force_max_n = 3.3, .force_limit_n = 3.3};
 }
 
 }  // namespace palpate::device

@@ -47,12 +47,7 @@ void expect_limit(const ArmOptions& arm, const Hand& hand, double limit, double 
 }
 
 ArmOptions linear_arm(double mass_kg, double damping, double period_s) {
-  ArmOptions arm;
-  arm.mass_kg = mass_kg;
-  arm.damping_n_s_per_mm = damping;
-  arm.period_s = period_s;
-  arm.force_max_n = 1e6;
-  return arm;
+  return {.mass_kg = mass_kg, .damping_n_s_per_mm = damping, .force_max_n = 1e6, .period_s = period_s};
 }
 
 /// The limit of a mass and a damper under a sampled spring, by hand: the period's map has trace 1 + e + a K
@@ -89,10 +84,7 @@ TEST(LoopTheory, TheSimulationLosesItsStabilityWhereTheEigenvaluesSay) {
     double mass, damping, period, delay, lag, wall;
     Hand hand;
   };
-  Hand grip;
-  grip.mass_kg = 0.15;
-  grip.damping_n_s_per_mm = 0.0045;
-  grip.stiffness_n_per_mm = 0.4;
+  Hand grip{.mass_kg = 0.15, .damping_n_s_per_mm = 0.0045, .stiffness_n_per_mm = 0.4};
   for (const Case& c : {Case{0.045, 0.0003, 0.001, 0.0, 0.0, 0.0, {}},
                         {0.045, 0.0003, 0.001, 0.001, 0.0, 0.0, {}},
                         {0.045, 0.0003, 0.001, 0.0024, 0.0, 0.0, {}},
@@ -130,8 +122,7 @@ TEST(LoopTheory, AHeavyFreeMassIsTheWorstHandOfASpringAndReachesColgatesBound) {
   const double theory = passive_stiffness_n_per_mm(b, 0.0, 0.0, 0.0, t);
   EXPECT_NEAR(worst, theory, kWithin * theory);
   EXPECT_EQ(worst_plant.stiffness_n_per_mm, 0.0);
-  Hand hand;
-  hand.mass_kg = worst_plant.mass_kg - 0.045;
+  Hand hand{.mass_kg = worst_plant.mass_kg - 0.045};
   expect_limit(linear_arm(0.045, b, t), hand, theory, kWithin);
 }
 
@@ -159,8 +150,7 @@ double shaken_mj(const ArmOptions& arm, SpringPlane& spring, double top_mm, doub
   const HandScript script =
       HandScript::create("shake", std::move(t_s), std::move(goal_mm), HandScript::Between::kStraight).value();
   VirtualClock clock;
-  Hand guide;
-  guide.guides = true;
+  Hand guide{.guides = true};
   SimulatedArm device(arm, guide, script, clock);
   const LoopRun run =
       run_loop(spring, device, clock, bare_loop(arm.period_s, (2 * cycles + 0.5) * arm.period_s)).value();
@@ -393,9 +383,7 @@ LoopRun run_admittance(const AdmittanceOptions& options, const Hand& hand, const
 }
 
 TEST(Admittance, MovesAsItsVirtualMassUnderAForce) {
-  AdmittanceOptions options;
-  options.bandwidth_hz = 0.0;
-  options.damping_n_s_per_mm = 0.0;
+  AdmittanceOptions options{.damping_n_s_per_mm = 0.0, .bandwidth_hz = 0.0};
   Hand hand;
   hand.push_n = Vec3(0, 0, -4.0);  // 4 N on 2 kg: 2 m/s^2
   const LoopRun done = run_admittance(options, hand, resting_at(Vec3(0, 0, 500)), 1.0, 0.5);
@@ -404,10 +392,7 @@ TEST(Admittance, MovesAsItsVirtualMassUnderAForce) {
 }
 
 TEST(Admittance, ItsLimitIsThatOfItsSums) {
-  AdmittanceOptions options;
-  options.bandwidth_hz = 0.0;
-  options.force_max_n = 1e9;
-  options.speed_max_mm_s = 1e9;
+  AdmittanceOptions options{.bandwidth_hz = 0.0, .force_max_n = 1e9, .speed_max_mm_s = 1e9};
   const double mass = options.mass_kg * kNS2PerMmPerKg, t = options.period_s;
   // z^2 - (2 - B T/M - K T^2/M) z + 1 - B T/M leaves the circle through -1.
   const double limit = (4.0 * mass - 2.0 * options.damping_n_s_per_mm * t) / (t * t);
@@ -436,8 +421,7 @@ TEST(Admittance, RendersAStifferWallThanAnyImpedanceDeviceUnderTheSameHand) {
 TEST(Admittance, RefusesWhatIsNotRight) {
   VirtualClock clock;
   const HandScript script = resting_at(Vec3::Zero());
-  AdmittanceOptions options;
-  options.mass_kg = 0.0;
+  AdmittanceOptions options{.mass_kg = 0.0};
   SimulatedAdmittance device(options, {}, script, clock);
   EXPECT_FALSE(device.open());
 }

@@ -19,9 +19,8 @@ namespace palpate::device {
 namespace {
 
 Packet any_packet(Random& random) {
-  Packet packet;
-  packet.kind = random.below(2) == 0 ? PacketKind::kState : PacketKind::kCommand;
-  packet.sequence = static_cast<std::uint16_t>(random.below(65536));
+  Packet packet{.kind = random.below(2) == 0 ? PacketKind::kState : PacketKind::kCommand,
+                .sequence = static_cast<std::uint16_t>(random.below(65536))};
   for (std::int16_t& count : packet.counts)
     count = static_cast<std::int16_t>(static_cast<int>(random.below(65536)) - 32768);
   packet.flags = static_cast<std::uint8_t>(random.below(32));
@@ -29,8 +28,7 @@ Packet any_packet(Random& random) {
 }
 
 TEST(Packets, AKnownOneHasTheseBytes) {
-  Packet packet;
-  packet.sequence = 0x1234;
+  Packet packet{.sequence = 0x1234};
   packet.counts = {1, -2, 300};
   packet.flags = Packet::kHomed | 5;
   const PacketBytes bytes = encoded(packet);
@@ -95,9 +93,7 @@ struct LinkRig {
       : link(board, script, clock, options, std::move(faults)), device(link, clock) {}
   VirtualClock clock;
   SimulatedBoard board;
-  HandScript script =
-      HandScript::create("ramp", {0.0, 1.0}, {Vec3::Zero(), Vec3{10, -20, 5}}, HandScript::Between::kStraight)
-          .value();
+  HandScript script = straight(Vec3::Zero(), Vec3{10, -20, 5});
   SimulatedLink link;
   PacketDevice device;
 };
@@ -147,10 +143,7 @@ TEST(PacketDevice, AForceBeyondItsCountsKeepsItsDirectionAndNeverWraps) {
 TEST(PacketDevice, OpeningAndEveryEndLetsTheMotorsGo) {
   LinkRig rig;
   const auto left_over = [&] {
-    Packet old;
-    old.kind = PacketKind::kCommand;
-    old.counts = {100, 0, 0};
-    rig.board.command(encoded(old), 0);
+    rig.board.command(encoded(Packet{.kind = PacketKind::kCommand, .counts = {100, 0, 0}}), 0);
   };
   left_over();
   ASSERT_TRUE(rig.device.open());
@@ -194,9 +187,7 @@ TEST(SimulatedLink, RefusesWhatIsNotRight) {
 // ---- The physics of the simulated devices against closed forms.
 
 ArmOptions bare_arm() {
-  ArmOptions arm;
-  arm.force_max_n = 1e6;
-  return arm;
+  return {.force_max_n = 1e6};
 }
 
 TEST(Motion, FreeDecayOfAVelocity) {
@@ -236,37 +227,42 @@ TEST(Motion, AGoalThatMovesPullsAlongAndTheMotorLags) {
   EXPECT_NEAR(motor.x_mm.y(), 3 / (m * 1e-3) * (0.5 * t * t - lag * t + lag * lag * (1 - e)), 1e-12);
 }
 
-/// Runs an arm alone, without a servo, to `until_s`; a read every millisecond.
-void run_alone(SimulatedArm& arm, VirtualClock& clock, double until_s) {
-  while (clock.now_s() < until_s - 1e-9) {
-    clock.advance(1e-3);
-    (void)arm.read();
+/// An arm alone, without a servo, open.
+struct LoneArm {
+  LoneArm(const ArmOptions& options, const Hand& hand, HandScript moved_by)
+      : script(std::move(moved_by)), arm(options, hand, script, clock) {
+    EXPECT_TRUE(arm.open());
   }
-}
+  /// To `until_s`; a read every millisecond.
+  void run(double until_s) {
+    while (clock.now_s() < until_s - 1e-9) {
+      clock.advance(1e-3);
+      (void)arm.read();
+    }
+  }
+  VirtualClock clock;
+  HandScript script;
+  SimulatedArm arm;
+};
 
 TEST(SimulatedArm, FrictionStopsItWhereItsEnergyIsSpent) {
-  VirtualClock clock;
   ArmOptions options = bare_arm();
   options.damping_n_s_per_mm = 0.0;
   options.friction_n = 0.1;
   // A hand that moves at 100 mm/s and lets go: the device flies on with that speed, m v^2 / 2f = 2.25 mm.
-  Hand guide;
-  guide.guides = true;
-  HandScript script = HandScript::create("throw", {0.0, 1.0}, {Vec3(0, 0, 0), Vec3(60, 80, 0)},
-                                         HandScript::Between::kStraight)
-                          .value();
+  HandScript script = straight(Vec3::Zero(), Vec3(60, 80, 0));
   script.release_s = 0.1;
-  SimulatedArm arm(options, guide, script, clock);
-  ASSERT_TRUE(arm.open());
-  run_alone(arm, clock, 0.1);
+  LoneArm alone(options, {.guides = true}, script);
+  const SimulatedArm& arm = alone.arm;
+  alone.run(0.1);
   EXPECT_NEAR(arm.velocity_mm_s().norm(), 100.0, 1e-9);
   const Vec3 from = arm.hip_mm();
-  run_alone(arm, clock, 0.3);
+  alone.run(0.3);
   const double stop_mm = 0.045 * 1e-3 * 100 * 100 / (2 * 0.1);
   EXPECT_NEAR((arm.hip_mm() - from).norm(), stop_mm, 1e-9);
   EXPECT_EQ(arm.velocity_mm_s(), Vec3::Zero());
   const Vec3 rest = arm.hip_mm();
-  run_alone(arm, clock, 0.5);
+  alone.run(0.5);
   EXPECT_EQ(arm.hip_mm(), rest) << "nothing creeps";
   // Energy: all of what the hand gave went into friction.
   EXPECT_NEAR(arm.energy().hand(), arm.energy().friction, 1e-12);
@@ -275,55 +271,40 @@ TEST(SimulatedArm, FrictionStopsItWhereItsEnergyIsSpent) {
 
 TEST(SimulatedArm, APushBelowFrictionMovesNothingAndAboveItAccelerates) {
   for (const double push : {0.0999, 0.1001}) {
-    VirtualClock clock;
     ArmOptions options = bare_arm();
     options.damping_n_s_per_mm = 0.0;
     options.friction_n = 0.1;
-    Hand hand;
-    hand.push_n = Vec3(0, 0, -push);
-    const HandScript script = resting_at(Vec3(0, 0, 1));
-    SimulatedArm arm(options, hand, script, clock);
-    ASSERT_TRUE(arm.open());
-    run_alone(arm, clock, 0.5);
+    LoneArm alone(options, {.push_n = Vec3(0, 0, -push)}, resting_at(Vec3(0, 0, 1)));
+    alone.run(0.5);
     const double way = push > 0.1 ? 0.5 * (push - 0.1) / (0.045 * 1e-3) * 0.25 : 0.0;
-    EXPECT_NEAR(arm.hip_mm().z(), 1.0 - way, 1e-9) << push;
+    EXPECT_NEAR(alone.arm.hip_mm().z(), 1.0 - way, 1e-9) << push;
   }
 }
 
 TEST(SimulatedArm, EnergyIsAccountedForWhereAHandSwings) {
-  VirtualClock clock;
   ArmOptions options = bare_arm();
   options.friction_n = 0.02;
   Hand hand = hand_models()[1];
   hand.damping_n_s_per_mm = 0.0;  // what it holds is then known by its spring alone
-  const HandScript script =
-      HandScript::create("step", {0.0, 0.01}, {Vec3::Zero(), Vec3(3, 0, 0)}, HandScript::Between::kStraight)
-          .value();
-  SimulatedArm arm(options, hand, script, clock);
-  ASSERT_TRUE(arm.open());
-  run_alone(arm, clock, 0.01);
+  LoneArm alone(options, hand, straight(Vec3::Zero(), Vec3(3, 0, 0), 0.01));
+  const SimulatedArm& arm = alone.arm;
+  alone.run(0.01);
   const auto stored = [&] {
     return 0.5 * hand.stiffness_n_per_mm * (Vec3(3, 0, 0) - arm.hip_mm()).squaredNorm() +
            0.5 * (hand.mass_kg + options.mass_kg) * 1e-3 * arm.velocity_mm_s().squaredNorm();
   };
   const double before = stored() + arm.energy().friction + arm.energy().damping;
-  run_alone(arm, clock, 2.0);
+  alone.run(2.0);
   EXPECT_NEAR(stored() + arm.energy().friction + arm.energy().damping, before, 1e-6 * before);
   EXPECT_GT(arm.energy().friction, 0.1 * before);
   EXPECT_GT(arm.energy().damping, 0.01 * before);
 }
 
 TEST(SimulatedArm, MeasuresInStepsOfItsEncoder) {
-  VirtualClock clock;
   ArmOptions options = bare_arm();
   options.encoder_mm = 0.055;
-  Hand guide;
-  guide.guides = true;
-  const HandScript script = HandScript::create("ramp", {0.0, 1.0}, {Vec3(0, 0, 0), Vec3(1.1, -2.2, 0.02)},
-                                               HandScript::Between::kStraight)
-                                .value();
-  SimulatedArm arm(options, guide, script, clock);
-  ASSERT_TRUE(arm.open());
+  LoneArm alone(options, {.guides = true}, straight(Vec3::Zero(), Vec3(1.1, -2.2, 0.02)));
+  SimulatedArm& arm = alone.arm;
   double worst = 0.0;
   for (int i = 0; i < 1000; ++i) {
     const Vec3 seen = arm.read().position_mm;
@@ -332,20 +313,15 @@ TEST(SimulatedArm, MeasuresInStepsOfItsEncoder) {
       ASSERT_NEAR(steps, std::round(steps), 1e-9);
       worst = std::max(worst, std::abs(seen[a] - arm.hip_mm()[a]));
     }
-    clock.advance(1e-3);
+    alone.clock.advance(1e-3);
   }
   EXPECT_LE(worst, 0.0275 + 1e-12);
   EXPECT_GT(worst, 0.027);
 }
 
 TEST(SimulatedArm, CommandsArriveAfterTheirDelayInTheirOrderAndSaturate) {
-  VirtualClock clock;
-  ArmOptions options;
-  options.damping_n_s_per_mm = 0.0;
-  options.delay_s = 0.0025;
-  const HandScript script = resting_at(Vec3(0, 0, -1));
-  SimulatedArm arm(options, {}, script, clock);
-  ASSERT_TRUE(arm.open());
+  LoneArm alone({.damping_n_s_per_mm = 0.0, .delay_s = 0.0025}, {}, resting_at(Vec3(0, 0, -1)));
+  auto& [clock, script, arm] = alone;
   SpringPlane stiff(100.0);
   ForceGovernor governor =
       ForceGovernor::create({1000.0, arm.limits().workspace_mm, 0.0, 1000.0}, {1000.0, 1e12, 1e-9}).value();
@@ -367,20 +343,18 @@ TEST(SimulatedArm, CommandsArriveAfterTheirDelayInTheirOrderAndSaturate) {
 TEST(SimulatedArm, RefusesWhatIsNotRight) {
   VirtualClock clock;
   const HandScript script = resting_at(Vec3::Zero());
-  const auto refused = [&](auto change) {
-    ArmOptions options;
-    Hand hand;
-    change(options, hand);
+  const auto expect_refused = [&](const ArmOptions& options, const Hand& hand, const char* named) {
     SimulatedArm arm(options, hand, script, clock);
     const Status opened = arm.open();
+    ASSERT_FALSE(opened);
+    EXPECT_TRUE(says(opened.error().what, named));
     EXPECT_EQ(arm.read().status, ReadStatus::kLost);
-    return opened ? std::string() : opened.error().what;
   };
-  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.mass_kg = 0.0; }), "mass_kg"));
-  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.friction_n = -1; }), "friction_n"));
-  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.delay_s = 1.0; }), "delay_s"));
-  EXPECT_TRUE(says(refused([](ArmOptions& o, Hand&) { o.lag_s = 1e-9; }), "lag_s"));
-  EXPECT_TRUE(says(refused([](ArmOptions&, Hand& h) { h.stiffness_n_per_mm = std::nan(""); }), "stiffness"));
+  expect_refused({.mass_kg = 0.0}, {}, "mass_kg");
+  expect_refused({.friction_n = -1}, {}, "friction_n");
+  expect_refused({.delay_s = 1.0}, {}, "delay_s");
+  expect_refused({.lag_s = 1e-9}, {}, "lag_s");
+  expect_refused({}, {.stiffness_n_per_mm = std::nan("")}, "stiffness");
   EXPECT_FALSE(
       HandScript::create("x", {0.0, 0.0}, {Vec3::Zero(), Vec3::Zero()}, HandScript::Between::kStraight));
   EXPECT_FALSE(HandScript::create("x", {}, {}, HandScript::Between::kStraight));

@@ -97,10 +97,9 @@ TEST(Pantograph, BarsThatDoNotReachOrLieInLineAreRefused) {
   EXPECT_FALSE(pantograph_angles(geometry, {200.0, 0.0}));
   EXPECT_FALSE(pantograph_angles(geometry, {0.0, 5.0}));
   // Both of generation 2 rest where they are set up.
-  const auto rest = pantograph_pose(geometry, {241 / kPlaneDegrees, -61 / kPlaneDegrees});
-  ASSERT_TRUE(rest);
-  EXPECT_NEAR(rest->position_mm.x(), 0.0, 1e-9);
-  EXPECT_NEAR(rest->position_mm.y(),
+  const auto rest = pantograph_pose(geometry, {241 / kPlaneDegrees, -61 / kPlaneDegrees}).value();
+  EXPECT_NEAR(rest.position_mm.x(), 0.0, 1e-9);
+  EXPECT_NEAR(rest.position_mm.y(),
               std::sqrt(90 * 90 - 33.9367 * 33.9367) - 70 * std::sin(61 / kPlaneDegrees), 1e-3);
 }
 
@@ -224,8 +223,7 @@ struct PlaneRig {
   explicit PlaneRig(int open_tries = 0) {
     clock.advance(1.0);
     wire.keeps_rest = true;
-    PlanarOptions options;
-    options.open_tries = open_tries;
+    PlanarOptions options{.open_tries = open_tries};
     device =
         std::make_unique<PlanarDevice>(std::make_unique<FakeLink>(wire), clock, *planar_model(2), options);
   }

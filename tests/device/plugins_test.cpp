@@ -40,9 +40,8 @@ class Plugins : public InFolder {
     stub.x_mm = 3.0;
     stub.z_mm = -7.0;
     stub.buttons = 2;
-    Result<MadeDevice> made = make({name, {}, {}});
-    ASSERT_TRUE(made) << made.error().message();
-    Device& device = *made->device;
+    auto made = value_of(make({name, {}, {}}));
+    Device& device = *made.device;
     EXPECT_FALSE(device.cut_force()) << "not open";
     ASSERT_TRUE(ok(device.open()));
     EXPECT_TRUE(stub.force_on.load());
@@ -54,7 +53,7 @@ class Plugins : public InFolder {
     EXPECT_NEAR(last_.position_mm.x(), 3.0, 1e-9);
     EXPECT_NEAR(last_.position_mm.z(), -7.0, 1e-9);
     EXPECT_EQ(last_.buttons, 2u);
-    EXPECT_FALSE(made->facts().empty());
+    EXPECT_FALSE(made.facts().empty());
     const auto feel = [&] {
       return felt_until(device, Vec3{0.25, 0, 0}, [&] { return stub.force_x_n > 0.2; });
     };
@@ -75,10 +74,10 @@ class Plugins : public InFolder {
     stub.fails = true;
     EXPECT_TRUE(felt_until(device, Vec3::Zero(), [&] { return last_.status == ReadStatus::kLost; }));
     stub.fails = false;
-    made->device.reset();
+    made.device.reset();
     EXPECT_EQ(stub.open.load(), 0);
     EXPECT_TRUE(is_zero_command());
-    EXPECT_TRUE(made->zero()) << "a guard's handle of its own";
+    EXPECT_TRUE(made.zero()) << "a guard's handle of its own";
     EXPECT_EQ(stub.open.load(), 0);
   }
 
@@ -101,15 +100,14 @@ TEST_F(Plugins, OpenHapticsIsFeltAndLetGo) {
 
 TEST_F(Plugins, OneThatIsNotCalibratedIsNotHomed) {
   stub_hd_device().calibrated = false;
-  Result<MadeDevice> made = make({"openhaptics", {}, {}});
-  ASSERT_TRUE(made);
-  ASSERT_TRUE(made->device->open());
-  arm(*made->device);
-  EXPECT_TRUE(felt_until(*made->device, Vec3{0.3, 0, 0}, [&] { return last_.status == ReadStatus::kFresh; }));
+  auto made = value_of(make({"openhaptics", {}, {}}));
+  ASSERT_TRUE(made.device->open());
+  arm(*made.device);
+  EXPECT_TRUE(felt_until(*made.device, Vec3{0.3, 0, 0}, [&] { return last_.status == ReadStatus::kFresh; }));
   EXPECT_FALSE(last_.homed);
   EXPECT_EQ(stub_hd_device().force_x_n, 0.0);
   stub_hd_device().calibrated = true;
-  EXPECT_TRUE(felt_until(*made->device, Vec3::Zero(), [&] { return last_.homed; }));
+  EXPECT_TRUE(felt_until(*made.device, Vec3::Zero(), [&] { return last_.homed; }));
 }
 
 TEST_F(Plugins, WhatIsNotConnectedIsSaid) {

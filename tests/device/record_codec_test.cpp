@@ -92,8 +92,7 @@ TEST(RecordCodec, TheCorpusIsReadOrRefused) {
   if (const char* const write_to = std::getenv("PALPATE_WRITE_CORPUS")) {
     MemoryDisk disk;
     RandomTicks source(kSeed);
-    RecorderOptions options;
-    options.chunk_s = 0.004;
+    RecorderOptions options{.chunk_s = 0.004};
     ASSERT_TRUE(record(disk, source, 12, options));
     const auto write = [&](const char* name, const std::vector<std::byte>& bytes) {
       std::ofstream(std::filesystem::path(write_to) / name, std::ios::binary)
@@ -143,16 +142,14 @@ TEST(RecordCodec, AnAnswerWhoseCallsNobodyNotedIsKeptAndSaysSo) {
 class RecordFile : public testing::Test {
  protected:
   void SetUp() override {
-    RecorderOptions options;
-    options.chunk_s = 0.004;
+    RecorderOptions options{.chunk_s = 0.004};
     ASSERT_TRUE(record(disk_, source_, static_cast<int>(kTicks), options));
   }
   /// Ticks read; an Error as text in `error`.
   std::size_t read(const std::vector<std::byte>& bytes, std::string& error, RecordingEnd* end = nullptr,
                    bool skip = false) {
     error.clear();
-    ReadRecordingOptions options;
-    options.skip_damaged = skip;
+    ReadRecordingOptions options{.skip_damaged = skip};
     Result<Recording> recording = open_bytes(bytes, options);
     if (!recording) {
       error = recording.error().message();
@@ -193,9 +190,8 @@ TEST_F(RecordFile, ReadsBackWhole) {
   EXPECT_EQ(end.ticks, kTicks);
   EXPECT_EQ(end.lost, 0u);
   EXPECT_TRUE(end.warnings().empty());
-  const Result<Recording> recording = open_bytes(disk_.bytes);
-  ASSERT_TRUE(recording);
-  const RecordingHeader wanted = some_header(), &got = recording->header();
+  const auto recording = value_of(open_bytes(disk_.bytes));
+  const RecordingHeader wanted = some_header(), &got = recording.header();
   EXPECT_EQ(got.program, wanted.program);
   EXPECT_EQ(got.scene_text, wanted.scene_text);
   EXPECT_EQ(got.scene_hash, wanted.scene_hash);
@@ -254,8 +250,7 @@ TEST_F(RecordFile, DamageInTheMiddleIsRefusedAndCanBeLeftOut) {
   std::string error;
   const std::size_t front = read(wrong, error);
   EXPECT_LT(front, kTicks);
-  EXPECT_TRUE(says(error, "--skip-damaged"));
-  EXPECT_TRUE(says(error, "byte "));
+  EXPECT_TRUE(says(error, "--skip-damaged", "byte "));
   RecordingEnd end;
   const std::size_t rest = read(wrong, error, &end, true);
   EXPECT_EQ(error, "");
@@ -270,8 +265,7 @@ TEST_F(RecordFile, ANewerVersionAndAnotherFileAreRefusedByName) {
   std::vector<std::byte> wrong = disk_.bytes;
   wrong[8] = std::byte{9};
   read(wrong, error);
-  EXPECT_TRUE(says(error, "version 9"));
-  EXPECT_TRUE(says(error, "newer Palpate"));
+  EXPECT_TRUE(says(error, "version 9", "newer Palpate"));
   read(std::vector<std::byte>(64, std::byte{'x'}), error);
   EXPECT_TRUE(says(error, "is no recording"));
 }

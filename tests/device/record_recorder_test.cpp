@@ -64,8 +64,7 @@ struct RecorderRig {
 };
 
 TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
-  RecorderOptions options;
-  options.depth = true;
+  RecorderOptions options{.depth = true};
   RecorderRig rig(options);
   Random random(kRecorderSeed);
   std::vector<std::vector<std::byte>> given;
@@ -79,15 +78,14 @@ TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
   EXPECT_FALSE(rig.recorder.add_depth(given.front())) << "its end stands last";
   EXPECT_EQ(rig.on_disk(), 15u) << "the ticks are as they are without images";
   EXPECT_EQ(rig.end.depth_images, given.size());
-  Result<Recording> recording = open_bytes(rig.disk.copy());
-  ASSERT_TRUE(recording);
+  auto recording = value_of(open_bytes(rig.disk.copy()));
   std::vector<std::byte> image;
   for (const std::vector<std::byte>& one : given) {
-    ASSERT_TRUE(recording->next_depth(image).value());
+    ASSERT_TRUE(recording.next_depth(image).value());
     EXPECT_TRUE(image == one) << one.size();
   }
-  EXPECT_FALSE(recording->next_depth(image).value());
-  EXPECT_TRUE(recording->end().closed);
+  EXPECT_FALSE(recording.next_depth(image).value());
+  EXPECT_TRUE(recording.end().closed);
   // Earlier programs read what holds no images, and name the version of what does.
   constexpr std::size_t kVersionAt = 8;
   EXPECT_EQ(rig.disk.copy()[kVersionAt], std::byte{kRecordingVersionWithDepth});
@@ -96,8 +94,7 @@ TEST(Recorder, KeepsDepthImagesBesideTheTicksInTwoPartsWhereTheyAreLong) {
 }
 
 TEST(Recorder, ADepthImageWithADamagedPartIsLeftOutWhole) {
-  RecorderOptions options;
-  options.depth = true;
+  RecorderOptions options{.depth = true};
   RecorderRig rig(options);
   const std::vector<std::byte> lost(kDepthPartBytes + 1, std::byte{1}), kept(10, std::byte{2});
   ASSERT_TRUE(rig.recorder.add_depth(lost));
@@ -108,14 +105,12 @@ TEST(Recorder, ADepthImageWithADamagedPartIsLeftOutWhole) {
   const auto at = std::search(bytes.begin(), bytes.end(), run.begin(), run.end());
   ASSERT_NE(at, bytes.end());
   *at = std::byte{3};
-  ReadRecordingOptions skipping;
-  skipping.skip_damaged = true;
-  Result<Recording> recording = open_bytes(bytes, skipping);
-  ASSERT_TRUE(recording);
+  ReadRecordingOptions skipping{.skip_damaged = true};
+  auto recording = value_of(open_bytes(bytes, skipping));
   std::vector<std::byte> image;
-  ASSERT_TRUE(recording->next_depth(image).value());
+  ASSERT_TRUE(recording.next_depth(image).value());
   EXPECT_TRUE(image == kept);
-  EXPECT_FALSE(recording->next_depth(image).value());
+  EXPECT_FALSE(recording.next_depth(image).value());
   Result<Recording> strict = open_bytes(bytes);
   ASSERT_TRUE(strict);
   EXPECT_FALSE(strict->next_depth(image)) << "damage is an error unless it is left out";
@@ -128,13 +123,12 @@ TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
   RecorderOptions options;
   options.ring_bytes = std::size_t{1} << 16;
   ASSERT_TRUE(record(disk, source, kSession, options));
-  Result<Recording> recording = open_bytes(disk.copy());
-  ASSERT_TRUE(recording);
+  auto recording = value_of(open_bytes(disk.copy()));
   RecordedTick tick;
   std::size_t i = 0;
   std::int64_t before_ns = 0;
   for (;; ++i) {
-    const Result<bool> more = recording->next(tick);
+    const Result<bool> more = recording.next(tick);
     ASSERT_TRUE(more) << more.error().message();
     if (!*more) break;
     ASSERT_LT(i, source.given.size());
@@ -146,8 +140,8 @@ TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
     EXPECT_LT(tick.late_ns, 10'001);
   }
   EXPECT_EQ(i, std::size_t{kSession});
-  ASSERT_EQ(recording->renderers().size(), 2u);
-  EXPECT_EQ(recording->renderers()[1].name, "mesh-godobject");
+  ASSERT_EQ(recording.renderers().size(), 2u);
+  EXPECT_EQ(recording.renderers()[1].name, "mesh-godobject");
 }
 
 TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
@@ -317,12 +311,11 @@ TEST_F(RecorderOnDisk, KilledInTheMiddleItLosesASecondAtMost) {
   }
   ::close(pipes[0]);
   ASSERT_TRUE(WIFSIGNALED(status));
-  Result<Recording> recording = Recording::open(path);
-  ASSERT_TRUE(recording) << recording.error().message();
-  EXPECT_GE(static_cast<std::int64_t>(ticks_of(*recording)), last - 1000)
+  auto recording = value_of(Recording::open(path));
+  EXPECT_GE(static_cast<std::int64_t>(ticks_of(recording)), last - 1000)
       << "of " << last << " ticks, a millisecond each";
-  EXPECT_FALSE(recording->end().closed);
-  EXPECT_TRUE(says(recording->end().warnings().front(), "crashed"));
+  EXPECT_FALSE(recording.end().closed);
+  EXPECT_TRUE(says(recording.end().warnings().front(), "crashed"));
 }
 
 TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
@@ -350,10 +343,9 @@ TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
   ASSERT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 0);
   EXPECT_LE(std::filesystem::file_size(path), kMaxBytes);
-  Result<Recording> recording = Recording::open(path);
-  ASSERT_TRUE(recording);
+  auto recording = value_of(Recording::open(path));
   // Whole chunks, and at most half a one behind them.
-  EXPECT_GT(ticks_of(*recording), 0u);
+  EXPECT_GT(ticks_of(recording), 0u);
 }
 
 TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {
@@ -362,8 +354,7 @@ TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {
   {
     auto first = Recorder::create(path, some_header(), source);
     ASSERT_TRUE(first);
-    RecorderOptions replacing;
-    replacing.replace = true;
+    RecorderOptions replacing{.replace = true};
     EXPECT_TRUE(refused(Recorder::create(path, some_header(), source, replacing), "another program"));
   }
   EXPECT_TRUE(refused(Recorder::create(path, some_header(), source), "--force"));

@@ -142,11 +142,7 @@ class SlowDevice final : public Device {
   }
   void close() noexcept override { ++closed; }
   DeviceLimits limits() const noexcept override { return said; }
-  DeviceState read() noexcept override {
-    DeviceState state;
-    state.status = gone ? ReadStatus::kLost : ReadStatus::kFresh;
-    return state;
-  }
+  DeviceState read() noexcept override { return {.status = gone ? ReadStatus::kLost : ReadStatus::kFresh}; }
   void send(GovernedForce) noexcept override { ++sent; }
   bool cut_force() noexcept override {
     if (opening) cut_while_opening = true;

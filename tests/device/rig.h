@@ -51,6 +51,12 @@ inline HandScript press_script() {
       .value();
 }
 
+/// From one place to another at one speed.
+inline HandScript straight(const Vec3& from_mm, const Vec3& to_mm, double seconds = 1.0) {
+  return HandScript::create("straight", {0.0, seconds}, {from_mm, to_mm}, HandScript::Between::kStraight)
+      .value();
+}
+
 inline HandScript resting_at(const Vec3& place_mm) {
   return HandScript::create("rest", {0.0}, {place_mm}, HandScript::Between::kStraight).value();
 }

@@ -74,12 +74,7 @@ struct Seen final : TickObserver {
 };
 
 DeviceLimits sim_limits() {
-  DeviceLimits limits;
-  limits.force_max_n = 3.3;
-  limits.workspace_mm = {Vec3::Constant(-80), Vec3::Constant(80)};
-  limits.resolution_mm = 0.055;
-  limits.rate_hz = 1000.0;
-  return limits;
+  return {3.3, {Vec3::Constant(-80), Vec3::Constant(80)}, 0.055, 1000.0};
 }
 
 /// From 1 mm above the plane to 2 mm below it, and there.
@@ -99,8 +94,7 @@ struct Bench {
   explicit Bench(std::int64_t rate_hz = 1000, trace::ProbePath played = pressing(),
                  std::vector<ScriptedFault> faults = {})
       : path(std::move(played)), device(path, clock, sim_limits(), 100'000, std::move(faults)), plane(0.5) {
-    GovernorOptions governed;
-    governed.period_s = 1.0 / static_cast<double>(rate_hz);
+    GovernorOptions governed{.period_s = 1.0 / static_cast<double>(rate_hz)};
     servo.emplace(plane, governed, device, clock, geometry::RigidTransform{});
   }
   /// The last thing that the device heard.
@@ -165,9 +159,8 @@ TEST(ServoLoop, RearmsWhenAskedTo) {
 
 TEST(ServoLoop, RefusesWhatItCannotRun) {
   Bench<VirtualClock> bench;
-  for (const std::int64_t rate : {0, 499, 8001, -1000}) {
+  for (const std::int64_t rate : {0, 499, 8001, -1000})
     EXPECT_TRUE(refused(ServoLoop::create(*bench.servo, bench.clock, rate), "500 to 8000"));
-  }
   const std::vector<TickObserver*> many(ServoLoop::kMaxObservers + 1, nullptr);
   EXPECT_FALSE(ServoLoop::create(*bench.servo, bench.clock, 1000, many));
 }

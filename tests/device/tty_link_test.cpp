@@ -279,14 +279,13 @@ TEST(TtyLink, AnArmSpeaksTextOverIt) {
   device.close();
   EXPECT_TRUE(comes([&] { return text.last() == kTextZero; })) << "zero is the last that it hears";
   // The guard's way, with a handle of its own.
-  const auto made =
-      driver_of(&register_arm_driver, "arm").make({"arm:polhem-v3", {}, {{"path", board->path()}}}, clock);
-  ASSERT_TRUE(made);
+  const auto made = value_of(
+      driver_of(&register_arm_driver, "arm").make({"arm:polhem-v3", {}, {{"path", board->path()}}}, clock));
   std::this_thread::sleep_for(std::chrono::milliseconds(50));  // what was under way
   const int before = text.lines;
-  EXPECT_TRUE(made->zero());
-  ASSERT_TRUE(made->facts);
-  const DeviceFacts facts = made->facts();
+  EXPECT_TRUE(made.zero());
+  ASSERT_TRUE(made.facts);
+  const DeviceFacts facts = made.facts();
   for (const auto& fact : DeviceFacts{{"arm", "polhem-v3"},
                                       {"counts_per_turn", "4096 4096 4096"},
                                       {"rest", "power-on"},
@@ -338,9 +337,8 @@ TEST(TtyLink, APlaneLetsGoOfWhatAPartOfACommandLeft) {
       return plane.take(bytes);
     });
     const MonotonicClock clock;
-    const auto made =
-        driver_of(&register_planar_driver, "planar").make({"planar", {}, {{"path", board.path()}}}, clock);
-    ASSERT_TRUE(made) << made.error().message();
+    const auto made = value_of(
+        driver_of(&register_planar_driver, "planar").make({"planar", {}, {{"path", board.path()}}}, clock));
     const int line = ::open(board.path().c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
     ASSERT_EQ(::write(line, held.bytes.data(), held.size), static_cast<ssize_t>(held.size));
     ASSERT_EQ(::write(line, held.bytes.data(), sent), static_cast<ssize_t>(sent));
@@ -349,8 +347,8 @@ TEST(TtyLink, APlaneLetsGoOfWhatAPartOfACommandLeft) {
       return plane.torques;
     };
     ASSERT_TRUE(comes([&] { return torques() == std::array<float, 2>{-0.1F, 0.1F}; }));
-    EXPECT_TRUE(comes([&] { return made->zero(); })) << "as a guard does, until the board has answered";
-    const DeviceFacts facts = made->facts();
+    EXPECT_TRUE(comes([&] { return made.zero(); })) << "as a guard does, until the board has answered";
+    const DeviceFacts facts = made.facts();
     EXPECT_EQ(facts.front(), (std::pair<std::string, std::string>{"model", "2DIY, generation 2"}));
     ::close(line);
     EXPECT_TRUE(comes([&] { return torques() == std::array<float, 2>{}; })) << sent;

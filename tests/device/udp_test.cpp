@@ -128,10 +128,9 @@ TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
   RunningFarEnd far(60.0);
   far.start();
   const MonotonicClock clock;
-  Result<MadeDevice> made = driver_of(&register_bridge_driver, "bridge")
-                                .make({"bridge:" + far.where(), {}, {{"most-age-ms", "1000"}}}, clock);
-  ASSERT_TRUE(made);
-  Device& device = *made->device;
+  auto made = value_of(driver_of(&register_bridge_driver, "bridge")
+                           .make({"bridge:" + far.where(), {}, {{"most-age-ms", "1000"}}}, clock));
+  Device& device = *made.device;
   ASSERT_TRUE(ok(device.open()));
   EXPECT_EQ(device.limits().force_max_n, 5.0);
   ForceGovernor governor = ForceGovernor::create(device.limits(), patient_governor()).value();
@@ -146,7 +145,7 @@ TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
   };
   EXPECT_TRUE(feels(1.0));
   // A guard's own socket, while the program's goes on: it lets go, and force comes again only after a zero.
-  EXPECT_TRUE(made->zero());
+  EXPECT_TRUE(made.zero());
   EXPECT_TRUE(comes([&] { return far.force_x_n.load() == 0.0; }));
   for (int i = 0; i < 50; ++i) {
     device.send(governor.govern(clock.now_s(), device.read(), Vec3{1, 0, 0}));
@@ -221,8 +220,7 @@ TEST(BridgeOverSockets, NobodyThereIsSaid) {
     where = port.address().text();
   }
   const MonotonicClock clock;
-  BridgeOptions options;
-  options.open_tries = 20;
+  BridgeOptions options{.open_tries = 20};
   BridgeDevice device(std::make_unique<UdpLink>(UdpAddress::of(where).value()), clock, options);
   EXPECT_TRUE(refused(device.open(), "nobody listens"));
   EXPECT_FALSE(release_far_end(where));

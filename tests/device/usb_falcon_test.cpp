@@ -167,18 +167,17 @@ TEST_F(UsbFalcon, LoadsFirmwareFromAFileAndReads) {
 
 // For the report that a first user sends back.
 TEST_F(UsbFalcon, ItsFactsTellFirmwareCalibrationAndWhatTheCableCarried) {
-  const auto made = driver_of(&register_falcon_driver, "falcon")
-                        .make({"falcon", {}, {{"k", "12.5"}, {"calibrated", "yes"}}}, clock);
-  ASSERT_TRUE(made) << made.error().message();
-  ASSERT_TRUE(made->device->open());
+  const auto made = value_of(driver_of(&register_falcon_driver, "falcon")
+                                 .make({"falcon", {}, {{"k", "12.5"}, {"calibrated", "yes"}}}, clock));
+  ASSERT_TRUE(made.device->open());
   usb->with([](FalconBoard& now) {
     now.instead = [](auto) { return std::vector<std::vector<std::uint8_t>>{garbled_reply()}; };
   });
   ASSERT_TRUE(comes([&] {
-    made->device->cut_force();
-    return made->device->read().status == ReadStatus::kGarbled;
+    made.device->cut_force();
+    return made.device->read().status == ReadStatus::kGarbled;
   }));
-  const DeviceFacts facts = made->facts();
+  const DeviceFacts facts = made.facts();
   EXPECT_EQ(fact_of(facts, "firmware"), "ran already");
   EXPECT_EQ(fact_of(facts, "counts_per_n_mm"), "12.5");
   EXPECT_EQ(fact_of(facts, "calibrated"), "yes");

@@ -149,11 +149,7 @@ struct Pressed {
     for (int i = 0; i < 100; ++i) next();
     EXPECT_GT(board.held()[2], 900);
   }
-  static GovernorOptions quick() {
-    GovernorOptions options;
-    options.soft_start_s = 0.02;
-    return options;
-  }
+  static GovernorOptions quick() { return {.soft_start_s = 0.02}; }
   void next() {
     clock.advance(1e-3);
     tick = servo->tick();
@@ -279,10 +275,7 @@ constexpr timespec kShort{0, 1'000'000};
 
 /// A command of a force.
 PacketBytes pressing() {
-  Packet command;
-  command.kind = PacketKind::kCommand;
-  command.counts = {0, 0, 900};
-  return encoded(command);
+  return encoded(Packet{.kind = PacketKind::kCommand, .counts = {0, 0, 900}});
 }
 
 /// A child that presses; gone with this.

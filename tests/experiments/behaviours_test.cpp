@@ -268,22 +268,14 @@ class Dishonest : public testing::Test {
     StageRequest request;
     // Coarse: the tolerance of one resolution, 2.3 mm, is deeper than the path.
     request.scene_name = "sinusoid:points=2601:seed=1";
-    Result<scene::SceneFile> scene = scene::open_scene(request.scene_name);
-    ASSERT_TRUE(scene) << scene.error().message();
-    request.scene = *std::move(scene);
+    request.scene = value_of(scene::open_scene(request.scene_name));
     request.path = "weave:frames=9000:depth_mm=1.5:seed=1";
-    Result<Stage> stage = set_up(request, all_readers(), no_progress());
-    ASSERT_TRUE(stage) << stage.error().message();
-    study_->stage = *std::move(stage);
+    study_->stage = value_of(set_up(request, all_readers(), no_progress()));
     RunOptions options;
     options.passes = 3;
-    const Result<std::vector<RendererRequest>> wanted =
-        parse_renderers("honest,no-force,late,trembles,lies,crashes", registry);
-    ASSERT_TRUE(wanted);
-    Result<std::vector<experiments::Run>> runs = run_renderers(
-        study_->stage, *wanted, registry, options, no_progress(), study_->document.conditions.emplace(), {});
-    ASSERT_TRUE(runs) << runs.error().message();
-    study_->runs = *std::move(runs);
+    const auto wanted = value_of(parse_renderers("honest,no-force,late,trembles,lies,crashes", registry));
+    study_->runs = value_of(run_renderers(study_->stage, wanted, registry, options, no_progress(),
+                                          study_->document.conditions.emplace(), {}));
     finish_document(*study_);
   }
   static void TearDownTestSuite() { delete study_; }

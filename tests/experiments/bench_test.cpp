@@ -193,10 +193,7 @@ TEST_F(BenchCommand, RunsAPluginBesideOursAndIsCheckedAgain) {
   EXPECT_LT(document["standings"]["cloud"]["force_rms_percent"]["value"],
             document["standings"]["ball"]["force_rms_percent"]["value"]);
   EXPECT_THAT(text_in("run/report.html"), HasAll("Right", "Fast", "Ready", "Small", "ball"));
-  // A folder of a version that kept no page is drawn from its document.
-  for (const char* file : {"page.json", "report.html"})
-    std::filesystem::remove(in(std::string("run/") + file));
-  succeeds("report @/run");
+  draw_without_page("run");
   EXPECT_THAT(text_in("run/report.html"), HasAll("Right", "Fast", "Ready", "Small", "ball"));
 
   const ProcessOutcome same = succeeds("test bench --check @/run/bench.json --entry ball --out @/check");

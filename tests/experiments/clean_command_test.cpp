@@ -51,20 +51,17 @@ TEST_F(CleanCommand, WritesWhatIsLeft) {
 }
 
 TEST_F(CleanCommand, WrongArgumentsLeaveNothingBehind) {
-  const auto refused = [&](std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "clean");
-    const ProcessOutcome run = refuses({}, arguments);
+  for (const auto& [line, says] :
+       {std::pair{"@/scan.ply --steps outlier --out @/out.ply", "did you mean 'outliers'"},
+        {"@/scan.ply --steps smooth/neighbours=1 --out @/out.ply", "neighbours"},
+        {"@/scan.ply --out @/out.ply", "nothing to do"},
+        {"@/scan.ply --steps smooth", "--out"},
+        {"@/none.ply --steps smooth --out @/out.ply", "none.ply"},
+        {"@/scan.ply --steps outliers/distance=1e-6 --out @/out.ply", "every one"},
+        {"@/scan.ply --steps thin --out @/nowhere/out.ply", "nowhere"}}) {
+    refuses(says, "clean", line);
     EXPECT_FALSE(exists("out.ply"));
-    return run.err;
-  };
-  const std::string scan = in("scan.ply"), out = in("out.ply");
-  EXPECT_THAT(refused({scan, "--steps", "outlier", "--out", out}), HasSubstr("did you mean 'outliers'"));
-  EXPECT_THAT(refused({scan, "--steps", "smooth/neighbours=1", "--out", out}), HasSubstr("neighbours"));
-  EXPECT_THAT(refused({scan, "--out", out}), HasSubstr("nothing to do"));
-  EXPECT_THAT(refused({scan, "--steps", "smooth"}), HasSubstr("--out"));
-  EXPECT_THAT(refused({in("none.ply"), "--steps", "smooth", "--out", out}), HasSubstr("none.ply"));
-  EXPECT_THAT(refused({scan, "--steps", "outliers/distance=1e-6", "--out", out}), HasSubstr("every one"));
-  EXPECT_THAT(refused({scan, "--steps", "thin", "--out", in("nowhere/out.ply")}), HasSubstr("nowhere"));
+  }
 }
 
 TEST_F(CleanCommand, ARendererOnCleanedPointsIsNearerToTheTruth) {
@@ -92,16 +89,13 @@ TEST_F(CleanCommand, CleaningOfTheSceneCountsAsPreparation) {
 }
 
 TEST_F(CleanCommand, AReferenceMustBeAMesh) {
-  const auto refused = [&](const std::string& reference) {
-    const ProcessOutcome run = refuses({}, "compare @/scan.ply --renderers cloud --reference", reference,
-                                       "--path", kPath, "--out @/out");
-    return run.err;
-  };
-  EXPECT_THAT(refused(in("scan.ply")), HasSubstr("no faces"));
-  EXPECT_THAT(refused("analitic"), HasSubstr("choose from auto"));
   const Environment nowhere("PALPATE_DATA", in("nowhere").c_str()), cache("XDG_CACHE_HOME", in("no").c_str());
-  EXPECT_THAT(refused("stanford-bunny"), HasSubstr("palpate fetch stanford-bunny"));
-  EXPECT_THAT(refused(in("missing.ply")), HasSubstr("missing.ply"));
+  for (const auto& [reference, says] : {std::pair{"@/scan.ply", "no faces"},
+                                        {"analitic", "choose from auto"},
+                                        {"stanford-bunny", "palpate fetch stanford-bunny"},
+                                        {"@/missing.ply", "missing.ply"}})
+    refuses(says, "compare @/scan.ply --renderers cloud --reference", reference, "--path", kPath,
+            "--out @/out");
 }
 
 // ---- Scans with missing posts through every entry of the program: what `info` calls a height field, what

@@ -1,7 +1,5 @@
 // Cases of a command as processes of their own: what is listed, what a process leaves, and that the command
 // then only draws.
-#include <fmt/format.h>
-
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -41,16 +39,6 @@ class Cluster : public OnCommandLine {
     }
     EXPECT_EQ(rows.erase("id"), 1u);
     return rows;
-  }
-  /// What no clock has a say in, by setting.
-  std::map<std::string, std::string> exact(const std::string& out) const {
-    std::map<std::string, std::string> all;
-    const json document = json_in(out + "/sweep.json");
-    for (const json& row : document["rows"])
-      all[row["setting"]] =
-          fmt::format("{} {} {} {}", row["trace_hash"].dump(), row["error_p95_percent"].dump(),
-                      row["bytes"].dump(), row["status"].dump());
-    return all;
   }
 };
 
@@ -226,12 +214,11 @@ TEST_F(Cluster, ProfilesKeepTheWordsOfTheirVersions) {
               testing::AllOf(HasSubstr("cluster-status:"), HasNone("executor:")));
   if (!program_exists("snakemake")) GTEST_SKIP() << "Snakemake is not installed: the text alone was read";
   for (const char* profile : {"local", "slurm"}) {
-    const Result<ProcessOutcome> dry =
-        run_process({"snakemake", "--profile", std::string("profiles/") + profile, "--dry-run"},
-                    {.folder = in("out/jobs")});
-    ASSERT_TRUE(dry) << dry.error().message();
-    EXPECT_EQ(dry->exit_code, 0) << dry->err;
-    EXPECT_THAT(dry->out + dry->err, HasAll("prepare", "case", "merge", "report")) << profile;
+    const auto dry =
+        value_of(run_process({"snakemake", "--profile", std::string("profiles/") + profile, "--dry-run"},
+                             {.folder = in("out/jobs")}));
+    EXPECT_EQ(dry.exit_code, 0) << dry.err;
+    EXPECT_THAT(dry.out + dry.err, HasAll("prepare", "case", "merge", "report")) << profile;
   }
 }
 

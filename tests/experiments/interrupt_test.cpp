@@ -137,19 +137,16 @@ TEST_F(Interrupt, AtAnyTimeNothingIsLostAndNothingIsWrong) {
 
 TEST_F(Interrupt, WhateverItIsDoing) {
   const std::string large = "sinusoid:points=1002001";
-  const std::map<std::string, std::vector<std::string>> works = {
-      {"an exploration",
-       {"compare", kTinyWaves, "--renderers", "cloud", "--reference", "none", "--path", kEndlessExploration,
-        "--out", in("out")}},
-      {"the reference",
-       {"compare", kTinyWaves, "--renderers", "cloud", "--path", kEndlessPath, "--out", in("out")}},
+  const std::map<std::string, Words> works = {
+      {"an exploration", words("compare", kTinyWaves, "--renderers cloud --reference none --out @/out --path",
+                               kEndlessExploration)},
+      {"the reference", words("compare", kTinyWaves, "--renderers cloud --out @/out --path", kEndlessPath)},
       {"frames",
-       {"compare", large, "--renderers", "brute-force", "--reference", "none", "--path", kTinyWeave, "--out",
-        in("out")}},
-      {"a generator", {"info", "sinusoid:points=100000000"}},
-      {"a plan", {"info", "plan", "sinusoid:points=100000000"}},
-      {"cleaning", {"clean", large, "--steps", "smooth/iterations=50", "--out", in("cleaned.ply")}},
-      {"behaviours", {"test", "behaviours", "--out", in("behaviours")}}};
+       words("compare", large, "--renderers brute-force --reference none --out @/out --path", kTinyWeave)},
+      {"a generator", words("info sinusoid:points=100000000")},
+      {"a plan", words("info plan sinusoid:points=100000000")},
+      {"cleaning", words("clean", large, "--steps smooth/iterations=50 --out @/cleaned.ply")},
+      {"behaviours", words("test behaviours --out @/behaviours")}};
   for (const auto& [what, arguments] : works) {
     if (what == "cleaning" && all_renderers().find("mesh-godobject") == nullptr) continue;
     Started run(folder_, arguments);

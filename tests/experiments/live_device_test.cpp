@@ -82,13 +82,12 @@ TEST_F(LiveDevice, UnpluggedTenTimesInOneSessionOnAVirtualClock) {
   const std::string openings = "openings: " + std::to_string(plan_.opened);
   EXPECT_GT(plan_.opened, 1);
   EXPECT_NE(std::find(notes.begin(), notes.end(), openings), notes.end()) << notes;
-  Result<device::Recording> recording = device::Recording::open(a.record);
-  ASSERT_TRUE(recording) << recording.error().message();
+  auto recording = value_of(device::Recording::open(a.record));
   device::RecordedTick tick;
-  Result<bool> more = recording->next(tick);
-  while (more && *more) more = recording->next(tick);
+  Result<bool> more = recording.next(tick);
+  while (more && *more) more = recording.next(tick);
   ASSERT_TRUE(more) << more.error().message();
-  const auto& kept = recording->notes();
+  const auto& kept = recording.notes();
   const auto is_kept = [&](const std::string& what) {
     return std::any_of(kept.begin(), kept.end(),
                        [&](const std::string& note) { return note.find(what) != std::string::npos; });
@@ -160,25 +159,18 @@ TEST_F(LiveDevice, WhatDoesNotOpenLeavesNothing) {
 }
 
 TEST_F(LiveDevice, ARealDeviceKeepsItsTimeAndIsArmedByAPerson) {
-  LiveArguments a = arguments(1.0);
-  a.accelerated = true;
-  EXPECT_EQ(live(a), kExitBadInput);
-  EXPECT_TRUE(said("real time")) << err_;
-  a = arguments(1.0);
-  a.rearm = true;
-  EXPECT_EQ(live(a), kExitBadInput);
-  EXPECT_TRUE(said("key r")) << err_;
-  a = arguments(1.0);
-  a.device.options = {"mass=3"};
-  EXPECT_EQ(live(a), kExitBadInput);
-  EXPECT_TRUE(said("force_n")) << err_;
-  a.device.options = {"force_n"};
-  EXPECT_EQ(live(a), kExitBadInput);
-  EXPECT_TRUE(said("KEY=VALUE")) << err_;
-  a = arguments(1.0);
-  a.device.file = in("none.toml");
-  EXPECT_EQ(live(a), kExitBadInput);
-  EXPECT_TRUE(said("none.toml")) << err_;
+  const std::pair<const char*, void (*)(LiveArguments&)> wrong[] = {
+      {"real time", [](LiveArguments& a) { a.accelerated = true; }},
+      {"key r", [](LiveArguments& a) { a.rearm = true; }},
+      {"force_n", [](LiveArguments& a) { a.device.options = {"mass=3"}; }},
+      {"KEY=VALUE", [](LiveArguments& a) { a.device.options = {"force_n"}; }},
+      {"none.toml", [](LiveArguments& a) { a.device.file = a.run.out + "/none.toml"; }}};
+  for (const auto& [words, ask] : wrong) {
+    LiveArguments a = arguments(1.0);
+    ask(a);
+    EXPECT_EQ(live(a), kExitBadInput);
+    EXPECT_TRUE(said(words)) << err_;
+  }
   EXPECT_EQ(plan_.opened, 0);
 }
 

@@ -19,16 +19,18 @@ using Begun = OutputFolder::Begun;
 
 class Folder : public InFolder {
  protected:
-  OutputFolder open() const {
-    const Result<OutputFolder> opened = OutputFolder::open(in("out"));
-    EXPECT_TRUE(opened.ok()) << opened.error().message();
-    return *opened;
-  }
+  OutputFolder open() const { return value_of(OutputFolder::open(in("out"))); }
   OutputFolder begun(const std::string& key, Begun expected) const {
     const OutputFolder folder = open();
     const Result<Begun> how = folder.begin(key);
     EXPECT_TRUE(how.ok() && *how == expected);
     return folder;
+  }
+  /// A run that wrote these files to its end.
+  void completed(const std::vector<std::pair<const char*, const char*>>& files) const {
+    const OutputFolder folder = begun("k", Begun::kAnew);
+    for (const auto& [name, text] : files) EXPECT_TRUE(folder.write(name, text).ok()) << name;
+    EXPECT_TRUE(folder.complete().ok());
   }
   bool there(const std::string& name) const { return fs::exists(fs::symlink_status(in("out/" + name))); }
   static bool take(const OutputFolder& folder, const std::string& part, const std::string& key,
@@ -39,9 +41,8 @@ class Folder : public InFolder {
 
 TEST_F(Folder, IsMadeAndKeptFromStrangers) {
   {
-    const Result<OutputFolder> made = OutputFolder::open(in("a/b/"));
-    ASSERT_TRUE(made.ok()) << made.error().message();
-    ASSERT_TRUE(made->begin("k").ok() && made->write("result.json", "{}").ok() && made->complete().ok());
+    const auto made = value_of(OutputFolder::open(in("a/b/")));
+    ASSERT_TRUE(made.begin("k").ok() && made.write("result.json", "{}").ok() && made.complete().ok());
   }
   EXPECT_TRUE(OutputFolder::open(in("a/b")).ok());
   EXPECT_TRUE(fs::exists(in("a/b/result.json"))) << "nothing changes before a run begins";
@@ -81,9 +82,7 @@ TEST_F(Folder, ANewRunRemovesOurFilesAndNoOthers) {
   EXPECT_FALSE(there("trace-old.csv"));
   EXPECT_FALSE(there("figures")) << "empty and ours";
   EXPECT_EQ(file_text(in("out/notes.txt")), "years of work");
-  const Status onto = folder.write("notes.txt", "a result");
-  ASSERT_FALSE(onto.ok());
-  EXPECT_THAT(onto.error().message(), HasSubstr("Palpate did not write it"));
+  EXPECT_TRUE(test::refused(folder.write("notes.txt", "a result"), "Palpate did not write it"));
   EXPECT_TRUE(folder.write("both.csv", "2").ok() && folder.write("both.csv", "3").ok());
   EXPECT_EQ(file_text(in("out/both.csv")), "3");
   EXPECT_EQ(file_text(in("out/notes.txt")), "years of work");
@@ -92,10 +91,7 @@ TEST_F(Folder, ANewRunRemovesOurFilesAndNoOthers) {
 TEST_F(Folder, TheMarkCannotPointOutOfTheFolder) {
   fs::create_directories(in("out"));
   write_text(in("precious"), "years of work");
-  {
-    const OutputFolder folder = begun("k", Begun::kAnew);
-    ASSERT_TRUE(folder.write("a.csv", "1").ok() && folder.complete().ok());
-  }
+  completed({{"a.csv", "1"}});
   std::ofstream(in("out/.palpate-output"), std::ios::app)
       << "file ../precious\nfile " << in("precious") << "\nfile \nfile .\nfile figures\n";
   fs::create_directories(in("out/figures/mine"));
@@ -139,9 +135,7 @@ TEST_F(Folder, ACompleteRunIsNotTakenOverAndAnInterruptedOneOfAnotherKeyIsRefuse
   run("k", Begun::kAnew, true);
   run("k", Begun::kAnew, false);
   run("k", Begun::kGoesOn, false);
-  const Result<Begun> other = open().begin("other");
-  ASSERT_FALSE(other.ok());
-  EXPECT_THAT(other.error().message(), HasAll("of something else", "remove this folder"));
+  EXPECT_TRUE(test::refused(open().begin("other"), "of something else", "remove this folder"));
   EXPECT_FALSE(open().begin("other", "rows").ok());
   EXPECT_TRUE(there("a.csv"));
   run("k", Begun::kGoesOn, true);
@@ -173,10 +167,7 @@ TEST_F(Folder, ARecordIsGoneOnWithWhetherItsRunWasCompleteOrNot) {
 }
 
 TEST_F(Folder, AFileThatIsReadIsNotReplaced) {
-  {
-    const OutputFolder folder = begun("k", Begun::kAnew);
-    ASSERT_TRUE(folder.write("trace.csv", "1").ok() && folder.complete().ok());
-  }
+  completed({{"trace.csv", "1"}});
   write_text(in("out/mine.csv"), "mine");
   fs::create_symlink(in("out/trace.csv"), in("link.csv"));
   const OutputFolder folder = open();
@@ -206,18 +197,16 @@ TEST_F(Folder, OpenedAgainKeepsWhatItDoesNotWrite) {
   }
   write_text(in("out/mine.txt"), "not Palpate's");
   {
-    const Result<OutputFolder> again = OutputFolder::reopen(in("out") + "/");
-    ASSERT_TRUE(again.ok()) << again.error().message();
+    const auto again = value_of(OutputFolder::reopen(in("out") + "/"));
     EXPECT_FALSE(OutputFolder::reopen(in("out/table7")).ok()) << "locked as a whole";
-    EXPECT_TRUE(again->write("report.html", "new").ok() && again->write("more.svg", "more").ok());
-    EXPECT_FALSE(again->write("mine.txt", "taken").ok());
+    EXPECT_TRUE(again.write("report.html", "new").ok() && again.write("more.svg", "more").ok());
+    EXPECT_FALSE(again.write("mine.txt", "taken").ok());
   }
   EXPECT_EQ(file_text(in("out/result.json")), "{}");
   EXPECT_EQ(file_text(in("out/report.html")), "new");
   {
-    const Result<OutputFolder> table = OutputFolder::reopen(in("out/table7"));
-    ASSERT_TRUE(table.ok()) << table.error().message();
-    EXPECT_TRUE(table->write("result.json", "{8}").ok());
+    const auto table = value_of(OutputFolder::reopen(in("out/table7")));
+    EXPECT_TRUE(table.write("result.json", "{8}").ok());
   }
   EXPECT_EQ(file_text(in("out/table7/result.json")), "{8}");
   EXPECT_EQ(file_text(in("out/result.json")), "{}");
@@ -230,15 +219,14 @@ TEST_F(Folder, OpenedAgainKeepsWhatItDoesNotWrite) {
 // ---- The manifests of the thesis's tables: what they hold, and that nothing in one is ignored.
 
 TEST(Manifests, HoldThePrintedValues) {
-  const auto manifests = manifests_for("");
-  ASSERT_TRUE(manifests.ok()) << manifests.error().message();
+  const auto manifests = value_of(manifests_for(""));
   const auto table = [&](int number) -> const Manifest& {
-    const auto at = std::find_if(manifests->begin(), manifests->end(),
+    const auto at = std::find_if(manifests.begin(), manifests.end(),
                                  [&](const Manifest& m) { return m.table == number; });
-    EXPECT_NE(at, manifests->end()) << "table " << number;
+    EXPECT_NE(at, manifests.end()) << "table " << number;
     return *at;
   };
-  ASSERT_GE(manifests->size(), 8u);
+  ASSERT_GE(manifests.size(), 8u);
   EXPECT_TRUE(table(6).kind == Manifest::Kind::kNeighbours);
   EXPECT_TRUE(table(11).kind == Manifest::Kind::kMethods);
   EXPECT_TRUE(table(3).kind == Manifest::Kind::kMeshes);
@@ -276,7 +264,7 @@ TEST(Manifests, HoldThePrintedValues) {
   EXPECT_EQ(table(13).printed_frames, 32597u);
   EXPECT_FALSE(table(13).models[0].stand_in.empty());
   // Every scene that a manifest names is there and is one.
-  for (const Manifest& m : *manifests)
+  for (const Manifest& m : manifests)
     for (const ManifestModel& model : m.models)
       for (const std::string& name : {model.scene, model.stand_in}) {
         if (name.empty()) continue;
@@ -288,16 +276,15 @@ TEST(Manifests, HoldThePrintedValues) {
         EXPECT_TRUE(scene.ok()) << scene.error().message();
       }
   const render::Registry registry = all_renderers();
-  for (const Manifest& m : *manifests)
+  for (const Manifest& m : manifests)
     for (const ManifestRun& run : m.runs) {
       const bool baseline = run.renderer.rfind("mesh-", 0) == 0;
       if (baseline && registry.find("mesh-godobject") == nullptr) continue;  // built without the baselines
       const auto requests = parse_renderers(run.renderer, registry);
       EXPECT_TRUE(requests.ok()) << requests.error().message();
     }
-  const auto chosen = manifests_for("9,7,9");
-  ASSERT_TRUE(chosen.ok());
-  EXPECT_EQ(chosen->size(), 2u);
+  const auto chosen = value_of(manifests_for("9,7,9"));
+  EXPECT_EQ(chosen.size(), 2u);
 }
 
 TEST(Manifests, AreStrict) {
@@ -342,13 +329,11 @@ TEST(Manifests, AreStrict) {
 }
 
 TEST(Manifests, TablesComeFirstAndAreChosenByNumberOrName) {
-  const auto all = manifests_for("");
-  ASSERT_TRUE(all.ok());
-  EXPECT_EQ(all->front().id(), "table3");
+  const auto all = value_of(manifests_for(""));
+  EXPECT_EQ(all.front().id(), "table3");
   const std::vector<std::string> named = {"behaviours", "growth", "ladder", "off-vertex", "scanner"};
-  ASSERT_GT(all->size(), named.size());
-  for (std::size_t i = 0; i < named.size(); ++i)
-    EXPECT_EQ((*all)[all->size() - named.size() + i].id(), named[i]);
+  ASSERT_GT(all.size(), named.size());
+  for (std::size_t i = 0; i < named.size(); ++i) EXPECT_EQ(all[all.size() - named.size() + i].id(), named[i]);
   EXPECT_EQ(manifests_for("growth,7").value().front().id(), "growth");
   EXPECT_FALSE(manifests_for("0").ok());
 }

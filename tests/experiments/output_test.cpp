@@ -27,15 +27,9 @@ class Output : public OnCommandLine {
     write_text(in("scan.csv"), points);
     write_text(in("precious.ply"), "years of work");
   }
-  std::string refused(std::vector<std::string> arguments) const {
-    const ProcessOutcome run = refuses({}, std::move(arguments));
-    return run.err;
-  }
-  std::vector<std::string> clean(const std::string& model, const std::string& out,
-                                 const std::string& more = {}) const {
-    std::vector<std::string> arguments = {"clean", model, "--steps", "outliers", "--out", out};
-    if (!more.empty()) arguments.push_back(more);
-    return arguments;
+  template <class... More>
+  Words clean(const std::string& model, const std::string& out, const More&... more) const {
+    return words("clean", model, "--steps outliers --out", out, more...);
   }
   bool has_cleaning() const { return all_renderers().find("mesh-godobject") != nullptr; }
 };
@@ -48,25 +42,25 @@ TEST_F(Output, CleaningNeverReplacesWhatItReads) {
   write_text(in("scene.toml"), "[[model]]\ncloud = \"scan.csv\"\nunit = \"mm\"\n");
   for (const std::string& out :
        {scan, in("link.csv"), in("hard.csv"), in("../") + folder_.filename().string() + "/scan.csv"}) {
-    EXPECT_THAT(refused(clean(scan, out)), HasSubstr("is read by this command")) << out;
-    EXPECT_THAT(refused(clean(in("scene.toml"), out)), HasSubstr("is read by this command")) << out;
+    refuses("is read by this command", clean(scan, out));
+    refuses("is read by this command", clean(in("scene.toml"), out));
   }
   EXPECT_EQ(file_text(scan), before);
   succeeds(clean(scan, scan, "--force"));
   EXPECT_EQ(file_text(scan).substr(0, 20), "# written by palpate");
   succeeds("info", scan);
   // What was cleaned is read now, whoever wrote it.
-  EXPECT_THAT(refused(clean(scan, scan)), HasSubstr("is read by this command"));
+  refuses("is read by this command", clean(scan, scan));
 }
 
 TEST_F(Output, CleaningReplacesItsOwnFilesAndNoOthers) {
   if (!has_cleaning()) GTEST_SKIP() << "built without cleaning";
-  EXPECT_THAT(refused(clean(in("scan.csv"), in("precious.ply"))), HasSubstr("Palpate did not write it"));
+  refuses("Palpate did not write it", clean(in("scan.csv"), in("precious.ply")));
   EXPECT_EQ(text_in("precious.ply"), "years of work");
   fs::create_directories(in("folder.ply"));
-  EXPECT_THAT(refused(clean(in("scan.csv"), in("folder.ply"), "--force")), HasSubstr("not a plain file"));
+  refuses("not a plain file", clean(in("scan.csv"), in("folder.ply"), "--force"));
   fs::create_symlink("/dev/null", in("device.ply"));
-  EXPECT_THAT(refused(clean(in("scan.csv"), in("device.ply"), "--force")), HasSubstr("not a plain file"));
+  refuses("not a plain file", clean(in("scan.csv"), in("device.ply"), "--force"));
   for (int i = 0; i < 2; ++i) succeeds(clean(in("scan.csv"), in("new.ply")));
   succeeds(clean(in("scan.csv"), in("precious.ply"), "--force"));
   EXPECT_EQ(text_in("precious.ply").substr(0, 3), "ply");
@@ -84,8 +78,7 @@ TEST_F(Output, TheFormatGoesByTheEnding) {
       EXPECT_EQ(info[key], expected[key]) << name << " " << key;
   }
   for (const char* name : {"new.stl", "new.ply.gz", "new", "new.pcd"}) {
-    const std::string err = refused(clean(in("scan.csv"), in(name)));
-    EXPECT_THAT(err, HasSubstr(".ply, .xyz, .txt, .asc, .csv"));
+    refuses(".ply, .xyz, .txt, .asc, .csv", clean(in("scan.csv"), in(name)));
     EXPECT_FALSE(exists(name));
   }
 }
@@ -94,32 +87,26 @@ TEST_F(Output, AMeshIsNotSavedOntoTheScan) {
   if (!has_cleaning()) GTEST_SKIP() << "built without mesh-godobject";
   succeeds(clean(in("scan.csv"), in("scan.ply")));
   const std::string before = text_in("scan.ply");
-  const auto save = [&](const std::string& mesh, const std::string& more) {
-    std::vector<std::string> arguments = {
-        "compare",   in("scan.ply"), "--renderers", "mesh-godobject", "--path",
-        kOutputPath, "--out",        in("out"),     "--save-mesh",    mesh};
-    if (!more.empty()) arguments.push_back(more);
-    return arguments;
-  };
-  EXPECT_THAT(refused(save(in("scan.ply"), "")), HasSubstr("is read by this command"));
-  EXPECT_THAT(refused(save(in("precious.ply"), "")), HasSubstr("Palpate did not write it"));
-  EXPECT_THAT(refused(save(in("mesh.obj"), "")), HasSubstr(".ply"));
-  EXPECT_THAT(refused(save(in("nowhere/mesh.ply"), "")), HasSubstr("nowhere"));
+  for (const auto& [mesh, says] : {std::pair{"scan.ply", "is read by this command"},
+                                   {"precious.ply", "Palpate did not write it"},
+                                   {"mesh.obj", ".ply"},
+                                   {"nowhere/mesh.ply", "nowhere"}})
+    refuses(says, "compare @/scan.ply --renderers mesh-godobject --path", kOutputPath,
+            "--out @/out --save-mesh", in(mesh));
   EXPECT_EQ(text_in("scan.ply"), before);
   EXPECT_FALSE(exists("out")) << "found before anything was made";
 }
 
 TEST_F(Output, AResultThatIsReadIsNotReplaced) {
   const auto replay = [&](const std::string& path) {
-    return std::vector<std::string>{"compare", kTinyWaves, "--renderers", "cloud",
-                                    "--path",  path,       "--out",       in("out")};
+    return words("compare", kTinyWaves, "--renderers cloud --path", path, "--out @/out");
   };
   succeeds(replay(kOutputPath));
   // A path of one's own may stand there; a result may not be read.
   write_text(in("out/mine.csv"), "t_s,x_mm,y_mm,z_mm\n0,0,0,5\n0.001,0,0,5\n");
   succeeds(replay(in("out/mine.csv")));
   const std::string before = text_in("out/trace.csv");
-  EXPECT_THAT(refused(replay(in("out/trace.csv"))), HasSubstr("out/trace.csv"));
+  refuses("out/trace.csv", replay(in("out/trace.csv")));
   EXPECT_EQ(text_in("out/trace.csv"), before);
 }
 
@@ -127,15 +114,10 @@ TEST_F(Output, ASecondRunIntoTheSameFolderIsRefused) {
   apart_ = true;
   const Result<OutputFolder> ours = OutputFolder::open(in("out"));
   ASSERT_TRUE(ours.ok());
-  for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{"compare", kTinyWaves, "--renderers", "cloud", "--path", kOutputPath},
-        {"reproduce", "--tables", "7", "--quick"},
-        {"test", "behaviours", "--only", "hovering", "--renderers", "cloud"}}) {
-    std::vector<std::string> all = arguments;
-    all.insert(all.end(), {"--out", in("out")});
-    const std::string err = refused(all);
-    EXPECT_THAT(err, HasAll(in("out"), "process " + std::to_string(::getpid())));
-  }
+  for (const Words& line :
+       {words("compare", kTinyWaves, "--renderers cloud --path", kOutputPath),
+        words("reproduce --tables 7 --quick"), words("test behaviours --only hovering --renderers cloud")})
+    refuses({in("out"), "process " + std::to_string(::getpid())}, line, "--out @/out");
 }
 
 /// The exit status of the program with its standard streams redirected by a shell, as ">&-" or "2>/dev/full";
@@ -176,9 +158,11 @@ TEST_F(Output, ASessionInContactOutlivesItsTerminal) {
   int number = 0;
   for (const char* const streams : {"0<&- 2>&-", "2>/dev/full", "1>/dev/full 2>/dev/full"}) {
     const std::string out = in("live" + std::to_string(number++));
-    const int status = status_with({"live", kTinyWaves, "--device", "sim", "--seconds", "2", "--renderers",
-                                    "cloud,analytic", "--switch-every", "1", "--accelerated", "--out", out},
-                                   streams);
+    const int status = status_with(
+        words("live", kTinyWaves,
+              "--device sim --seconds 2 --renderers cloud,analytic --switch-every 1 --accelerated --out",
+              out),
+        streams);
     EXPECT_EQ(status, std::string(streams).find("1>") == std::string::npos ? 0 : 1) << streams;
     const json live = json::parse(file_text(out + "/live.json"), nullptr, false);
     ASSERT_FALSE(live.is_discarded()) << streams;

@@ -93,9 +93,8 @@ TEST_F(FormerNames, StillRunAndNameTheNewOnes) {
 
 TEST_F(FormerNames, TakeTheOptionsThatTheyHad) {
   const auto read = [](const std::vector<std::string>& words) {
-    const Result<ReadLine> line = read_line(words);
-    EXPECT_TRUE(line) << line.error().message();
-    return line ? line->name + ": " + line->note : std::string();
+    const auto line = value_of(read_line(words));
+    return line.name + ": " + line.note;
   };
   EXPECT_TRUE(
       read({"replay", "plane", "--renderer=cloud", "--out", "o"}).starts_with("compare: `palpate replay`"));
@@ -153,9 +152,8 @@ TEST_F(HelpTexts, EverySubcommandIsListedAndExplainsItself) {
     const ProcessOutcome help = succeeds(one.name.c_str(), "--help-all");
     EXPECT_EQ(help.err, "") << one.name;
     EXPECT_THAT(help.out, HasSubstr(one.summary.substr(0, one.summary.find(' '))));
-    for (const std::string& example : one.examples) {
+    for (const std::string& example : one.examples)
       EXPECT_THAT(help.out, HasSubstr(example)) << one.name << ": ";
-    }
   }
 }
 
@@ -219,10 +217,9 @@ TEST(Pages, ScenesOnPagesAreScenes) {
 }
 
 TEST(Pages, FiguresAreWhatTheResultsSay) {
-  const auto pages = pages_with_figures(PALPATE_SOURCE_ROOT);
-  ASSERT_TRUE(pages) << pages.error().message();
+  const auto pages = value_of(pages_with_figures(PALPATE_SOURCE_ROOT));
   std::size_t blocks = 0;
-  for (const PageWithFigures& page : *pages) {
+  for (const PageWithFigures& page : pages) {
     blocks += page.blocks;
     EXPECT_EQ(page.after, page.before) << page.file << ": `palpate report --docs .` writes its figures";
   }
@@ -235,23 +232,16 @@ TEST(Pages, WrongCommandsAreFound) {
     return all.size() == 1 ? problem_of(all[0]) : fmt::format("{} commands", all.size());
   };
   EXPECT_EQ(problem("palpate info plane:points=961  # a comment"), "");
-  EXPECT_NE(problem("palpate inform plane"), "");
-  EXPECT_NE(problem("palpate info plane --jsn"), "");
-  EXPECT_NE(problem("palpate info"), "");
-  EXPECT_NE(problem("palpate info plain:points=961"), "");
-  EXPECT_NE(problem("palpate compare plane --renderers auto --path weav --out o"), "");
-  EXPECT_NE(problem("palpate compare plane --renderers auto --path weave:depth=2 --out o"), "");
-  EXPECT_NE(problem("palpate compare plane --renderers cloud:shade=none --path tap --out o"), "");
-  EXPECT_NE(problem("palpate clean scan.ply --steps outlier --out o.ply"), "");
-  EXPECT_NE(problem("palpate reproduce --tables 99 --out o"), "");
-  EXPECT_NE(problem("palpate fetch stanford-cow"), "");
-  EXPECT_NE(problem("experiments/reproduce --tabels 3"), "");
-  EXPECT_NE(problem("experiments/rerun"), "");
-  EXPECT_NE(problem("tests/run --stair asan"), "");
-  EXPECT_NE(problem("cmake --preset fast"), "");
-  EXPECT_NE(problem("cmake --preset dev -DPALPATE_WITH_CGAL=OFF"), "");
-  EXPECT_NE(problem("cmake --build --preset dev --target test_nothing_at_all"), "");
-  EXPECT_NE(problem("renderer -> device"), "");
+  for (const char* wrong :
+       {"palpate inform plane", "palpate info plane --jsn", "palpate info", "palpate info plain:points=961",
+        "palpate compare plane --renderers auto --path weav --out o",
+        "palpate compare plane --renderers auto --path weave:depth=2 --out o",
+        "palpate compare plane --renderers cloud:shade=none --path tap --out o",
+        "palpate clean scan.ply --steps outlier --out o.ply", "palpate reproduce --tables 99 --out o",
+        "palpate fetch stanford-cow", "experiments/reproduce --tabels 3", "experiments/rerun",
+        "tests/run --stair asan", "cmake --preset fast", "cmake --preset dev -DPALPATE_WITH_CGAL=OFF",
+        "cmake --build --preset dev --target test_nothing_at_all", "renderer -> device"})
+    EXPECT_NE(problem(wrong), "") << wrong;
   const auto two = commands_in_blocks("p.md", "text\n```\npalpate fetch \\\n  a && echo 'x\ny' > f\n```\n");
   ASSERT_EQ(two.size(), 2u);
   EXPECT_EQ(two[0].text(), "palpate fetch a");

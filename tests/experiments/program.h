@@ -13,6 +13,7 @@
 #include <fstream>
 #include <functional>
 #include <initializer_list>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -20,10 +21,12 @@
 
 #include "tests/files.h"
 #include "tests/in_folder.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 
+using test::value_of;
 using testing::HasSubstr, testing::Not;
 
 /// Scenes and a path on which a command is done in a moment.
@@ -211,6 +214,20 @@ class OnCommandLine : public InFolder {
   [[nodiscard]] std::string text_in(const std::string& name) const { return file_text(in(name)); }
   [[nodiscard]] nlohmann::json json_in(const std::string& name) const {
     return nlohmann::json::parse(text_in(name));
+  }
+  /// A folder of a version that kept no page is drawn from its document.
+  void draw_without_page(const std::string& out) const {
+    for (const char* file : {"/page.json", "/report.html"}) std::filesystem::remove(in(out + file));
+    succeeds("report", in(out));
+  }
+  /// What no clock has a say in of a sweep, by setting.
+  [[nodiscard]] std::map<std::string, nlohmann::json> exact(const std::string& out) const {
+    std::map<std::string, nlohmann::json> all;
+    const nlohmann::json whole = json_in(out + "/sweep.json");
+    for (const nlohmann::json& row : whole["rows"])
+      for (const char* name : {"trace_hash", "error_p95_percent", "bytes", "points", "status"})
+        all[row["setting"]][name] = row[name];
+    return all;
   }
   /// The document must follow docs/schemas/NAME.schema.json.
   static void expect_valid(const std::string& name, const std::string& document);

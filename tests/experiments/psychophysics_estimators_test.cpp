@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <map>
 
 #include "experiments/psychophysics/observers.h"
 #include "experiments/psychophysics/procedures.h"
 #include "experiments/psychophysics/psychometric.h"
 #include "experiments/psychophysics/trial_statistics.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
@@ -74,20 +76,18 @@ TEST(Power, TrialsAreTheComputedOnes) {
   const double shares[] = {0.60, 0.65, 0.70, 0.75};
   const std::uint64_t trials[] = {158, 69, 37, 23};
   for (int i = 0; i < 4; ++i) {
-    const auto needed = trials_for_difference(shares[i], 0.8, 0.05);
-    ASSERT_TRUE(needed);
-    EXPECT_EQ(needed->first, trials[i]);
-    EXPECT_GE(difference_power(needed->first, shares[i], 0.05), 0.8);
-    EXPECT_LT(difference_power(needed->first - 1, shares[i], 0.05), 0.8);
-    EXPECT_LT(difference_power(needed->safe - 1, shares[i], 0.05), 0.8) << "the number before does not";
-    for (std::uint64_t n = needed->safe; n < needed->safe + 200; ++n)
+    const auto needed = trials_for_difference(shares[i], 0.8, 0.05).value();
+    EXPECT_EQ(needed.first, trials[i]);
+    EXPECT_GE(difference_power(needed.first, shares[i], 0.05), 0.8);
+    EXPECT_LT(difference_power(needed.first - 1, shares[i], 0.05), 0.8);
+    EXPECT_LT(difference_power(needed.safe - 1, shares[i], 0.05), 0.8) << "the number before does not";
+    for (std::uint64_t n = needed.safe; n < needed.safe + 200; ++n)
       ASSERT_GE(difference_power(n, shares[i], 0.05), 0.8) << n;
   }
   const std::uint64_t equivalent[] = {158, 68, 39};
   for (int i = 0; i < 3; ++i) {
-    const auto needed = trials_for_equivalence(shares[i], 0.8, 0.05);
-    ASSERT_TRUE(needed);
-    EXPECT_EQ(needed->first, equivalent[i]);
+    const auto needed = trials_for_equivalence(shares[i], 0.8, 0.05).value();
+    EXPECT_EQ(needed.first, equivalent[i]);
   }
   EXPECT_FALSE(trials_for_difference(0.5, 0.8, 0.05)) << "nothing is to be found";
   EXPECT_FALSE(trials_for_difference(0.5001, 0.8, 0.05)) << "nobody sits through so many";
@@ -102,11 +102,10 @@ TEST(Power, TestsKeepTheirErrors) {
       if (equivalence_p(n, k, 0.65) <= 0.05) wrongly = binomial_at_most(n, k, 0.65);
     EXPECT_LE(wrongly, 0.05) << n;
   }
-  const auto bound = shown_bound(68, 0.8, 0.05);
-  ASSERT_TRUE(bound);
-  EXPECT_GE(equivalence_power(68, *bound, 0.05), 0.8);
-  EXPECT_LT(equivalence_power(68, *bound - 0.001, 0.05), 0.8) << "the smallest";
-  EXPECT_LE(*bound, 0.65);
+  const auto bound = shown_bound(68, 0.8, 0.05).value();
+  EXPECT_GE(equivalence_power(68, bound, 0.05), 0.8);
+  EXPECT_LT(equivalence_power(68, bound - 0.001, 0.05), 0.8) << "the smallest";
+  EXPECT_LE(bound, 0.65);
   EXPECT_NEAR(difference_p(16, 12), 0.0384, 1e-4);
 }
 
@@ -147,9 +146,7 @@ TEST(Observers, AnswerAsOftenRightAsTheirModel) {
     for (const double dprime : {0.0, 1.0, 2.0})
       for (const Strategy strategy : {Strategy::kDifferencing, Strategy::kIndependent}) {
         if (task == Task::kSameDifferent && strategy == Strategy::kIndependent) continue;
-        ObserverOptions observer;
-        observer.dprime = dprime;
-        observer.strategy = strategy;
+        ObserverOptions observer{.dprime = dprime, .strategy = strategy};
         const Answers answers = answers_of(task, observer, kTrials, kSeed);
         EXPECT_EQ(answers.signals, kTrials / 2) << "balanced";
         const double share = static_cast<double>(answers.correct()) / kTrials;
@@ -197,8 +194,7 @@ TEST(Sensitivity, IsRightOnAverageAndCovers) {
   constexpr std::uint64_t kTrials = 100;
   for (const Task task : kTasks)
     for (const double dprime : {1.5, 2.5}) {
-      ObserverOptions observer;
-      observer.dprime = dprime;
+      ObserverOptions observer{.dprime = dprime};
       const Quality q = quality_of(task, observer, kTrials, kStudies);
       EXPECT_NEAR(q.bias, 0.0, 0.15) << name_of(task) << " " << dprime;
       EXPECT_GE(q.covered, 0.906) << name_of(task) << " " << dprime;
@@ -209,28 +205,24 @@ TEST(Sensitivity, IsRightOnAverageAndCovers) {
 
 TEST(Sensitivity, ABiasIsNoInsensitivity) {
   for (const Task task : {Task::kTwoInterval, Task::kYesNo}) {
-    ObserverOptions observer;
-    observer.dprime = 1.5;
-    observer.bias = 0.7;
+    ObserverOptions observer{.dprime = 1.5, .bias = 0.7};
     const Quality q = quality_of(task, observer, 200, 200);
     EXPECT_NEAR(q.bias, 0.0, 0.1) << name_of(task);
     EXPECT_GE(q.covered, 0.89) << name_of(task);
     const auto found = sensitivity(task, Strategy::kDifferencing, answers_of(task, observer, 4000, 5));
-    ASSERT_TRUE(found && found->criterion);
-    EXPECT_NEAR(*found->criterion, task == Task::kTwoInterval ? -0.7 / std::sqrt(2.0) : -0.7, 0.1);
+    EXPECT_NEAR(found.value().criterion.value(), task == Task::kTwoInterval ? -0.7 / std::sqrt(2.0) : -0.7,
+                0.1);
   }
 }
 
 TEST(Sensitivity, ExtremesAreFinite) {
   for (const Task task : kTasks) {
-    const auto all = sensitivity(task, Strategy::kDifferencing, {20, 20, 0, 20});
-    ASSERT_TRUE(all);
-    EXPECT_TRUE(std::isfinite(all->dprime.value));
-    EXPECT_DOUBLE_EQ(std::round(all->dprime.interval.high), kLargestDprime) << "nothing bounds it from above";
-    EXPECT_GT(all->dprime.interval.low, 1.0);
-    const auto none = sensitivity(task, Strategy::kDifferencing, {10, 20, 10, 20});
-    ASSERT_TRUE(none);
-    EXPECT_LE(none->dprime.interval.low, 1e-6) << name_of(task);
+    const auto all = sensitivity(task, Strategy::kDifferencing, {20, 20, 0, 20}).value();
+    EXPECT_TRUE(std::isfinite(all.dprime.value));
+    EXPECT_DOUBLE_EQ(std::round(all.dprime.interval.high), kLargestDprime) << "nothing bounds it from above";
+    EXPECT_GT(all.dprime.interval.low, 1.0);
+    const auto none = sensitivity(task, Strategy::kDifferencing, {10, 20, 10, 20}).value();
+    EXPECT_LE(none.dprime.interval.low, 1e-6) << name_of(task);
     EXPECT_FALSE(sensitivity(task, Strategy::kDifferencing, {}));
   }
 }
@@ -247,75 +239,74 @@ TEST(Psychometric, PassesThreeQuartersAtTheJnd) {
       }
 }
 
+/// Whether the observer is right in a trial of two intervals, the second of which is the stronger one or not.
+bool is_right(const ObserverOptions& observer, double level, std::uint64_t trial, bool second,
+              std::uint64_t seed) {
+  const double d = dprime_of_difference(observer, Task::kTwoInterval, level);
+  const Felt felt{Task::kTwoInterval, trial,
+                  second ? std::vector<double>{0.0, d} : std::vector<double>{d, 0.0}};
+  return (answer_of(observer, felt, seed).choice == 1) == second;
+}
+
+constexpr int kResamplesHere = 200;
 const std::vector<double> kLevels = {0.02, 0.035, 0.05, 0.075, 0.11};
 
-std::vector<LevelAnswers> level_answers(const ObserverOptions& observer, Task task, std::uint64_t each,
-                                        std::uint64_t seed) {
+std::vector<LevelAnswers> level_answers(std::uint64_t each, std::uint64_t seed) {
   std::vector<LevelAnswers> all;
   std::uint64_t trial = 0;
   for (const double level : kLevels) {
-    LevelAnswers one{level, 0, each};
-    for (std::uint64_t k = 0; k < each; ++k, ++trial) {
-      const double d = dprime_of_difference(observer, task, level);
-      const bool second = trial % 2 == 1;
-      const Felt felt{task, trial, second ? std::vector<double>{0.0, d} : std::vector<double>{d, 0.0}};
-      one.correct += (answer_of(observer, felt, seed).choice == 1) == second ? 1u : 0u;
-    }
-    all.push_back(one);
+    LevelAnswers& one = all.emplace_back(LevelAnswers{level, 0, each});
+    for (std::uint64_t k = 0; k < each; ++k, ++trial)
+      one.correct += is_right({.jnd = 0.05}, level, trial, trial % 2 == 1, seed) ? 1u : 0u;
   }
   return all;
+}
+
+/// How good a procedure tells a JND that is known, from a seed: right to 5 % on average, and its interval
+/// covers it in at least so large a share of all studies.
+template <class Study>
+void expect_good(const std::string& what, double jnd, int studies, double least_covered, Study&& study) {
+  double log_bias = 0.0, covered = 0.0;
+  for (int s = 0; s < studies; ++s) {
+    const Estimate found = study(static_cast<std::uint64_t>(s));
+    log_bias += std::log(found.value / jnd) / studies;
+    covered += (found.interval.low <= jnd && jnd <= found.interval.high ? 1.0 : 0.0) / studies;
+  }
+  std::printf("%s: bias %+.1f %%, covered %.3f\n", what.c_str(), 100.0 * log_bias, covered);
+  EXPECT_NEAR(log_bias, 0.0, 0.05) << what;
+  EXPECT_GE(covered, least_covered) << what;
 }
 
 /// The method of constant stimuli, 5 x 40 trials: the JND is right to 5 % on average; 95 % intervals cover in
 /// at least 87 of 100 studies (95 less four deviations of 120 studies).
 TEST(Psychometric, JndIsRightOnAverageAndItsIntervalCovers) {
-  constexpr int kStudies = 120, kResamplesHere = 200;
-  for (const Shape shape : {Shape::kDprime, Shape::kWeibull}) {
-    double log_bias = 0.0, covered = 0.0;
-    for (int s = 0; s < kStudies; ++s) {
-      ObserverOptions observer;
-      observer.jnd = 0.05;
-      const auto answers =
-          level_answers(observer, Task::kTwoInterval, 40, 77 + static_cast<std::uint64_t>(s));
-      const auto fit = fit_psychometric(answers, {Task::kTwoInterval, shape, 1.0, 1.0, 0.0}, std::nullopt);
-      ASSERT_TRUE(fit);
-      log_bias += std::log(fit->function.jnd / 0.05) / kStudies;
-      const Interval i = bootstrap_jnd(answers, *fit, std::nullopt, 5, kResamplesHere);
-      covered += (i.low <= 0.05 && 0.05 <= i.high ? 1.0 : 0.0) / kStudies;
-    }
-    std::printf("constant levels, %s: bias %+.1f %%, covered %.3f\n", name_of(shape), 100.0 * log_bias,
-                covered);
-    EXPECT_NEAR(log_bias, 0.0, 0.05) << name_of(shape);
-    EXPECT_GE(covered, 0.87) << name_of(shape);
-  }
+  for (const Shape shape : {Shape::kDprime, Shape::kWeibull})
+    expect_good(std::string("constant levels, ") + name_of(shape), 0.05, 120, 0.87, [&](std::uint64_t s) {
+      const auto answers = level_answers(40, 77 + s);
+      const auto fit =
+          fit_psychometric(answers, {Task::kTwoInterval, shape, 1.0, 1.0, 0.0}, std::nullopt).value();
+      return Estimate{fit.function.jnd, bootstrap_jnd(answers, fit, std::nullopt, 5, kResamplesHere)};
+    });
 }
 
 TEST(Psychometric, TheSameSeedGivesTheSameInterval) {
-  ObserverOptions observer;
-  observer.jnd = 0.05;
-  const auto answers = level_answers(observer, Task::kTwoInterval, 30, 1);
-  const auto fit = fit_psychometric(answers, {}, 1.0);
-  ASSERT_TRUE(fit);
-  EXPECT_DOUBLE_EQ(fit->function.slope, 1.0);
-  const Interval a = bootstrap_jnd(answers, *fit, 1.0, 9, 50), b = bootstrap_jnd(answers, *fit, 1.0, 9, 50);
+  const auto answers = level_answers(30, 1);
+  const auto fit = fit_psychometric(answers, {}, 1.0).value();
+  EXPECT_DOUBLE_EQ(fit.function.slope, 1.0);
+  const Interval a = bootstrap_jnd(answers, fit, 1.0, 9, 50), b = bootstrap_jnd(answers, fit, 1.0, 9, 50);
   EXPECT_EQ(a.low, b.low);
   EXPECT_EQ(a.high, b.high);
   EXPECT_FALSE(fit_psychometric({}, {}, 1.0));
 }
 
 /// One run of a procedure with an observer of this JND; the level of each trial is given to `see`.
-template <class See>
-void run_with_observer(Adaptive& procedure, std::uint64_t seed, double slope, See&& see, double jnd = 0.05) {
-  ObserverOptions observer;
-  observer.jnd = jnd;
-  observer.slope = slope;
+void run_with_observer(Adaptive& procedure, std::uint64_t seed, double jnd = 0.05,
+                       const std::function<void(double level, bool correct)>& see = {}) {
   for (std::uint64_t trial = 0; procedure.level(); ++trial) {
-    const double level = *procedure.level(), d = dprime_of_difference(observer, Task::kTwoInterval, level);
+    const double level = *procedure.level();
     const bool second = balanced_cell(seed, trial, 2) == 1;
-    const Felt felt{Task::kTwoInterval, trial,
-                    second ? std::vector<double>{0.0, d} : std::vector<double>{d, 0.0}};
-    const bool correct = (answer_of(observer, felt, seed).choice == 1) == second;
-    see(level, correct);
+    const bool correct = is_right({.jnd = jnd, .slope = 1.0}, level, trial, second, seed);
+    if (see) see(level, correct);
     procedure.answered(correct);
   }
 }
@@ -333,9 +324,8 @@ TEST(UpDownRules, ConvergeToTheirTarget) {
     double log_sum = 0.0;
     for (int r = 0; r < kRuns; ++r) {
       UpDown staircase(options);
-      run_with_observer(staircase, 300 + static_cast<std::uint64_t>(r), 1.0, [](double, bool) {});
-      ASSERT_TRUE(staircase.estimate());
-      log_sum += std::log(staircase.estimate()->value) / kRuns;
+      run_with_observer(staircase, 300 + static_cast<std::uint64_t>(r));
+      log_sum += std::log(staircase.estimate().value().value) / kRuns;
     }
     const Psychometric truth{Task::kTwoInterval, Shape::kDprime, 0.05, 1.0, 0.0};
     EXPECT_NEAR(truth.proportion(std::exp(log_sum)), target_of(options), 0.04)
@@ -362,28 +352,19 @@ TEST(UpDownRules, StepAsWritten) {
 /// to 1.5 %), wherever in the middle of it the JND lies, and the 95 % of the posterior hold the truth in at
 /// least 90.6 of 100 (95 less four deviations of 400 studies).
 TEST(PsiMethod, IsRightOnAverageAndCovers) {
-  constexpr int kRuns = 400;
   constexpr std::uint64_t kSeedsApart = 1'000'000;
   std::uint64_t seed = 0;
+  PsiOptions options;
+  options.low = 0.005;
+  options.high = 0.5;
+  options.trials = 50;
   for (const double jnd : {0.02, 0.1}) {
     seed += kSeedsApart;
-    double log_bias = 0.0, covered = 0.0;
-    for (int r = 0; r < kRuns; ++r) {
-      PsiOptions options;
-      options.low = 0.005;
-      options.high = 0.5;
-      options.trials = 50;
+    expect_good("Psi, JND " + std::to_string(jnd), jnd, 400, 0.906, [&](std::uint64_t s) {
       Psi psi(options);
-      run_with_observer(
-          psi, seed + static_cast<std::uint64_t>(r), 1.0, [](double, bool) {}, jnd);
-      const auto found = psi.estimate();
-      ASSERT_TRUE(found);
-      log_bias += std::log(found->value / jnd) / kRuns;
-      covered += (found->interval.low <= jnd && jnd <= found->interval.high ? 1.0 : 0.0) / kRuns;
-    }
-    std::printf("Psi, JND %g: bias %+.1f %%, covered %.3f\n", jnd, 100.0 * log_bias, covered);
-    EXPECT_NEAR(log_bias, 0.0, 0.05) << jnd;
-    EXPECT_GE(covered, 0.906) << jnd;
+      run_with_observer(psi, seed + s, jnd);
+      return psi.estimate().value();
+    });
   }
 }
 
@@ -391,35 +372,21 @@ TEST(PsiMethod, IsRightOnAverageAndCovers) {
 /// simulated staircases: right to 5 % on average, and the interval covers in at least 87 of 100 studies (95
 /// less four deviations of 120).
 TEST(UpDownRules, TheirIntervalCovers) {
-  constexpr int kStudies = 120, kResamplesHere = 200;
-  constexpr double kJnd = 0.05;
-  UpDownOptions options{.down = 3};
-  options.start = 0.2;
-  options.factor = 1.5;
-  options.reversals = 14;
-  options.discarded = 4;
-  double log_bias = 0.0, covered = 0.0;
-  for (int s = 0; s < kStudies; ++s) {
+  const UpDownOptions options{.down = 3, .start = 0.2, .factor = 1.5, .reversals = 14, .discarded = 4};
+  expect_good("staircase, 3 down", 0.05, 120, 0.87, [&](std::uint64_t s) {
     UpDown staircase(options);
     std::map<double, LevelAnswers> levels;
-    run_with_observer(staircase, 5000 + static_cast<std::uint64_t>(s), 1.0, [&](double level, bool correct) {
+    run_with_observer(staircase, 5000 + s, 0.05, [&](double level, bool correct) {
       LevelAnswers& one = levels.try_emplace(level, LevelAnswers{level, 0, 0}).first->second;
       ++one.trials;
       one.correct += correct ? 1u : 0u;
     });
     std::vector<LevelAnswers> all;
     for (const auto& [level, answers] : levels) all.push_back(answers);
-    const auto fit = fit_psychometric(all, {}, 1.0);
-    ASSERT_TRUE(fit);
-    const Estimate found = bootstrap_procedure([&] { return std::make_unique<UpDown>(options); }, *fit, 1.0,
-                                               static_cast<std::uint64_t>(s), kResamplesHere);
-    log_bias += std::log(found.value / kJnd) / kStudies;
-    const Interval& i = found.interval;
-    covered += (i.low <= kJnd && kJnd <= i.high ? 1.0 : 0.0) / kStudies;
-  }
-  std::printf("staircase, %d down: bias %+.1f %%, covered %.3f\n", options.down, 100.0 * log_bias, covered);
-  EXPECT_NEAR(log_bias, 0.0, 0.05) << options.down;
-  EXPECT_GE(covered, 0.87) << options.down;
+    const auto fit = fit_psychometric(all, {}, 1.0).value();
+    return bootstrap_procedure([&] { return std::make_unique<UpDown>(options); }, fit, 1.0, s,
+                               kResamplesHere);
+  });
 }
 
 TEST(Order, IsBalancedAndSeeded) {
@@ -435,26 +402,23 @@ TEST(Order, IsBalancedAndSeeded) {
 }
 
 TEST(ObserverSpecs, AreReadAndRefused) {
-  const auto good = parse_observer("simulated:dprime=1.5:lapse=0.02");
-  ASSERT_TRUE(good) << good.error().message();
-  EXPECT_DOUBLE_EQ(good->options.dprime, 1.5);
-  EXPECT_FALSE(good->has_jnd);
-  const auto machine = parse_observer("machine:hand=slide:stiffness=0.1");
-  ASSERT_TRUE(machine) << machine.error().message();
-  EXPECT_EQ(machine->kind, ObserverKind::kMachine);
-  EXPECT_EQ(machine->hand, "slide");
-  EXPECT_DOUBLE_EQ(machine->thresholds.stiffness, 0.1);
-  const auto person = parse_observer("person");
-  ASSERT_TRUE(person) << person.error().message();
-  EXPECT_EQ(person->kind, ObserverKind::kPerson);
+  const auto good = test::value_of(parse_observer("simulated:dprime=1.5:lapse=0.02"));
+  EXPECT_DOUBLE_EQ(good.options.dprime, 1.5);
+  EXPECT_FALSE(good.has_jnd);
+  const auto machine = test::value_of(parse_observer("machine:hand=slide:stiffness=0.1"));
+  EXPECT_EQ(machine.kind, ObserverKind::kMachine);
+  EXPECT_EQ(machine.hand, "slide");
+  EXPECT_DOUBLE_EQ(machine.thresholds.stiffness, 0.1);
+  const auto person = test::value_of(parse_observer("person"));
+  EXPECT_EQ(person.kind, ObserverKind::kPerson);
   // What is not named is that of the types.
   const Thresholds usual;
-  EXPECT_DOUBLE_EQ(machine->thresholds.force, usual.force);
-  EXPECT_DOUBLE_EQ(machine->thresholds.direction_deg, usual.direction_deg);
-  EXPECT_DOUBLE_EQ(machine->thresholds.vibration, usual.vibration);
-  EXPECT_DOUBLE_EQ(machine->thresholds.moved_kg, usual.moved_kg);
-  EXPECT_DOUBLE_EQ(machine->depth_mm, ObserverSpec{}.depth_mm);
-  EXPECT_EQ(person->hand, ObserverSpec{}.hand);
+  EXPECT_DOUBLE_EQ(machine.thresholds.force, usual.force);
+  EXPECT_DOUBLE_EQ(machine.thresholds.direction_deg, usual.direction_deg);
+  EXPECT_DOUBLE_EQ(machine.thresholds.vibration, usual.vibration);
+  EXPECT_DOUBLE_EQ(machine.thresholds.moved_kg, usual.moved_kg);
+  EXPECT_DOUBLE_EQ(machine.depth_mm, ObserverSpec{}.depth_mm);
+  EXPECT_EQ(person.hand, ObserverSpec{}.hand);
   for (const char* bad :
        {"persons", "simulated:dprime=x", "machine:hand=tap", "machine:force=0", "person:dprime=1",
         "simulated:dprime=-1", "simulated:colour=red", "machine:dprime=1", ""})

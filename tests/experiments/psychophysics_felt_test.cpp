@@ -23,11 +23,8 @@ using psychophysics::Plan;
 using psychophysics::Trial;
 
 Plan plan_of(const std::string& example) {
-  const auto text = psychophysics::read_plan(example);
-  EXPECT_TRUE(text);
-  auto plan = psychophysics::parse_plan(text->text, text->name, all_renderers());
-  EXPECT_TRUE(plan) << plan.error().message();
-  return *std::move(plan);
+  const auto text = value_of(psychophysics::read_plan(example));
+  return value_of(psychophysics::parse_plan(text.text, text.name, all_renderers()));
 }
 
 /// A plan with what it feels on.
@@ -37,9 +34,7 @@ struct Laboratory {
   Laboratory(Plan felt_plan, const std::string& observer) : plan(std::move(felt_plan)) {
     spec = *psychophysics::parse_observer(observer);
     device = *choose_device({}, session_drivers());
-    auto made = Bench::make(plan, {spec.hand, spec.depth_mm, 1000.0}, progress);
-    EXPECT_TRUE(made) << made.error().message();
-    bench = *std::move(made);
+    bench = value_of(Bench::make(plan, {spec.hand, spec.depth_mm, 1000.0}, progress));
     machine = std::make_unique<Machine>(plan, spec, *bench, device);
     const Status learnt = machine->learn(progress);
     EXPECT_TRUE(learnt) << learnt.error().message();
@@ -47,17 +42,13 @@ struct Laboratory {
   FeltTrial felt(const std::string& shown, double level) {
     Trial trial;
     trial.shown = shown, trial.level = level;
-    auto felt = psychophysics::feel_alone(*bench, device, bench->passes(trial), level, progress);
-    EXPECT_TRUE(felt) << felt.error().message();
-    return *std::move(felt);
+    return value_of(psychophysics::feel_alone(*bench, device, bench->passes(trial), level, progress));
   }
   std::vector<double> strengths(const std::string& shown, double level) {
     Trial trial;
     trial.shown = shown, trial.level = level;
     FeltTrial felt;
-    auto found = machine->feel(trial, felt, progress);
-    EXPECT_TRUE(found) << found.error().message();
-    return *found;
+    return value_of(machine->feel(trial, felt, progress));
   }
   ProgressBar progress;
   Plan plan;
@@ -161,7 +152,14 @@ TEST(MachineObserver, FeelsASpacingANoiseAndARate) {
 
 class FeltStudy : public StudyFolder {
  protected:
-  /// With keys from standard input.
+  /// With keys from standard input; it must end well.
+  ProcessOutcome answered(const std::string& plan, const std::string& keys, const std::string& out,
+                          const std::string& more = {}) const {
+    ProcessOutcome run = person(plan, keys, out, more);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return run;
+  }
+  /// The same on a virtual clock; however it ends.
   ProcessOutcome person(const std::string& plan, const std::string& keys, const std::string& out,
                         const std::string& more = {}) const {
     return person_in_real_time(plan, keys, out, "--accelerated " + more);
@@ -170,9 +168,7 @@ class FeltStudy : public StudyFolder {
                                      const std::string& more = {}) const {
     const std::string line = "printf '" + keys + "' | " PALPATE_PROGRAM " study " + plan +
                              " --observer person --out " + in(out) + " " + more;
-    Result<ProcessOutcome> run = run_process({"/bin/sh", "-c", line}, {.time_limit_s = 120.0});
-    EXPECT_TRUE(run);
-    return *std::move(run);
+    return value_of(run_process({"/bin/sh", "-c", line}, {.time_limit_s = 120.0}));
   }
   /// A short one of the example, of few trials.
   std::string short_plan() const {
@@ -208,17 +204,14 @@ TEST_F(FeltStudy, APersonAnswersByKeys) {
   const std::string plan = short_plan();
   // Six trials, a break before one of them that waits for the space bar; x answers nothing. In the end a name
   // of a renderer stands nowhere on the screen.
-  const ProcessOutcome part = person(plan, "ax1", "out", "--stop-after 2");
-  ASSERT_EQ(part.exit_code, 0) << part.err;
+  const ProcessOutcome part = answered(plan, "ax1", "out", "--stop-after 2");
   EXPECT_THAT(part.out, HasSubstr("2 trials are answered")) << part.err;
   EXPECT_THAT(part.err, HasSubstr("trial 2: touch 3 of 3"));
   EXPECT_THAT((part.out + part.err), Not(HasSubstr("cloud"))) << part.out << part.err;
   // Standard input ends early: what was answered stays.
-  const ProcessOutcome cut = person(plan, "b", "out");
-  ASSERT_EQ(cut.exit_code, 0) << cut.err;
+  const ProcessOutcome cut = answered(plan, "b", "out");
   EXPECT_THAT(cut.out, HasSubstr("3 trials are answered")) << cut.err;
-  const ProcessOutcome rest = person(plan, " a b a b", "out");
-  ASSERT_EQ(rest.exit_code, 0) << rest.err;
+  const ProcessOutcome rest = answered(plan, " a b a b", "out");
   EXPECT_THAT(rest.err, HasSubstr("a break"));
   std::istringstream lines(text_in("out/trials.csv"));
   std::string answers;
@@ -274,24 +267,20 @@ TEST(FeltTrials, DeadlinesThatTheRealLoopMissedAreCountedAndExcludeATrial) {
   plan.interval_s = 0.5;
   plan.switch_delay_s = 0.05;
   ProgressBar progress;
-  auto bench = Bench::make(plan, {"press", 4.0, 1000.0}, progress);
-  ASSERT_TRUE(bench) << bench.error().message();
+  auto bench = value_of(Bench::make(plan, {"press", 4.0, 1000.0}, progress));
   SessionClock clock(false);
-  auto device = SessionDevice::make(*choose_device({}, session_drivers()), clock.clock(), 1e-3);
-  ASSERT_TRUE(device);
-  auto rig = psychophysics::Rig::make(**bench, clock, *device, 0.0, progress);
-  ASSERT_TRUE(rig) << rig.error().message();
-  Sleeper sleeper((*rig)->conductor());
-  (*rig)->assembly().observe(sleeper);
+  auto device = value_of(SessionDevice::make(*choose_device({}, session_drivers()), clock.clock(), 1e-3));
+  auto rig = value_of(psychophysics::Rig::make(*bench, clock, device, 0.0, progress));
+  Sleeper sleeper(rig->conductor());
+  rig->assembly().observe(sleeper);
   Trial trial;
   trial.shown = "AB";
-  OneRealTrial tasks(**rig, (*bench)->passes(trial));
-  const auto end = (*rig)->run(tasks, progress);
-  ASSERT_TRUE(end) << end.error().message();
-  ASSERT_EQ((*rig)->conductor().passage(), psychophysics::Passage::kDone);
-  const FeltTrial felt = (*rig)->conductor().take();
+  OneRealTrial tasks(*rig, bench->passes(trial));
+  const auto end = value_of(rig->run(tasks, progress));
+  ASSERT_EQ(rig->conductor().passage(), psychophysics::Passage::kDone);
+  const FeltTrial felt = rig->conductor().take();
   EXPECT_GE(felt.missed_deadlines, 8u) << "twice 6 ms at 1 kHz";
-  EXPECT_LE(felt.missed_deadlines, end->loop.missed) << "the loop's own count";
+  EXPECT_LE(felt.missed_deadlines, end.loop.missed) << "the loop's own count";
   EXPECT_GT(ticks_of(felt, 1), 100u);
   psychophysics::Answer answer;
   answer.seconds = 1.0;
@@ -356,16 +345,14 @@ TEST_F(FeltStudy, OfAPersonInRealTimeKeepsHowTheLoopWasScheduled) {
 
 TEST_F(FeltStudy, ALevelIsFeltAfterAnother) {
   // The staircase makes a renderer anew for each level, in one session.
-  const ProcessOutcome run = person("staircase", "11221122", "out", "--stop-after 8");
-  ASSERT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_THAT(run.out, HasSubstr("8 trials are answered")) << run.err;
+  EXPECT_THAT(answered("staircase", "11221122", "out", "--stop-after 8").out,
+              HasSubstr("8 trials are answered"));
 }
 
 TEST_F(FeltStudy, MarksGoToLabStreamingLayer) {
   const Environment file("LSL_STUB_FILE", in("marks").c_str());
   const std::string plan = short_plan();
-  const ProcessOutcome run = person(plan, "1", "out", "--stop-after 1 --lsl --lsl-library " PALPATE_LSL_STUB);
-  ASSERT_EQ(run.exit_code, 0) << run.err;
+  answered(plan, "1", "out", "--stop-after 1 --lsl --lsl-library " PALPATE_LSL_STUB);
   const std::string marks = text_in("marks");
   std::size_t at = 0;
   for (const char* next : {"name;Palpate;1", "type;Markers;0", "source;palpate-P01;3", "outlet;chunk;0",

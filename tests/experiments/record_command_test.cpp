@@ -20,11 +20,6 @@ namespace {
 
 using nlohmann::json;
 
-class QuietProgress final : public Progress {
- public:
-  void report(std::string_view /*what*/, double /*fraction*/) override {}
-};
-
 /// A stage and renderers on it, as the commands make them.
 struct Prepared {
   render::Registry registry = all_renderers();
@@ -40,20 +35,14 @@ Prepared prepared_stage(const std::string& renderer, const std::string& path) {
   run.renderers = renderer;
   run.path = path;
   run.reference = "none";
-  Result<CheckedRun> checked = check_run(run, p.registry, progress);
-  EXPECT_TRUE(checked) << checked.error().message();
-  p.request = checked->renderers.front();
-  Result<Stage> stage = set_up(checked->stage, all_readers(), progress);
-  EXPECT_TRUE(stage) << stage.error().message();
-  p.stage = *std::move(stage);
+  auto checked = value_of(check_run(run, p.registry, progress));
+  p.request = checked.renderers.front();
+  p.stage = value_of(set_up(checked.stage, all_readers(), progress));
   return p;
 }
 
 std::unique_ptr<render::HapticRenderer> fresh(const Prepared& p) {
-  QuietProgress progress;
-  auto renderer = prepared_renderer(p.request, p.registry, p.stage.scene, 1, false, progress);
-  EXPECT_TRUE(renderer) << renderer.error().message();
-  return *std::move(renderer);
+  return value_of(prepared_renderer(p.request, p.registry, p.stage.scene, 1, false, no_progress()));
 }
 
 /// The path under a device that fails three times: silent in contact, out of reach, without a position.
@@ -64,11 +53,7 @@ void record_with_faults(const Prepared& p, const std::string& file) {
   world_from_device.rotation = Eigen::AngleAxisd(0.3, Vec3(Vec3::UnitZ()));
   trace::ProbePath path = p.stage.path;
   for (Vec3& hip_mm : path.hip_mm) hip_mm = world_from_device.inverse() * hip_mm;
-  device::DeviceLimits limits;
-  limits.force_max_n = 3.3;
-  limits.rate_hz = 1000.0;
-  limits.resolution_mm = 0.01;
-  limits.workspace_mm = {Vec3::Constant(-200.0), Vec3::Constant(200.0)};
+  const device::DeviceLimits limits{3.3, {Vec3::Constant(-200.0), Vec3::Constant(200.0)}, 0.01, 1000.0};
   using Kind = device::ScriptedFault::Kind;
   device::SimulatedDevice device(path, clock, limits, 0,
                                  {{Kind::kSilence, 0.40, 0.1, Vec3::Zero()},
@@ -80,24 +65,21 @@ void record_with_faults(const Prepared& p, const std::string& file) {
   device::TapSource source({&tap}, world_from_device);
   device::RecordingHeader header;
   header.world_from_device = world_from_device;
-  auto recorder = device::Recorder::create(file, header, source);
-  ASSERT_TRUE(recorder) << recorder.error().message();
-  const auto recorded = recorded_renderer(p.request, p.registry);
-  ASSERT_TRUE(recorded);
-  ASSERT_TRUE((*recorder)->add_renderer(*recorded));
+  auto recorder = value_of(device::Recorder::create(file, header, source));
+  const auto recorded = value_of(recorded_renderer(p.request, p.registry));
+  ASSERT_TRUE(recorder->add_renderer(recorded));
   device::Servo servo(tap, governing, device, clock, world_from_device);
   ASSERT_TRUE(servo.start(p.stage.path.hip_mm.front()));
   int faulted = 0;
   for (std::size_t i = 0; i < path.size(); ++i) {
     clock.advance_to(static_cast<std::int64_t>(i) * 1'000'000);
     const device::Tick tick = servo.tick();
-    (*recorder)->took(tick);
+    recorder->took(tick);
     faulted = tick.fault == device::Fault::kNone ? 0 : faulted + 1;
     if (faulted == 150) servo.rearm();
   }
   servo.stop();
-  const Status finished = (*recorder)->finish();
-  ASSERT_TRUE(finished) << finished.error().message();
+  ASSERT_TRUE(recorder->finish());
 }
 
 class RecordSegments : public OnCommandLine, public testing::WithParamInterface<const char*> {};
@@ -106,32 +88,28 @@ TEST_P(RecordSegments, AnswerTheSameBitsWithFaultsAndStartsInContactBetween) {
   const Prepared p = prepared_stage(GetParam(), "weave:frames=3200:depth_mm=1.5");
   const std::string file = in("faults.palrec");
   record_with_faults(p, file);
-  Result<device::Recording> recording = device::Recording::open(file);
-  ASSERT_TRUE(recording) << recording.error().message();
-  QuietProgress progress;
+  auto recording = value_of(device::Recording::open(file));
   const auto renderer = fresh(p);
-  const auto segments = replay_segments(*recording, "", *renderer, progress);
-  ASSERT_TRUE(segments) << segments.error().message();
-  EXPECT_TRUE(recording->end().warnings().empty());
-  ASSERT_EQ(segments->size(), 4u) << "three faults";
+  const auto segments = value_of(replay_segments(recording, "", *renderer, no_progress()));
+  EXPECT_TRUE(recording.end().warnings().empty());
+  ASSERT_EQ(segments.size(), 4u) << "three faults";
   std::uint64_t contact = 0;
   bool from_contact = false;
-  for (const SegmentReplay& segment : *segments) {
+  for (const SegmentReplay& segment : segments) {
     EXPECT_TRUE(segment.whole);
     EXPECT_TRUE(segment.brought_up);
-    EXPECT_EQ(segment.recorded_hash, segment.replayed_hash) << segments_text(*segments);
+    EXPECT_EQ(segment.recorded_hash, segment.replayed_hash) << segments_text(segments);
     contact += segment.contact_frames;
     from_contact = from_contact || segment.starts_in_contact;
   }
   EXPECT_GT(contact, 500u);
-  EXPECT_TRUE(from_contact) << segments_text(*segments);
+  EXPECT_TRUE(from_contact) << segments_text(segments);
   // Another renderer answers other bits: the comparison can fail.
   Prepared other = prepared_stage("cloud:refine=1", "weave:frames=10");
-  Result<device::Recording> again = device::Recording::open(file);
-  const auto different = replay_segments(*again, "", *fresh(other), progress);
-  ASSERT_TRUE(different);
-  EXPECT_FALSE(different->front().same());
-  EXPECT_GE(different->front().differs_ns, 0);
+  auto again = value_of(device::Recording::open(file));
+  const auto different = value_of(replay_segments(again, "", *fresh(other), no_progress()));
+  EXPECT_FALSE(different.front().same());
+  EXPECT_GE(different.front().differs_ns, 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Renderers, RecordSegments,
@@ -145,50 +123,47 @@ class RecordedFaults : public InFolder {
 };
 
 TEST_F(RecordedFaults, ArePathsThatStartFreeAndGoByThePlacesOfBringUps) {
-  const Result<RecordedPath> recorded = path_of_recording(file, kMemoryLimitBytes);
-  ASSERT_TRUE(recorded) << recorded.error().message();
-  EXPECT_TRUE(recorded->warnings.empty());
-  EXPECT_EQ(recorded->path.hip_mm.front(), p.stage.path.hip_mm.front());
-  EXPECT_GT(recorded->path.size(), 2000u);
-  for (std::size_t i = 1; i < recorded->path.size(); ++i)
-    ASSERT_GT(recorded->path.t_s[i], recorded->path.t_s[i - 1]) << i;
+  const auto recorded = value_of(path_of_recording(file, kMemoryLimitBytes));
+  EXPECT_TRUE(recorded.warnings.empty());
+  EXPECT_EQ(recorded.path.hip_mm.front(), p.stage.path.hip_mm.front());
+  EXPECT_GT(recorded.path.size(), 2000u);
+  for (std::size_t i = 1; i < recorded.path.size(); ++i)
+    ASSERT_GT(recorded.path.t_s[i], recorded.path.t_s[i - 1]) << i;
 }
 
 TEST_F(RecordedFaults, AreCountedAndSoAreSegments) {
-  const Result<RecordingFacts> facts = facts_of_recording(file, false);
-  ASSERT_TRUE(facts) << facts.error().message();
-  EXPECT_EQ(facts->end.ticks, p.stage.path.size());
-  EXPECT_NEAR(facts->length_s, 1e-3 * static_cast<double>(p.stage.path.size() - 1), 1e-9);
-  EXPECT_EQ(facts->segments, 4u) << "three faults";
-  ASSERT_EQ(facts->faults.size(), 3u);
+  const auto facts = value_of(facts_of_recording(file, false));
+  EXPECT_EQ(facts.end.ticks, p.stage.path.size());
+  EXPECT_NEAR(facts.length_s, 1e-3 * static_cast<double>(p.stage.path.size() - 1), 1e-9);
+  EXPECT_EQ(facts.segments, 4u) << "three faults";
+  ASSERT_EQ(facts.faults.size(), 3u);
   const std::pair<device::Fault, double> scripted[] = {{device::Fault::kSilence, 0.40},
                                                        {device::Fault::kJump, 1.35},
                                                        {device::Fault::kNonFinitePosition, 2.25}};
-  for (std::size_t i = 0; i < facts->faults.size(); ++i) {
-    EXPECT_EQ(facts->faults[i].name, device::fault_name(scripted[i].first));
-    EXPECT_EQ(facts->faults[i].times, 1u);
-    EXPECT_GE(facts->faults[i].first_s, scripted[i].second);
-    EXPECT_LE(facts->faults[i].first_s, scripted[i].second + 0.03) << "found within 30 ms";
+  for (std::size_t i = 0; i < facts.faults.size(); ++i) {
+    EXPECT_EQ(facts.faults[i].name, device::fault_name(scripted[i].first));
+    EXPECT_EQ(facts.faults[i].times, 1u);
+    EXPECT_GE(facts.faults[i].first_s, scripted[i].second);
+    EXPECT_LE(facts.faults[i].first_s, scripted[i].second + 0.03) << "found within 30 ms";
   }
-  ASSERT_EQ(facts->renderers.size(), 1u);
+  ASSERT_EQ(facts.renderers.size(), 1u);
   // The same counts, by another way.
   std::uint64_t stepped = 0, contact = 0;
   double force_n = 0.0;
-  Result<device::Recording> recording = device::Recording::open(file);
-  ASSERT_TRUE(recording);
+  auto recording = value_of(device::Recording::open(file));
   device::RecordedTick tick;
-  for (Result<bool> more = recording->next(tick); more && *more; more = recording->next(tick)) {
+  for (Result<bool> more = recording.next(tick); more && *more; more = recording.next(tick)) {
     stepped += tick.tracks[0].stepped;
     contact += tick.tracks[0].stepped && tick.tracks[0].frame.contact;
     force_n = std::max(force_n, tick.sent_n.norm());
   }
-  const RecordedRendererFacts& renderer = facts->renderers.front();
+  const RecordedRendererFacts& renderer = facts.renderers.front();
   EXPECT_EQ(renderer.renderer.name, "cloud");
   EXPECT_EQ(renderer.ticks, stepped);
-  EXPECT_LT(renderer.ticks, facts->end.ticks) << "not stepped in a fault";
+  EXPECT_LT(renderer.ticks, facts.end.ticks) << "not stepped in a fault";
   EXPECT_EQ(renderer.contact_ticks, contact);
   EXPECT_GT(contact, 500u);
-  EXPECT_EQ(facts->force_max_n, force_n);
+  EXPECT_EQ(facts.force_max_n, force_n);
   EXPECT_GT(force_n, 0.1);
 }
 
@@ -233,20 +208,17 @@ TEST_F(RecordCommand, RecordsReplaysToTheSameHashesAndCompares) {
   ASSERT_GE(segments["segments"].size(), 1u);
   for (const json& segment : segments["segments"]) EXPECT_TRUE(segment["same"]) << segment;
   // On another scene it says that hashes may differ, and is no failure.
-  EXPECT_THAT(succeeds("compare sinusoid:points=961:extent_mm=40:wavelength_mm=20:amplitude_mm=1 --path "
-                       "@/one.palrec --passes "
-                       "1 --out @/other --renderers auto")
-                  .out,
-              HasSubstr("the scene is another one"));
+  const ProcessOutcome other = succeeds(
+      "compare sinusoid:points=961:extent_mm=40:wavelength_mm=20:amplitude_mm=1 --path @/one.palrec "
+      "--passes 1 --out @/other --renderers auto");
+  EXPECT_THAT(other.out, HasSubstr("the scene is another one"));
 
   succeeds("compare", kSmallWaves,
            "--renderers cloud,cloud:refine=1:label=bare --path @/one.palrec --passes 1 --out @/compared");
   const json result = document("compared/result.json");
   ASSERT_EQ(result["renderers"].size(), 2u);
-  EXPECT_GT(result["renderers"][0]["accuracy"]["contact_frames"].is_null()
-                ? result["renderers"][0]["frame"]["contact_frames"].get<int>()
-                : result["renderers"][0]["accuracy"]["contact_frames"].get<int>(),
-            200);
+  const json& one = result["renderers"][0];
+  EXPECT_GT(one[one["accuracy"]["contact_frames"].is_null() ? "frame" : "accuracy"]["contact_frames"], 200);
 }
 
 TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
@@ -254,12 +226,11 @@ TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
   // What is in it.
   std::vector<render::Frame> frames;
   std::vector<Vec3> hips, sent;
-  Result<device::Recording> recording = device::Recording::open(in("one.palrec"));
-  ASSERT_TRUE(recording);
+  auto recording = value_of(device::Recording::open(in("one.palrec")));
   device::RecordedTick tick;
   trace::ForceTrace truth;
   for (;;) {
-    const Result<bool> more = recording->next(tick);
+    const Result<bool> more = recording.next(tick);
     ASSERT_TRUE(more) << more.error().message();
     if (!*more) break;
     ASSERT_TRUE(tick.tracks[0].stepped);
@@ -268,11 +239,10 @@ TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
     sent.push_back(tick.sent_n);
   }
   succeeds("report export @/one.palrec --out @/one.csv");
-  const auto csv = trace::read_trace_csv(in("one.csv"));
-  ASSERT_TRUE(csv) << csv.error().message();
-  EXPECT_EQ(trace::trace_hash(csv->trace), trace::trace_hash(truth));
-  ASSERT_EQ(csv->path.size(), hips.size());
-  for (std::size_t i = 0; i < hips.size(); ++i) ASSERT_EQ(csv->path.hip_mm[i], hips[i]) << i;
+  const auto csv = value_of(trace::read_trace_csv(in("one.csv")));
+  EXPECT_EQ(trace::trace_hash(csv.trace), trace::trace_hash(truth));
+  ASSERT_EQ(csv.path.size(), hips.size());
+  for (std::size_t i = 0; i < hips.size(); ++i) ASSERT_EQ(csv.path.hip_mm[i], hips[i]) << i;
 
   succeeds("report export @/one.palrec --format motion-bids --subject 07 --task feel --out @/dataset");
   const std::string stem = "dataset/sub-07/motion/sub-07_task-feel_tracksys-haptic";
@@ -407,8 +377,9 @@ TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
 }
 
 TEST_F(RecordCommand, StoppedByCtrlCItIsClosedAndWhole) {
-  Started started(folder_, {"live", "record", kSmallWaves, "--renderer", "cloud", "--seconds", "60", "--path",
-                            "weave:frames=2000:depth_mm=1", "--out", in("stopped.palrec")});
+  Started started(folder_, words("live record", kSmallWaves,
+                                 "--renderer cloud --seconds 60 --path weave:frames=2000:depth_mm=1 --out "
+                                 "@/stopped.palrec"));
   started.wait_for([&] {
     std::error_code code;
     const auto bytes = std::filesystem::file_size(in("stopped.palrec"), code);
@@ -418,18 +389,17 @@ TEST_F(RecordCommand, StoppedByCtrlCItIsClosedAndWhole) {
   started.send(SIGINT);
   EXPECT_EQ(started.end(), 128 + SIGINT) << started.err();
   EXPECT_THAT(started.err(), HasSubstr("stopped.palrec holds"));
-  Result<device::Recording> recording = device::Recording::open(in("stopped.palrec"));
-  ASSERT_TRUE(recording) << recording.error().message();
+  auto recording = value_of(device::Recording::open(in("stopped.palrec")));
   device::RecordedTick tick;
   std::uint64_t ticks = 0;
-  Result<bool> more = recording->next(tick);
-  for (; more && *more; more = recording->next(tick)) ++ticks;
+  Result<bool> more = recording.next(tick);
+  for (; more && *more; more = recording.next(tick)) ++ticks;
   ASSERT_TRUE(more) << more.error().message();
   EXPECT_GT(ticks, 200u);
-  EXPECT_TRUE(recording->end().closed);
-  EXPECT_EQ(recording->end().reason, "stopped");
-  ASSERT_FALSE(recording->notes().empty());
-  EXPECT_THAT(recording->notes().front(), HasSubstr("scheduling: "));
+  EXPECT_TRUE(recording.end().closed);
+  EXPECT_EQ(recording.end().reason, "stopped");
+  ASSERT_FALSE(recording.notes().empty());
+  EXPECT_THAT(recording.notes().front(), HasSubstr("scheduling: "));
 }
 
 }  // namespace

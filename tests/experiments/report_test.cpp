@@ -51,9 +51,7 @@ TEST(ComparisonTable, MarksTheBestOfARow) {
   ASSERT_EQ(table.columns.size(), 3u);
   bool found = false;
   for (const auto& row : table.rows) {
-    if (row.size() > 1) {
-      EXPECT_EQ(row.size(), 3u);
-    }
+    EXPECT_TRUE(row.size() <= 1 || row.size() == 3u) << row.size();
     if (row[0].text != "mean, µs") continue;
     found = true;
     EXPECT_TRUE(row[1].best);
@@ -436,6 +434,10 @@ TEST_F(Charts, WhatLeavesAPanelRunsAlongItsEdge) {
   EXPECT_EQ(drawn(chart).caption, "Force. What leaves a panel runs along its edge.");
 }
 
+bool same_look(const LineStyle& a, const LineStyle& b) {
+  return a.colour == b.colour && a.dash == b.dash;
+}
+
 TEST(Looks, NoTwoRenderersLookAlike) {
   std::vector<std::string> labels = {"mesh-godobject", "analytic", "cloud"};
   for (int i = 0; i < 25; ++i) labels.push_back("renderer-" + std::to_string(i));
@@ -443,16 +445,12 @@ TEST(Looks, NoTwoRenderersLookAlike) {
   ASSERT_EQ(styles.size(), labels.size());
   for (std::size_t i = 0; i < styles.size(); ++i)
     for (std::size_t k = 0; k < i; ++k)
-      EXPECT_FALSE(styles[i].colour == styles[k].colour && styles[i].dash == styles[k].dash)
-          << labels[i] << " and " << labels[k];
+      EXPECT_FALSE(same_look(styles[i], styles[k])) << labels[i] << " and " << labels[k];
   EXPECT_EQ(line_styles_of({"cloud"})[0].dash, "");
   // Whatever the order, a label has one look.
-  std::vector<std::string> turned(labels.rbegin(), labels.rend());
-  const std::vector<LineStyle> again = line_styles_of(turned);
-  for (std::size_t i = 0; i < styles.size(); ++i) {
-    EXPECT_EQ(again[styles.size() - 1 - i].colour, styles[i].colour) << labels[i];
-    EXPECT_EQ(again[styles.size() - 1 - i].dash, styles[i].dash) << labels[i];
-  }
+  const std::vector<LineStyle> again = line_styles_of({labels.rbegin(), labels.rend()});
+  for (std::size_t i = 0; i < styles.size(); ++i)
+    EXPECT_TRUE(same_look(again[styles.size() - 1 - i], styles[i])) << labels[i];
 }
 
 TEST(Looks, StayTheSameBesideOthers) {
@@ -464,17 +462,14 @@ TEST(Looks, StayTheSameBesideOthers) {
           {"penalty-grid", label, "penalty-grid-mended"}}) {
       const auto at =
           static_cast<std::size_t>(std::find(others.begin(), others.end(), label) - others.begin());
-      const LineStyle beside = line_styles_of(others)[at];
-      EXPECT_EQ(beside.colour, alone.colour) << label;
-      EXPECT_EQ(beside.dash, alone.dash) << label;
+      EXPECT_TRUE(same_look(line_styles_of(others)[at], alone)) << label;
     }
   }
 }
 
 TEST(FramesTable, StandsBesideTheThesis) {
-  const auto manifests = manifests_for("7");
-  ASSERT_TRUE(manifests.ok());
-  const std::string text = to_text(frames_table(manifests->front(), document()), 100);
+  const auto manifests = value_of(manifests_for("7"));
+  const std::string text = to_text(frames_table(manifests.front(), document()), 100);
   EXPECT_THAT(text, HasAll("54,717", "37.4", "1,234", "Not in the thesis"));
 }
 

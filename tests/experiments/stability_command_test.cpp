@@ -36,7 +36,7 @@ double largest(const json& document, const std::string& renderer, const std::str
 }
 
 TEST_F(Stability, MeasuresLimitsTasksAndScoresAndIsTheSameTwice) {
-  const std::vector<std::string> small = {"--rates", "1000", "--delays", "0,2", "--dampings", "0"};
+  const Words small = words("--rates 1000 --delays 0,2 --dampings 0");
   const ProcessOutcome run = succeeds(stability("out", small));
   expect_valid("stability", text_in("out/stability.json"));
   EXPECT_THAT(run.out, HasSubstr("Largest stable stiffness"));

@@ -8,6 +8,7 @@
 
 #include "experiments/streams/press_and_slide.h"
 #include "experiments/streams/stream_feed.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::experiments {
 namespace {
@@ -18,12 +19,11 @@ TEST(PressAndSlide, TheHandFollowsASwingingWallAndKeepsItsSpeed) {
   view.half_width_mm = 600.0;
   view.half_height_mm = 450.0;
   constexpr double kStiffness = 0.5, kSwingMm = 50.0;
-  const Result<NamedOptions> options = parse_press_and_slide("press-and-slide:frames=6000");
-  ASSERT_TRUE(options);
+  const auto options = test::value_of(parse_press_and_slide("press-and-slide:frames=6000"));
   trace::ProbePath path;
   std::size_t contact = 0;
   press_and_slide(
-      view, kStiffness, *options,
+      view, kStiffness, options,
       [&](const Vec3& hip_mm, double t_s) -> Vec3 {
         const double wall_mm = 1000.0 + kSwingMm * std::sin(2.0 * std::numbers::pi * t_s);
         contact += hip_mm.z() > wall_mm ? 1u : 0u;

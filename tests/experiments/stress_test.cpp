@@ -213,8 +213,7 @@ TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
     for (volatile int endless = 0;;) endless = endless + 1;
   };
   std::vector<StressCell> row;
-  CellLimits limits;
-  limits.seconds = 2.0;
+  CellLimits limits{.seconds = 2.0};
   run_row_apart({good, crash, hang, good}, request_of("cloud"), registry(), limits, [&](StressCell&& cell) {
     row.push_back(std::move(cell));
     return true;
@@ -229,10 +228,8 @@ TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
 class StressCommand : public OnCommandLine {};
 
 TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
-  const std::vector<std::string> words = {
-      "test",  "stress", "--renderers", "cloud,penalty-grid", "--cases", "one-point,hip-nan",
-      "--out", in("out")};
-  succeeds(words);
+  const char* const line = "test stress --renderers cloud,penalty-grid --cases one-point,hip-nan --out @/out";
+  succeeds(line);
   const std::string text = text_in("out/stress.json");
   expect_valid("stress", text);
   const nlohmann::json first = nlohmann::json::parse(text);
@@ -246,12 +243,9 @@ TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
     }
   const std::string page = text_in("out/report.html");
   EXPECT_THAT(page, HasSubstr("<svg"));
-  // A folder of a version that kept no page is drawn from its document.
-  for (const char* file : {"page.json", "report.html"})
-    std::filesystem::remove(in(std::string("out/") + file));
-  succeeds("report @/out");
+  draw_without_page("out");
   EXPECT_EQ(text_in("out/report.html"), page);
-  succeeds(words);
+  succeeds(line);
   EXPECT_EQ(json_in("out/stress.json")["cells"], first["cells"]);
 }
 

@@ -202,10 +202,9 @@ TEST(ComparisonTable, RoundingIsNoError) {
   metrics::ResultDocument d = study_of(0);
   d.renderers = {renderer("mesh-godobject", 100, 6.18e-16), renderer("cloud", 200, 0.02)};
   const std::string text = to_text(comparison_table(d), 100);
-  EXPECT_EQ(row_of(comparison_table(d), "force error, RMS, N")[1].text, "0");
-  EXPECT_EQ(row_of(comparison_table(d), "force error, RMS, %")[1].text, "0");
-  EXPECT_EQ(row_of(comparison_table(d), "god object error, RMS, mm")[1].text, "0");
-  EXPECT_EQ(row_of(comparison_table(d), "energy generated, %")[1].text, "0");
+  for (const char* row :
+       {"force error, RMS, N", "force error, RMS, %", "god object error, RMS, mm", "energy generated, %"})
+    EXPECT_EQ(row_of(comparison_table(d), row)[1].text, "0") << row;
   EXPECT_THAT(text, Not(HasSubstr("0000000")));
   EXPECT_THAT(text, HasSubstr("0 also where it is no more than the rounding"));
   std::string found;

@@ -33,16 +33,6 @@ class Trade : public OnCommandLine {
   json document(const std::string& out, const std::string& file = "sweep.json") const {
     return json_in(out + "/" + file);
   }
-  /// What no clock has a say in, by setting.
-  std::map<std::string, std::string> exact(const std::string& out) const {
-    std::map<std::string, std::string> all;
-    const json whole = document(out);
-    for (const json& row : whole["rows"])
-      all[row["setting"]] =
-          fmt::format("{} {} {} {}", row["trace_hash"].dump(), row["error_p95_percent"].dump(),
-                      row["bytes"].dump(), row["points"].dump());
-    return all;
-  }
   std::size_t lines(const std::string& file) const {
     const std::string text = text_in(file);
     return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
@@ -109,10 +99,7 @@ TEST_F(Trade, MergedPartsAreTheWhole) {
   succeeds("compare merge @/cloud @/cloud-smooth --out @/merged");
   EXPECT_EQ(exact("merged"), exact("whole"));
   expect_valid("sweep", text_in("merged/sweep.json"));
-  // A folder of a version that kept no page is drawn from its document.
-  for (const char* file : {"page.json", "report.html"})
-    std::filesystem::remove(in(std::string("merged/") + file));
-  succeeds("report @/merged");
+  draw_without_page("merged");
   EXPECT_THAT(text_in("merged/report.html"), HasSubstr("Most accurate"));
   EXPECT_TRUE(exists("merged/page.json"));
   // One folder twice is one.

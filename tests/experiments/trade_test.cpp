@@ -71,10 +71,8 @@ TEST(Dominance, DriftOfTheAnchorWidensTimesAlone) {
 TEST(Dominance, MachinesNeverMeet) {
   std::vector<Row> rows = {row_with("a", 1, 100, 10, 1), row_with("b", 2, 200, 20, 2)};
   rows[1].machine.hash = "4567";
-  for (const Standing& s : standings_of(rows)) {
-    EXPECT_FALSE(s.dominated);
-    EXPECT_EQ(s.on_fronts.size(), kCosts.size());
-  }
+  for (const Standing& s : standings_of(rows))
+    EXPECT_TRUE(!s.dominated && s.on_fronts.size() == kCosts.size()) << s.on_fronts.size();
 }
 
 TEST(Dominance, WhatDidNotRunOrCameFromACacheBeatsNobody) {
@@ -138,10 +136,9 @@ TEST(Rows, AreReadAsTheyWereWritten) {
   failed.prepare_ms.reset();
   failed.error_p95_percent.reset();
   const std::string text = rows_text({row, failed});
-  const auto back = rows_of(text, "rows.jsonl");
-  ASSERT_TRUE(back) << back.error().message();
-  EXPECT_EQ(rows_text(*back), text);
-  EXPECT_EQ((*back)[0].error_p95_percent->interval->low, row.error_p95_percent->interval->low);
+  const auto back = value_of(rows_of(text, "rows.jsonl"));
+  EXPECT_EQ(rows_text(back), text);
+  EXPECT_EQ(back[0].error_p95_percent->interval->low, row.error_p95_percent->interval->low);
 }
 
 TEST(Rows, ABrokenOneIsRefusedWithItsLine) {
@@ -293,17 +290,12 @@ TEST(StageSeen, RoundsCoordinatesToTheBitsThatAreAskedFor) {
 TEST(Tune, TakesTheCheapestThatIsAccurateEnoughAndTheMostAccurateThatIsCheapEnough) {
   const std::vector<Row> rows = {row_with("coarse", 1, 100, 10, 9), row_with("middle", 2, 200, 10, 4),
                                  row_with("fine", 5, 900, 10, 1)};
-  TuneLimits limits;
-  limits.error_percent = 5.0;
-  EXPECT_EQ(rows[candidates(rows, limits).front()].setting, "middle");
-  limits.error_percent = 4.0;  // its interval goes up to 4.04
-  EXPECT_EQ(rows[candidates(rows, limits).front()].setting, "fine");
-  limits = {};
-  limits.frame_us = 110.0;
-  EXPECT_EQ(rows[candidates(rows, limits).front()].setting, "middle");
-  limits.bytes = 150.0;
-  EXPECT_EQ(rows[candidates(rows, limits).front()].setting, "coarse");
-  limits.error_percent = 5.0;
+  const auto best = [&](const TuneLimits& limits) { return rows[candidates(rows, limits).front()].setting; };
+  EXPECT_EQ(best({5.0, {}, {}}), "middle");
+  EXPECT_EQ(best({4.0, {}, {}}), "fine") << "the middle one's interval goes up to 4.04";
+  EXPECT_EQ(best({{}, 110.0, {}}), "middle");
+  EXPECT_EQ(best({{}, 110.0, 150.0}), "coarse");
+  const TuneLimits limits{5.0, 110.0, 150.0};  // %, us, bytes
   EXPECT_TRUE(candidates(rows, limits).empty());
   EXPECT_EQ(rows[*nearest_miss(rows, limits)].setting, "middle")
       << "200 of 150 bytes; the others 9 of 5 %, 900 bytes";
@@ -313,9 +305,7 @@ TEST(Tune, FewEpisodesDoNotMakeFiveTimesTheErrorTheMostAccurate) {
   std::vector<Row> rows = {row_with("exact", 2, 200, 20, 1), row_with("cheap", 1, 100, 10, 5),
                            row_with("as exact", 1.5, 100, 10, 1.04)};
   for (Row& row : rows) row.error_p95_percent = with(row.error_p95_percent->value, 0.95);
-  TuneLimits limits;
-  limits.bytes = 1e6;
-  const std::vector<std::size_t> best = candidates(rows, limits);
+  const std::vector<std::size_t> best = candidates(rows, {{}, {}, 1e6});
   ASSERT_EQ(best.size(), 3u);
   EXPECT_EQ(rows[best[0]].setting, "as exact") << "within a twentieth the cheaper one";
   EXPECT_EQ(rows[best[2]].setting, "cheap");
@@ -324,9 +314,7 @@ TEST(Tune, FewEpisodesDoNotMakeFiveTimesTheErrorTheMostAccurate) {
 TEST(Tune, WhatCannotBeToldApartIsChosenByMemory) {
   const std::vector<Row> rows = {row_with("a", 1.00, 900, 10, 1, 0.1), row_with("b", 1.05, 100, 10, 1, 0.1),
                                  row_with("c", 3.0, 10, 10, 1, 0.1)};
-  TuneLimits limits;
-  limits.error_percent = 5.0;
-  const std::vector<std::size_t> best = candidates(rows, limits);
+  const std::vector<std::size_t> best = candidates(rows, {5.0, {}, {}});
   ASSERT_EQ(best.size(), 3u);
   EXPECT_EQ(rows[best[0]].setting, "b");
   EXPECT_EQ(rows[best[1]].setting, "a");
@@ -360,12 +348,11 @@ ChangeVerdict verdict_of(const Changes& changes, const std::string& number) {
 }
 
 TEST(Against, SaysWhatIsBetterAndWorseBeyondTheInterval) {
-  const auto changes = changes_between(document_with(1.0, 100, 2.0), document_with(1.5, 90, 2.0));
-  ASSERT_TRUE(changes);
-  EXPECT_EQ(verdict_of(*changes, "frame_all.mean_us"), ChangeVerdict::kWorse);
-  EXPECT_EQ(verdict_of(*changes, "memory.bytes"), ChangeVerdict::kBetter);
-  EXPECT_EQ(verdict_of(*changes, "accuracy.force_rms_percent"), ChangeVerdict::kSame);
-  EXPECT_FALSE(changes->worse_for_sure()) << "a time alone is the machine's";
+  const auto changes = value_of(changes_between(document_with(1.0, 100, 2.0), document_with(1.5, 90, 2.0)));
+  EXPECT_EQ(verdict_of(changes, "frame_all.mean_us"), ChangeVerdict::kWorse);
+  EXPECT_EQ(verdict_of(changes, "memory.bytes"), ChangeVerdict::kBetter);
+  EXPECT_EQ(verdict_of(changes, "accuracy.force_rms_percent"), ChangeVerdict::kSame);
+  EXPECT_FALSE(changes.worse_for_sure()) << "a time alone is the machine's";
   const auto within = changes_between(document_with(1.0, 100, 2.0), document_with(1.05, 101, 2.0));
   EXPECT_EQ(verdict_of(*within, "frame_all.mean_us"), ChangeVerdict::kSame);
   EXPECT_TRUE(within->worse_for_sure()) << "a byte is a byte";
@@ -374,10 +361,9 @@ TEST(Against, SaysWhatIsBetterAndWorseBeyondTheInterval) {
 TEST(Against, TimesOfOtherMachinesAndOtherPathsAreNotCompared) {
   metrics::ResultDocument other = document_with(1.0, 100, 2.0);
   other.machine.cpu = "another cpu";
-  const auto changes = changes_between(other, document_with(9.0, 100, 2.0));
-  ASSERT_TRUE(changes);
-  for (const Change& c : changes->all) EXPECT_FALSE(c.is_time) << c.number;
-  EXPECT_FALSE(changes->notes.empty());
+  const auto changes = value_of(changes_between(other, document_with(9.0, 100, 2.0)));
+  for (const Change& c : changes.all) EXPECT_FALSE(c.is_time) << c.number;
+  EXPECT_FALSE(changes.notes.empty());
   other.path_hash = "q";
   EXPECT_FALSE(changes_between(other, document_with(1.0, 100, 2.0)));
 }

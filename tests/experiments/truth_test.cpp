@@ -12,8 +12,9 @@ using nlohmann::json;
 
 class Truth : public OnCommandLine {
  protected:
-  [[nodiscard]] json compared(const std::string& scene, const std::vector<std::string>& more = {}) const {
-    succeeds("compare", scene, "--out @/out --force", more);
+  template <class... More>
+  [[nodiscard]] json compared(const std::string& scene, const More&... more) const {
+    succeeds("compare", scene, "--out @/out --force --passes 1", more...);
     const std::string text = text_in("out/result.json");
     expect_valid("result", text);
     return json::parse(text);
@@ -24,8 +25,7 @@ const char* const kThin = "shells:points=8000:extent_mm=20:gap_mm=0.5";
 const char* const kStrokes = "strokes:frames=4000:depth_mm=1:slowest_mm_s=5:period_frames=200:seed=2";
 
 TEST_F(Truth, FramesBeyondAThinWallAreApartAndScoredAgainAlike) {
-  const json document =
-      compared(kThin, {"--renderers", "cloud,analytic", "--path", kStrokes, "--passes", "1"});
+  const json document = compared(kThin, "--renderers cloud,analytic --path", kStrokes);
   const json& cloud = document["renderers"][0]["accuracy"];
   EXPECT_GT(cloud["history_percent"], 5.0) << "pressed through half a millimetre";
   EXPECT_LT(cloud["history_percent"], 95.0);
@@ -44,9 +44,8 @@ TEST_F(Truth, FramesBeyondAThinWallAreApartAndScoredAgainAlike) {
 }
 
 TEST_F(Truth, TheClosestPointCanBeTheTruth) {
-  const json followed = compared(kThin, {"--renderers", "analytic", "--path", kStrokes, "--passes", "1"});
-  const json closest = compared(kThin, {"--renderers", "analytic", "--path", kStrokes, "--passes", "1",
-                                        "--reference", "closest-point"});
+  const json followed = compared(kThin, "--renderers analytic --path", kStrokes);
+  const json closest = compared(kThin, "--renderers analytic --reference closest-point --path", kStrokes);
   EXPECT_EQ(closest["truth"]["name"], "closest-point");
   const json &a = followed["renderers"][0]["accuracy"], &b = closest["renderers"][0]["accuracy"];
   EXPECT_EQ(a["history_frames"], b["history_frames"]) << "the same two, the other way round";
@@ -65,8 +64,7 @@ TEST_F(Truth, SamplesOfAMeshArePutAgainstTheMesh) {
     std::string one = text;
     one.replace(one.find('@'), 1, seed);
     write_text(folder_ / "one.toml", one);
-    const json document =
-        compared(in("one.toml"), {"--renderers", "cloud", "--path", kStrokes, "--passes", "1"});
+    const json document = compared(in("one.toml"), "--renderers cloud --path", kStrokes);
     EXPECT_EQ(document["truth"]["name"], "original-mesh");
     const json& a = document["renderers"][0]["accuracy"];
     EXPECT_GT(a["contact_frames"], 300);
@@ -78,9 +76,8 @@ TEST_F(Truth, SamplesOfAMeshArePutAgainstTheMesh) {
 }
 
 TEST_F(Truth, AHandFeelsNothingWrongOnANoisyBody) {
-  const json document =
-      compared("rounded-box:points=20000:sampling=blue:noise=0.15:seed=3",
-               {"--renderers", "cloud-smooth,cloud", "--path", "hand:frames=10000:seed=3", "--passes", "1"});
+  const json document = compared("rounded-box:points=20000:sampling=blue:noise=0.15:seed=3",
+                                 "--renderers cloud-smooth,cloud --path hand:frames=10000:seed=3");
   const json &smooth = document["renderers"][0]["accuracy"], &facets = document["renderers"][1]["accuracy"];
   EXPECT_GT(smooth["contact_frames"], 5000);
   for (const char* key : {"caught", "lost", "kicks"}) EXPECT_EQ(smooth[key], 0) << key;
@@ -92,8 +89,8 @@ TEST_F(Truth, AHandFeelsNothingWrongOnANoisyBody) {
 TEST_F(Truth, FrictionHasItsFigures) {
   if (all_renderers().find("cloud-vertices") == nullptr) GTEST_SKIP() << "built without the baselines";
   const json document = compared("plane:points=10201:extent_mm=40",
-                                 {"--renderers", "cloud,cloud-vertices:shading=none", "--friction", "0.6,0.4",
-                                  "--path", "strokes:frames=4000:depth_mm=1", "--passes", "1"});
+                                 "--renderers cloud,cloud-vertices:shading=none --friction 0.6,0.4 "
+                                 "--path strokes:frames=4000:depth_mm=1");
   EXPECT_EQ(document["scoring"]["static_friction"], 0.6);
   const json &shaded = document["renderers"][0]["accuracy"], &nearest = document["renderers"][1]["accuracy"];
   EXPECT_EQ(shaded["friction_cone_percent"], 0.0);

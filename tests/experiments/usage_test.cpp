@@ -40,17 +40,14 @@ class Usage : public OnCommandLine {
     return in(name);
   }
   /// The warnings of a run, after it was checked that terminal, document and report have the same.
-  std::vector<std::string> warnings(std::vector<std::string> arguments) {
-    arguments.insert(arguments.end(), {"--out", in("out")});
-    const ProcessOutcome run = succeeds(arguments);
+  template <class... Parts>
+  std::vector<std::string> warnings(const Parts&... parts) {
+    const ProcessOutcome run = succeeds("compare", parts..., "--out @/out");
     const json document = json_in("out/result.json");
     std::vector<std::string> all = document["warnings"];
-    const std::string report = arguments.front() == "compare" ? text_in("out/report.html") : "";
     for (const std::string& warning : all) {
       EXPECT_THAT(run.err, HasSubstr("palpate: warning: " + warning));
-      if (!report.empty()) {
-        EXPECT_THAT(report, HasSubstr(html_escaped(warning))) << warning;
-      }
+      EXPECT_THAT(text_in("out/report.html"), HasSubstr(html_escaped(warning))) << warning;
     }
     return all;
   }
@@ -152,13 +149,12 @@ TEST_F(Usage, ColumnsOfARecordingFromTheCommandLine) {
   EXPECT_EQ(hash({"--path", in("log.traj") + ":t=1:x=2:y=3:z=4", "--traj-columns",
                   "mm_per_unit=1000,s_per_unit=0.001"}),
             csv);
-  const auto refused = [&](const std::vector<std::string>& path, const std::string& says) {
+  const auto refused = [&](const Words& path, const Says& says) {
     refuses(says, "compare", kPlane, "--renderers cloud --out @/no", path);
   };
   refused({"--path", in("log.csv") + ":tt=2"}, "tt");
   refused({"--path", in("log.csv") + ":t=0:x=9"}, "too few");
-  refused({"--path", in("log.csv")}, "header");
-  refused({"--path", in("log.csv")}, "FILE:t=0");
+  refused({"--path", in("log.csv")}, {"header", "FILE:t=0"});
   refused({"--path", "spirale"}, "did you mean 'spiral'?");
 }
 
@@ -194,8 +190,7 @@ TEST_F(Usage, SurfacesThatCannotBeAreRefused) {
 TEST_F(Usage, SurfacesPointByPointAreNotPassedOverInSilence) {
   const std::string model = "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n";
   write_text(folder_ / "region.toml", model + "[[model.region]]\nx_mm = [0, 10]\nfriction = 0.9\n");
-  const std::vector<std::string> region = warnings({"compare", in("region.toml"), "--friction", "0.2",
-                                                    "--renderers", "cloud", "--path", "tap:frames=500"});
+  const auto region = warnings("@/region.toml --friction 0.2 --renderers cloud --path tap:frames=500");
   EXPECT_TRUE(any_says(region, "--friction does not hold in a region of 'plane' (line 5)")) << json(region);
   std::string ply = "x y z k\n";
   for (int i = 0; i < 400; ++i) ply += fmt::format("{} {} 0 0.5\n", i % 20, i / 20);
@@ -256,12 +251,11 @@ TEST_F(Usage, PointsThatAreNoSurfaceAreRefused) {
     SCOPED_TRACE(file);
     const ProcessOutcome info = succeeds("info", file, "--unit mm --json");
     EXPECT_TRUE(any_says(json::parse(info.out)["warnings"], says)) << info.out;
-    for (const std::vector<std::string>& command :
-         {std::vector<std::string>{"info", "plan", file, "--unit", "mm"},
-          {"compare", file, "--unit", "mm", "--path", path, "--out", in("out"), "--renderers", "auto"},
-          {"compare", file, "--unit", "mm", "--renderers", "cloud", "--path", path, "--out", in("out")}}) {
+    for (const Words& command :
+         {words("info plan", file, "--unit mm"),
+          words("compare", file, "--unit mm --renderers auto --out @/out --path", path),
+          words("compare", file, "--unit mm --renderers cloud --out @/out --path", path)})
       refuses({says, "at least 3 that are not in one line"}, command);
-    }
   }
   const std::string three = points("three.xyz", {{0, 0, 0}, {10, 0, 0}, {0, 10, 0}});
   EXPECT_EQ(palpate("info plan", three, "--unit mm").exit_code, 0) << "three places are a plane";
@@ -283,7 +277,7 @@ TEST_F(Usage, AFileInMetresReadAsMillimetresIsSaid) {
 
 TEST_F(Usage, APathThatNeverTouchesIsSaidWithItsNearestApproach) {
   const auto run = [&](const std::vector<Vec3>& at) {
-    return warnings({"compare", kPlane, "--renderers", "cloud,analytic", "--path", path_at("p.csv", at)});
+    return warnings(kPlane, "--renderers cloud,analytic --path", path_at("p.csv", at));
   };
   // Above the plane, deepest in the middle, beside a point by (0.5, 0.5).
   std::vector<Vec3> above;
@@ -303,14 +297,13 @@ TEST_F(Usage, APathThatNeverTouchesIsSaidWithItsNearestApproach) {
   said = run(metres);
   EXPECT_TRUE(any_says(said, "in another unit")) << json(said);
   // And one that does touch is left in peace.
-  EXPECT_TRUE(warnings({"compare", kPlane, "--renderers", "cloud", "--path", "tap:frames=500"}).empty());
+  EXPECT_TRUE(warnings(kPlane, "--renderers cloud --path tap:frames=500").empty());
 }
 
 TEST_F(Usage, ARendererThatFeelsNothingWhereTheTruthDoesIsSaid) {
   // Boxes of a hundredth of a millimetre: the HIP falls between them.
-  const std::vector<std::string> said =
-      warnings({"compare", kPlane, "--renderers", "cloud-literal:box_mm=0.01,cloud", "--path",
-                "tap:frames=900:u=0.517:v=0.517"});
+  const auto said =
+      warnings(kPlane, "--renderers cloud-literal:box_mm=0.01,cloud --path tap:frames=900:u=0.517:v=0.517");
   EXPECT_TRUE(any_says(said, "cloud-literal never feels the model; the truth does in")) << json(said);
   EXPECT_FALSE(any_says(said, "never touches")) << json(said);
 }
@@ -326,17 +319,12 @@ TEST_F(Usage, AReferenceElsewhereIsRefusedAndOneThatDoesNotFitSaid) {
     return in(name);
   };
   const auto compare = [&](const std::string& reference) {
-    return std::vector<std::string>{"compare",     kPlane,
-                                    "--renderers", "cloud",
-                                    "--path",      path_at("p.csv", {{1, 2, 1}, {1, 2, 0.5}, {1, 2, -0.2}}),
-                                    "--reference", reference};
+    return words(kPlane, "--renderers cloud --path", path_at("p.csv", {{1, 2, 1}, {1, 2, 0.5}, {1, 2, -0.2}}),
+                 "--reference", reference);
   };
   EXPECT_TRUE(warnings(compare(mesh("right.off", 1, Vec3::Zero()))).empty());
-  std::vector<std::string> elsewhere = compare(mesh("elsewhere.off", 1, Vec3(100, 0, 0)));
-  elsewhere.insert(elsewhere.end(), {"--out", in("no")});
-  const ProcessOutcome run = refuses("stands elsewhere than the model", elsewhere);
-  EXPECT_THAT(run.err, HasSubstr("(85, -15, 0) to (115, 15, 0)")) << "both boxes: ";
-  EXPECT_THAT(run.err, HasSubstr("(-15, -15, 0) to (15, 15, 0)")) << "both boxes: ";
+  refuses({"stands elsewhere than the model", "(85, -15, 0) to (115, 15, 0)", "(-15, -15, 0) to (15, 15, 0)"},
+          "compare", compare(mesh("elsewhere.off", 1, Vec3(100, 0, 0))), "--out @/no");
   const std::vector<std::string> small = warnings(compare(mesh("small.off", 1e-3, Vec3::Zero())));
   EXPECT_TRUE(any_says(small, "metres and millimetres?")) << json(small);
   const std::vector<std::string> aside = warnings(compare(mesh("aside.off", 1, Vec3(0, 0, 0.29))));
@@ -347,7 +335,7 @@ TEST_F(Usage, ModelsFarApartAreSaid) {
   const std::string first = "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n";
   const auto said = [&](const std::string& second) {
     write_text(folder_ / "s.toml", first + first + second);
-    return warnings({"compare", in("s.toml"), "--renderers", "cloud", "--path", "tap:frames=500"});
+    return warnings("@/s.toml --renderers cloud --path tap:frames=500");
   };
   EXPECT_TRUE(said("position_mm = [0, 0, -20]\n").empty());
   EXPECT_TRUE(any_says(said("position_mm = [30000, 0, 0]\n"), "29,970 mm from the nearest other model"));

@@ -8,12 +8,14 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <palpate/cloud.h>
 #include <palpate/device/servo_loop.h>
 #include <palpate/options.h>
 #include <palpate/scene.h>
@@ -21,6 +23,7 @@
 #include "device/simulated/simulated_arm.h"
 #include "experiments/session/session.h"
 #include "experiments/window/window.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::experiments {
 
@@ -30,9 +33,8 @@ inline constexpr const char* kWindowWaves =
 
 /// A generated scene, loaded.
 inline scene::LoadedScene loaded_scene(const std::string& name) {
-  const auto file = scene::open_scene(name);
-  EXPECT_TRUE(file.ok());
-  return scene::load(*file, all_readers(), {}, no_progress()).value();
+  const auto file = test::value_of(scene::open_scene(name));
+  return test::value_of(scene::load(file, all_readers(), {}, no_progress()));
 }
 
 /// Where tests leave their pictures for people; empty: nowhere.
@@ -40,65 +42,6 @@ inline std::string picture_folder() {
   const char* folder = std::getenv("PALPATE_PICTURES");
   return folder != nullptr ? folder : "";
 }
-
-class VirtualSession;
-
-/// A window over a link, where there is a display.
-class WindowTest : public testing::Test {
- protected:
-  WindowTest() { window_options.paced = false; }
-  void SetUp() override {
-    auto opened = Window::open(link, window_options);
-    if (!opened)
-      GTEST_SKIP() << "needs a display with OpenGL 3.3, which xvfb-run gives: " << opened.error().message();
-    window = std::move(*opened);
-  }
-  void TearDown() override {
-    if (window && !picture_folder().empty()) {
-      const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-      (void)window->screenshot(picture_folder() + "/" + info->name() + ".png");
-    }
-  }
-  /// Shown, past the governor's soft start, and the picture is whole.
-  void begin(VirtualSession& virtual_session);
-  /// So long of the session, with a picture every 20 ms.
-  void watch(VirtualSession& virtual_session, double seconds);
-  void press(char key) {
-    for (const bool down : {true, false}) window->key(key, down);
-  }
-  /// Until every point is drawn and nothing is awaited.
-  void settle() {
-    constexpr int kMostFrames = 2'000;
-    for (int i = 0; i < kMostFrames; ++i) {
-      ASSERT_TRUE(window->frame());
-      const SplatDrawer& splats = window->scene().splats();
-      if (*window->scene().awaited() == '\0' && splats.points() > 0 && splats.drawn() == splats.points())
-        return;
-    }
-    FAIL() << "the picture was never whole";
-  }
-  [[nodiscard]] Pixel seen(const Vec3& world_mm) const {
-    return *project(window->camera().clip_from_world(window->view_width(), window->view_height()), world_mm,
-                    window->view_width(), window->view_height());
-  }
-  /// Down and up in two pictures, with one before that shows where the mouse is.
-  void click_at(double x, double y) {
-    window->mouse_at(x, y);
-    ASSERT_TRUE(window->frame());
-    for (const bool down : {true, false}) {
-      window->mouse_button(Window::Button::kLeft, down);
-      ASSERT_TRUE(window->frame());
-    }
-  }
-  void point_at(const Vec3& world_mm) {
-    const Pixel at = seen(world_mm);
-    window->mouse_at(at.x, at.y);
-  }
-
-  WindowOptions window_options;
-  SessionLink link;
-  std::unique_ptr<Window> window;
-};
 
 inline bool is_paper(const std::uint8_t* pixel) {
   return pixel[0] < 60 && pixel[1] < 65 && pixel[2] < 70;
@@ -161,9 +104,8 @@ class WindowSession {
     hold(Vec3(0.0, 0.0, 10.0), clock);
     // Its limits say where the free place is for the device.
     if (fitted_free_mm) hold(fitted_map().device_mm(*fitted_free_mm), clock);
-    device::SwitchOptions switching;
-    switching.device_force_max_n = plant_->limits().force_max_n;
-    switching.force_limit_n = plant_->limits().force_max_n;
+    device::SwitchOptions switching{.device_force_max_n = plant_->limits().force_max_n,
+                                    .force_limit_n = plant_->limits().force_max_n};
     const Clock& timed = frames != nullptr ? *frames : clock;
     mixer_ = std::make_unique<device::Mixer>(switching, clock, timed);
     for (const std::string& name : renderers) {
@@ -259,17 +201,90 @@ class VirtualSession {
   std::unique_ptr<device::ServoLoop> loop_;
 };
 
-inline void WindowTest::begin(VirtualSession& virtual_session) {
-  virtual_session.session.show_in(link);
-  virtual_session.run(0.6);
-  settle();
-}
-
-inline void WindowTest::watch(VirtualSession& virtual_session, double seconds) {
-  for (double t = 0.0; t < seconds; t += 0.02) {
-    virtual_session.run(0.02);
+/// A window over a link, where there is a display.
+class WindowTest : public testing::Test {
+ protected:
+  WindowTest() { window_options.paced = false; }
+  void SetUp() override {
+    auto opened = Window::open(link, window_options);
+    if (!opened)
+      GTEST_SKIP() << "needs a display with OpenGL 3.3, which xvfb-run gives: " << opened.error().message();
+    window = std::move(*opened);
+  }
+  void TearDown() override {
+    if (window && !picture_folder().empty()) {
+      const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+      (void)window->screenshot(picture_folder() + "/" + info->name() + ".png");
+    }
+  }
+  static constexpr double kBegun = 0.6;  ///< s: the governor's soft start is over
+  /// A session of its own, shown after so long; the picture is whole.
+  void show(const std::string& scene, double seconds = 0.0,
+            const std::vector<std::string>& renderers = {"cloud", "cloud-smooth"},
+            std::function<void()> rearm = {}, std::function<std::string()> homing_prompt = {}) {
+    live = std::make_unique<VirtualSession>(scene, renderers);
+    live->session.show_in(link, std::move(rearm), std::move(homing_prompt));
+    if (seconds > 0.0) live->run(seconds);
+    settle();
+  }
+  void run_and_draw(double seconds) {
+    live->run(seconds);
     ASSERT_TRUE(window->frame());
   }
-}
+  /// So long of the session, with a picture every 20 ms.
+  void watch(double seconds) {
+    for (double t = 0.0; t < seconds; t += 0.02) ASSERT_NO_FATAL_FAILURE(run_and_draw(0.02));
+  }
+  /// A tick that comes a tenth of a second late, a fault of the governor, and its picture.
+  void tick_late() {
+    live->clock.advance(0.1);
+    live->loop().tick();
+    ASSERT_TRUE(window->frame());
+  }
+  [[nodiscard]] const cloud::Cloud& shown_cloud() const {
+    return *live->session.input().models.front().cloud;
+  }
+  [[nodiscard]] const device::Tick& drawn() const { return window->drawn_tick().tick; }
+  [[nodiscard]] const device::TrackedFrame& felt() const {
+    const device::MixedFrame& mixed = window->drawn_tick().mixed;
+    return mixed.tracked[mixed.felt];
+  }
+  void press(char key) {
+    for (const bool down : {true, false}) window->key(key, down);
+  }
+  /// Until every point is drawn and nothing is awaited.
+  void settle() {
+    constexpr int kMostFrames = 2'000;
+    for (int i = 0; i < kMostFrames; ++i) {
+      ASSERT_TRUE(window->frame());
+      const SplatDrawer& splats = window->scene().splats();
+      if (*window->scene().awaited() == '\0' && splats.points() > 0 && splats.drawn() == splats.points())
+        return;
+    }
+    FAIL() << "the picture was never whole";
+  }
+  [[nodiscard]] Pixel seen(const Vec3& world_mm) const {
+    return *project(window->camera().clip_from_world(window->view_width(), window->view_height()), world_mm,
+                    window->view_width(), window->view_height());
+  }
+  /// Down and up in two pictures, with one before that shows where the mouse is.
+  void click_at(double x, double y) {
+    window->mouse_at(x, y);
+    ASSERT_TRUE(window->frame());
+    for (const bool down : {true, false}) {
+      window->mouse_button(Window::Button::kLeft, down);
+      ASSERT_TRUE(window->frame());
+    }
+  }
+  void point_at(const Vec3& world_mm) {
+    const Pixel at = seen(world_mm);
+    window->mouse_at(at.x, at.y);
+  }
+
+  WindowOptions window_options;
+  SessionLink link;
+  std::unique_ptr<Window> window;
+  std::unique_ptr<VirtualSession> live;
+};
 
 }  // namespace palpate::experiments

@@ -62,10 +62,9 @@ class WindowDents : public WindowShows {
 };
 
 TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
-  VirtualSession virtual_session(scene_, {"cloud"});
-  WindowSession& session = virtual_session.session;
-  session.show_in(link);
-  virtual_session.run(0.6);
+  live = std::make_unique<VirtualSession>(scene_, std::vector<std::string>{"cloud"});
+  live->session.show_in(link);
+  live->run(kBegun);
   // From above: a dent hides its ground from who looks along the surface.
   ASSERT_TRUE(window->frame());
   Camera camera = window->camera();
@@ -73,31 +72,23 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   window->look_from(camera);
   settle();
   window->panel().workspace = false;
-  const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
+  const Vec3 place_mm = shown_cloud().point_mm(5050);
   const Pixel at = seen(place_mm);
-  const std::optional<Hit> before = window->scene().splats().at(at.x, at.y);
-  ASSERT_TRUE(before);
+  ASSERT_TRUE(window->scene().splats().at(at.x, at.y));
   EXPECT_EQ(window->scene().shifted(), 0u);
   window->mouse_at(window->view_width() + 50.0, 5.0);  // away: the hand is this test's
-  session.hand().aim(place_mm - Vec3{0.0, 0.0, 6.0});
-  for (int i = 0; i < 40; ++i) {
-    virtual_session.run(0.05);
-    ASSERT_TRUE(window->frame());
-  }
-  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
-  session.hand().aim(place_mm + Vec3{0.0, 0.0, 10.0});
-  virtual_session.run(1.0);
-  for (int i = 0; i < 10; ++i) {
-    virtual_session.run(0.01);
-    ASSERT_TRUE(window->frame());
-  }
+  live->session.hand().aim(place_mm - Vec3{0.0, 0.0, 6.0});
+  for (int i = 0; i < 40; ++i) run_and_draw(0.05);
+  ASSERT_TRUE(drawn().frame.contact);
+  live->session.hand().aim(place_mm + Vec3{0.0, 0.0, 10.0});
+  live->run(1.0);
+  for (int i = 0; i < 10; ++i) run_and_draw(0.01);
   settle();
   EXPECT_GT(window->scene().shifted(), 20u);
   // Every one where the renderer has it, and in the picture by the depth that was drawn.
-  const auto* editable = dynamic_cast<const deformation::Editable*>(
-      window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].renderer);
+  const auto* editable = dynamic_cast<const deformation::Editable*>(felt().renderer);
   ASSERT_NE(editable, nullptr);
-  const cloud::Cloud& cloud = *session.input().models.front().cloud;
+  const cloud::Cloud& cloud = shown_cloud();
   std::size_t moved = 0;
   double deepest_mm = 0.0;
   std::uint32_t deepest = 0;
@@ -112,15 +103,11 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   EXPECT_GE(window->scene().shifted(), moved * 9 / 10);
   const Vec3 now_mm = cloud.origin_mm + *editable->point_position_mm(0, deepest);
   const Pixel there = seen(now_mm);
-  const std::optional<Hit> hit = window->scene().splats().at(there.x, there.y);
-  ASSERT_TRUE(hit);
-  EXPECT_LT((hit->place_mm - now_mm).norm(), 0.5 * deepest_mm) << "the picture has it where it was";
+  const auto hit = window->scene().splats().at(there.x, there.y).value();
+  EXPECT_LT((hit.place_mm - now_mm).norm(), 0.5 * deepest_mm) << "the picture has it where it was";
   // What is taken back is seen to go.
   const_cast<deformation::Editable*>(editable)->restore(0);
-  for (int i = 0; i < 100 && window->scene().shifted() > 0; ++i) {
-    virtual_session.run(0.01);
-    ASSERT_TRUE(window->frame());
-  }
+  for (int i = 0; i < 100 && window->scene().shifted() > 0; ++i) run_and_draw(0.01);
   EXPECT_EQ(window->scene().shifted(), 0u);
 }
 
@@ -134,16 +121,10 @@ int ink_in(const ColourImage& image, const std::array<std::uint8_t, 3>& colour, 
 }
 
 TEST_F(WindowShows, WhatHomesTheDeviceOverEverythingElse) {
-  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60", {"cloud"});
   std::string prompt =
       "Pull the grip all the way out, slowly, and push it back in (0 of 3 legs know their zero)";
-  virtual_session.session.show_in(link, {}, [&] { return prompt; });
-  virtual_session.run(0.6);
-  settle();
-  // With a fault's banner too: what homes comes first.
-  virtual_session.clock.advance(0.1);
-  virtual_session.loop().tick();
-  ASSERT_TRUE(window->frame());
+  show("sinusoid:points=10201:extent_mm=60", kBegun, {"cloud"}, {}, [&] { return prompt; });
+  tick_late();  // with a fault's banner too: what homes comes first
   ASSERT_TRUE(window->frame());
   EXPECT_EQ(window->panel().homing, prompt);
   const ColourImage asked = window->picture();
@@ -174,12 +155,10 @@ TEST_F(WindowShows, WhatHomesTheDeviceOverEverythingElse) {
 constexpr std::array<std::uint8_t, 3> kLimitLine = {255, 90, 80}, kPlotLetters = {150, 160, 175};
 
 TEST_F(WindowShows, TheLimitsLineTouchesNoLabel) {
-  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60", {"cloud"});
-  begin(virtual_session);
+  show("sinusoid:points=10201:extent_mm=60", kBegun, {"cloud"});
   // As far as the governor lets it.
-  virtual_session.session.hand().aim(Vec3(0.0, 0.0, -25.0));
-  virtual_session.run(1.5);
-  ASSERT_TRUE(window->frame());
+  live->session.hand().aim(Vec3(0.0, 0.0, -25.0));
+  run_and_draw(1.5);
   const ColourImage image = window->picture();
   const int left = static_cast<int>(window->view_width());
   int line = -1;
@@ -202,14 +181,13 @@ class SmallWindow : public WindowShows {
 };
 
 TEST_F(SmallWindow, HasAllOfThePanel) {
-  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60", {"cloud", "cloud-smooth"});
-  virtual_session.session.show_in(link);
-  virtual_session.run(0.6);
+  live = std::make_unique<VirtualSession>("sinusoid:points=10201:extent_mm=60");
+  live->session.show_in(link);
+  live->run(kBegun);
   window->scene().colour(ColourBy::kHeight);
   settle();
-  virtual_session.session.hand().aim(Vec3(0.0, 0.0, -25.0));
-  virtual_session.run(1.5);
-  ASSERT_TRUE(window->frame());
+  live->session.hand().aim(Vec3(0.0, 0.0, -25.0));
+  run_and_draw(1.5);
   ASSERT_TRUE(window->frame());
   EXPECT_LE(window->panel().bottom, 600.0) << "something has to be scrolled to";
   EXPECT_GT(window->panel().bottom, 450.0);
@@ -221,17 +199,13 @@ TEST_F(SmallWindow, HasAllOfThePanel) {
     EXPECT_LT((*at)[1], 600.0) << words;
   }
   // A banner's words wrap: nothing of it is under the panel.
-  virtual_session.clock.advance(0.1);
-  virtual_session.loop().tick();
+  tick_late();
   ASSERT_TRUE(window->frame());
-  ASSERT_TRUE(window->frame());
-  ASSERT_EQ(window->drawn_tick().tick.fault, device::Fault::kLate);
+  ASSERT_EQ(drawn().fault, device::Fault::kLate);
 }
 
 TEST_F(WindowShows, TheColoursBesideTheirNumbers) {
-  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60:amplitude_mm=5", {"cloud"});
-  virtual_session.session.show_in(link);
-  settle();
+  show("sinusoid:points=10201:extent_mm=60:amplitude_mm=5", 0.0, {"cloud"});
   const int left = static_cast<int>(window->view_width());
   const auto has = [&](double share) {
     const Rgba ink = ramp(share);
@@ -247,12 +221,10 @@ TEST_F(WindowShows, TheColoursBesideTheirNumbers) {
 }
 
 TEST_F(WindowShows, AnyAxisUp) {
-  VirtualSession virtual_session(kWindowWaves, {"cloud"});
-  virtual_session.session.show_in(link);
-  settle();
+  show(kWindowWaves, 0.0, {"cloud"});
   const std::vector<Vec3> axes = {Vec3::UnitZ(),  Vec3::UnitY(),  Vec3::UnitX(),
                                   -Vec3::UnitZ(), -Vec3::UnitY(), -Vec3::UnitX()};
-  const cloud::Cloud& cloud = *virtual_session.session.input().models.front().cloud;
+  const cloud::Cloud& cloud = shown_cloud();
   for (std::size_t k = 0; k < axes.size(); ++k) {
     ASSERT_EQ(window->camera().up_axis(), kUps[k]);
     EXPECT_EQ(up_named(up_name(kUps[k])), kUps[k]);
@@ -311,63 +283,59 @@ class WindowPictures : public WindowTest {
 
 TEST_F(WindowPictures, OnTheDragon) {
   const Vec3 free_mm{-6.0, 125.0, 46.0};
-  VirtualSession live(dragon("dragon_vrip.ply.gz"), {"cloud", "cloud-smooth"}, free_mm, true);
-  live.session.show_in(link, [&] { live.loop().request_rearm(); });
-  watch(live, 1.0);
+  live = std::make_unique<VirtualSession>(dragon("dragon_vrip.ply.gz"),
+                                          std::vector<std::string>{"cloud", "cloud-smooth"}, free_mm, true);
+  live->session.show_in(link, [&] { live->loop().request_rearm(); });
+  watch(1.0);
   stand_before();
   window->panel().workspace = false;
   settle();
   const double x = 0.6 * window->view_width(), y = 0.4 * window->view_height();
   window->mouse_at(x, y);
-  watch(live, 2.0);
+  watch(2.0);
   window->mouse_button(Window::Button::kLeft, true);
-  watch(live, 0.8);
+  watch(0.8);
   window->wheel(2.0);
-  watch(live, 1.5);
-  EXPECT_TRUE(window->drawn_tick().tick.frame.contact);
+  watch(1.5);
+  EXPECT_TRUE(drawn().frame.contact);
   settle();
   keep("points");
   // Under one hand, in contact: half of a fade.
   press('2');
-  for (int ms = 0; ms < 400 && window->drawn_tick().mixed.state != device::MixState::kFading; ++ms) {
-    live.run(0.001);
-    ASSERT_TRUE(window->frame());
-  }
-  live.run(0.07);
-  ASSERT_TRUE(window->frame());
+  for (int ms = 0; ms < 400 && window->drawn_tick().mixed.state != device::MixState::kFading; ++ms)
+    run_and_draw(0.001);
+  run_and_draw(0.07);
   EXPECT_EQ(window->drawn_tick().mixed.state, device::MixState::kFading);
   settle();
   keep("fade");
-  watch(live, 1.0);
+  watch(1.0);
   // From near, what is about the touched place. The hand stays there, whatever the mouse is over.
   const WatchedTick touching = window->drawn_tick();
   const Vec3 place_mm = touching.tick.frame.god_object_mm;
   window->mouse_button(Window::Button::kLeft, false);
   window->mouse_at(window->view_width() + 50.0, 5.0);
-  watch(live, 0.1);
-  live.session.hand().aim(
+  watch(0.1);
+  live->session.hand().aim(
       touching.map.device_mm(place_mm - 6.0 * touching.map.world_n(touching.tick.sent_n).normalized()));
-  watch(live, 0.8);
+  watch(0.8);
   Camera near = window->camera();
-  const Pixel centre = seen(window->drawn_tick().tick.frame.god_object_mm);
+  const Pixel centre = seen(drawn().frame.god_object_mm);
   near.pan(0.5 * window->view_width() - centre.x, 0.5 * window->view_height() - centre.y,
            window->view_height());
   near.zoom(22.0);
   window->look_from(near);
   window->panel().near.boxes = window->panel().near.facets = true;
   for (int i = 0; i < 50; ++i) settle();
-  watch(live, 0.5);
+  watch(0.5);
   settle();
-  EXPECT_TRUE(window->drawn_tick().tick.frame.contact);
+  EXPECT_TRUE(drawn().frame.contact);
   keep("near");
   window->panel().near = {};
   stand_before();
-  watch(live, 0.5);
-  live.clock.advance(0.1);
-  live.loop().tick();
-  ASSERT_TRUE(window->frame());
+  watch(0.5);
+  tick_late();
   settle();
-  EXPECT_EQ(window->drawn_tick().tick.fault, device::Fault::kLate);
+  EXPECT_EQ(drawn().fault, device::Fault::kLate);
   keep("fault");
 }
 

@@ -14,13 +14,11 @@ namespace palpate::experiments {
 namespace {
 
 TEST_F(WindowTest, PointsStandWhereTheModelProjects) {
-  VirtualSession virtual_session(kWindowWaves);
-  virtual_session.session.show_in(link);
-  settle();
+  show(kWindowWaves);
   window->panel().workspace = false;
   ASSERT_TRUE(window->frame());
   const ColourImage image = window->picture();
-  const cloud::Cloud& cloud = *virtual_session.session.input().models.front().cloud;
+  const cloud::Cloud& cloud = shown_cloud();
   int seen_points = 0, painted = 0;
   for (std::size_t i = 0; i < cloud.size(); i += 101) {
     const Pixel at = seen(cloud.point_mm(i));
@@ -47,16 +45,14 @@ TEST_F(WindowTest, PointsStandWhereTheModelProjects) {
 }
 
 TEST_F(WindowTest, ColoursAreThoseOfWhatWasChosen) {
-  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60:wavelength_mm=60:amplitude_mm=6");
-  virtual_session.session.show_in(link);
-  settle();
+  show("sinusoid:points=10201:extent_mm=60:wavelength_mm=60:amplitude_mm=6");
   window->panel().workspace = false;
   window->panel().lit = false;
   window->scene().colour(ColourBy::kHeight);
   settle();
   ASSERT_TRUE(window->frame());
   const ColourImage image = window->picture();
-  const cloud::Cloud& cloud = *virtual_session.session.input().models.front().cloud;
+  const cloud::Cloud& cloud = shown_cloud();
   const ColourScale& scale = window->scene().scale();
   EXPECT_NEAR(scale.high - scale.low, cloud.box_mm().extent_mm().z(), 1e-4);
   int right = 0, looked = 0;
@@ -86,9 +82,7 @@ TEST_F(WindowTest, ColoursAreThoseOfWhatWasChosen) {
 }
 
 TEST_F(WindowTest, GoesOnWithThePictureAndBeginsAnewWhenTheCameraMoves) {
-  VirtualSession virtual_session("sinusoid:points=400000");
-  virtual_session.session.show_in(link);
-  settle();
+  show("sinusoid:points=400000");
   const SplatDrawer& splats = window->scene().splats();
   const std::uint64_t begun = splats.begun();
   Camera camera = window->camera();
@@ -110,26 +104,23 @@ TEST_F(WindowTest, GoesOnWithThePictureAndBeginsAnewWhenTheCameraMoves) {
 }
 
 TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
-  VirtualSession virtual_session(kWindowWaves);
-  WindowSession& session = virtual_session.session;
-  begin(virtual_session);
-  const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
+  show(kWindowWaves, kBegun);
+  const Vec3 place_mm = shown_cloud().point_mm(5050);
   point_at(place_mm);
-  watch(virtual_session, 1.0);
+  watch(1.0);
   const WatchedTick hovering = window->drawn_tick();
   EXPECT_FALSE(hovering.tick.frame.contact);
   EXPECT_NEAR((hovering.tick.hip_mm - place_mm).norm(), MouseHand::kHoverMm, 0.6)
       << "over the place under the cursor";
   window->mouse_button(Window::Button::kLeft, true);
-  watch(virtual_session, 1.0);
+  watch(1.0);
   const WatchedTick pressing = window->drawn_tick();
   ASSERT_TRUE(pressing.tick.frame.contact);
   const double force_n = pressing.tick.sent_n.norm();
   EXPECT_GT(force_n, 0.2);
   // The same numbers: what a spring of the surface's stiffness gives, through the governor as it stands.
-  EXPECT_NEAR(
-      force_n,
-      session.stiffness_n_per_mm() * (pressing.tick.frame.god_object_mm - pressing.tick.hip_mm).norm(), 0.02);
+  const double depth_mm = (pressing.tick.frame.god_object_mm - pressing.tick.hip_mm).norm();
+  EXPECT_NEAR(force_n, live->session.stiffness_n_per_mm() * depth_mm, 0.02);
   window->panel().workspace = false;
   const ColourImage image = window->picture();
   const Spot arrow = spot_of(image, kForceColour, window->view_width());
@@ -143,23 +134,21 @@ TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
   EXPECT_GT(cosine, 0.99) << "the arrow does not point as the force does";
   // The wheel presses deeper, and the force grows.
   window->wheel(4.0);
-  watch(virtual_session, 0.6);
-  EXPECT_GT(window->drawn_tick().tick.sent_n.norm(), 1.2 * force_n);
+  watch(0.6);
+  EXPECT_GT(drawn().sent_n.norm(), 1.2 * force_n);
   window->mouse_button(Window::Button::kLeft, false);
-  watch(virtual_session, 0.6);
-  EXPECT_FALSE(window->drawn_tick().tick.frame.contact);
+  watch(0.6);
+  EXPECT_FALSE(drawn().frame.contact);
   EXPECT_GT(link.view().felt_s, 0.0) << "the first touch was noticed";
   window->mouse_button(Window::Button::kLeft, true);
-  watch(virtual_session, 0.6);
+  watch(0.6);
 }
 
 TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
-  VirtualSession virtual_session(kWindowWaves);
-  WindowSession& session = virtual_session.session;
-  begin(virtual_session);
-  point_at(session.input().models.front().cloud->point_mm(5050));
+  show(kWindowWaves, kBegun);
+  point_at(shown_cloud().point_mm(5050));
   window->mouse_button(Window::Button::kLeft, true);
-  watch(virtual_session, 1.2);
+  watch(1.2);
   // Nothing runs from here on: the eye goes to the contact, and the contact stays.
   const WatchedTick pressing = window->drawn_tick();
   ASSERT_TRUE(pressing.tick.frame.contact);
@@ -179,7 +168,7 @@ TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
   near.pan(-aside.dot(near.right()) * pixels, aside.dot(near.up()) * pixels, window->view_height());
   window->look_from(near);
   settle();
-  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
+  ASSERT_TRUE(drawn().frame.contact);
   const Pixel god_object = seen(god_object_mm);
   ASSERT_NEAR(god_object.x, 0.5 * window->view_width(), 1.0);
   ASSERT_NEAR(god_object.y, 0.5 * window->view_height(), 1.0);
@@ -203,19 +192,17 @@ TEST(SeenLine, IsCutAtTheNearPlaneAndNowhereElse) {
   const auto line = [&](const Vec3& a, const Vec3& b) { return project_line(clip, a, b, kWidth, kHeight); };
   const Vec3 eye = camera.eye_mm(), forward = camera.forward(), right = camera.right();
   const Vec3 before = eye + camera.distance_mm() * forward, behind = eye - 5.0 * forward + right;
-  const auto whole = line(before, before + right);
-  ASSERT_TRUE(whole);
-  EXPECT_FALSE(whole->cut_a || whole->cut_b);
+  const auto whole = line(before, before + right).value();
+  EXPECT_FALSE(whole.cut_a || whole.cut_b);
   const Pixel end = *project(clip, before + right, kWidth, kHeight);
-  EXPECT_EQ(whole->b.x, end.x);
-  EXPECT_EQ(whole->b.y, end.y);
+  EXPECT_EQ(whole.b.x, end.x);
+  EXPECT_EQ(whole.b.y, end.y);
   // One end behind the eye: what is left ends on the near plane, on the same line.
   for (const bool turned : {false, true}) {
-    const auto cut = turned ? line(behind, before) : line(before, behind);
-    ASSERT_TRUE(cut);
-    EXPECT_EQ(cut->cut_a, turned);
-    EXPECT_EQ(cut->cut_b, !turned);
-    const Pixel& at = turned ? cut->a : cut->b;
+    const auto cut = (turned ? line(behind, before) : line(before, behind)).value();
+    EXPECT_EQ(cut.cut_a, turned);
+    EXPECT_EQ(cut.cut_b, !turned);
+    const Pixel& at = turned ? cut.a : cut.b;
     EXPECT_NEAR(at.depth, 0.0, 1e-12);
     const Vec3 place = unproject(clip, at, kWidth, kHeight);
     EXPECT_NEAR((place - before).cross(behind - before).norm() / (behind - before).norm(), 0.0, 1e-9);
@@ -228,16 +215,12 @@ TEST(SeenLine, IsCutAtTheNearPlaneAndNowhereElse) {
 }
 
 TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
-  VirtualSession virtual_session(kWindowWaves);
-  virtual_session.session.show_in(link);
-  virtual_session.run(1.0);
-  settle();
+  show(kWindowWaves, 1.0);
   const std::size_t samples = window->history().samples().size();
   EXPECT_GT(samples, 990u);
   const ColourImage before = window->picture();
-  virtual_session.session.hand().aim(Vec3(0.0, 0.0, -4.0));
-  virtual_session.run(2.0);
-  ASSERT_TRUE(window->frame());
+  live->session.hand().aim(Vec3(0.0, 0.0, -4.0));
+  run_and_draw(2.0);
   const ColourImage after = window->picture();
   EXPECT_GT(window->history().samples().size(), samples + 1900);
   // The force plot's ink has moved, within the panel.
@@ -255,35 +238,27 @@ TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
   EXPECT_GT(std::count_if(first.begin(), first.end(), [](int y) { return y > 0; }), 20);
   EXPECT_NE(first, second);
   // The second renderer's button.
-  ASSERT_EQ(window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane, 0);
-  virtual_session.session.hand().aim(Vec3(0.0, 0.0, 15.0));
-  virtual_session.run(1.5);
+  ASSERT_EQ(felt().lane, 0);
+  live->session.hand().aim(Vec3(0.0, 0.0, 15.0));
+  live->run(1.5);
   press('2');
-  virtual_session.run(1.5);
-  ASSERT_TRUE(window->frame());
-  EXPECT_EQ(window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane, 1);
+  run_and_draw(1.5);
+  EXPECT_EQ(felt().lane, 1);
   // By the mouse, where the button's words are: back to the first.
   bool pressed = false;
   for (int y = 60; y < 260 && !pressed; y += 6) {
     ASSERT_NO_FATAL_FAILURE(click_at(window->view_width() + 100.0, y));
-    virtual_session.run(0.5);
-    ASSERT_TRUE(window->frame());
-    pressed = window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane == 0;
+    run_and_draw(0.5);
+    pressed = felt().lane == 0;
   }
   EXPECT_TRUE(pressed) << "no button answered the mouse";
 }
 
 TEST_F(WindowTest, AFaultIsShownWithItsRemedyAndTheButtonArmsAgain) {
-  VirtualSession virtual_session(kWindowWaves);
-  virtual_session.session.show_in(link, [&] { virtual_session.loop().request_rearm(); });
-  virtual_session.run(0.6);
-  settle();
+  show(kWindowWaves, kBegun, {"cloud", "cloud-smooth"}, [&] { live->loop().request_rearm(); });
   const ColourImage before = window->picture();
-  // A tick that comes a tenth of a second late is a fault of the governor.
-  virtual_session.clock.advance(0.1);
-  virtual_session.loop().tick();
-  ASSERT_TRUE(window->frame());
-  ASSERT_EQ(window->drawn_tick().tick.fault, device::Fault::kLate);
+  tick_late();
+  ASSERT_EQ(drawn().fault, device::Fault::kLate);
   ASSERT_TRUE(window->frame());
   const ColourImage faulted = window->picture();
   if (!picture_folder().empty()) (void)write_png(faulted, picture_folder() + "/fault.png");
@@ -297,9 +272,8 @@ TEST_F(WindowTest, AFaultIsShownWithItsRemedyAndTheButtonArmsAgain) {
   bool armed = false;
   for (int y = 30; y < 90 && !armed; y += 8) {
     ASSERT_NO_FATAL_FAILURE(click_at(60.0, y));
-    virtual_session.run(0.1);
-    ASSERT_TRUE(window->frame());
-    armed = window->drawn_tick().tick.fault == device::Fault::kNone;
+    run_and_draw(0.1);
+    armed = drawn().fault == device::Fault::kNone;
   }
   EXPECT_TRUE(armed);
   for (int fault = 1; fault <= static_cast<int>(device::Fault::kOutOfRange); ++fault)
@@ -311,14 +285,13 @@ class WindowNear : public WindowTest, public testing::WithParamInterface<bool> {
 
 TEST_P(WindowNear, IsShownAboutTheTouchedPlaceOnRequest) {
   const bool cells = GetParam();
-  VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3",
-                                 {cells ? "cloud-vertices" : "cloud"});
-  begin(virtual_session);
-  virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
-  virtual_session.run(1.0);
+  show("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3", kBegun,
+       {cells ? "cloud-vertices" : "cloud"});
+  live->session.hand().aim(Vec3(2.0, 3.0, -4.0));
+  live->run(1.0);
   window->panel().workspace = false;
   ASSERT_TRUE(window->frame());
-  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
+  ASSERT_TRUE(drawn().frame.contact);
   const auto shown = [&] {
     return spot_of(window->picture(), cells ? kCellColour : kNearColour, window->view_width());
   };
@@ -329,7 +302,7 @@ TEST_P(WindowNear, IsShownAboutTheTouchedPlaceOnRequest) {
     settle();
   }
   const Spot spot = shown();
-  const Pixel god_object = seen(window->drawn_tick().tick.frame.god_object_mm);
+  const Pixel god_object = seen(drawn().frame.god_object_mm);
   ASSERT_GT(spot.count, cells ? 40 : 30);
   EXPECT_LT(std::hypot(spot.x - god_object.x, spot.y - god_object.y), cells ? 60.0 : 25.0);
 }
@@ -384,7 +357,10 @@ TEST(HandGuide, FollowsSmoothlyAndNoFasterThanAHand) {
   EXPECT_EQ(guide.at(0.0).position_mm.x(), there_mm);
 }
 
-class LiveInAWindow : public InFolder {};
+class LiveInAWindow : public OnCommandLine {
+ protected:
+  const Words line = words("live", kWindowWaves, "--renderers cloud --out", in("out"));
+};
 
 TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
   {
@@ -392,25 +368,15 @@ TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
     const auto window = Window::open(link, {});
     if (!window) GTEST_SKIP() << window.error().message();
   }
-  const ProcessOutcome run =
-      palpate_process({"live", kWindowWaves, "--renderers", "cloud", "--window", "--hand", "press",
-                       "--seconds", "2", "--rearm", "--out", in("out")});
+  const ProcessOutcome run = palpate_process(words(line, "--window --hand press --seconds 2 --rearm"));
   ASSERT_TRUE(ended_well(run.exit_code, in("out/live.json"))) << run.err;
   EXPECT_NE(run.err.find("touchable after"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("first touch after"), std::string::npos) << run.err;
-  EXPECT_NE(file_text(in("out/live.json")).find("\"hand\": \"press\""), std::string::npos);
+  EXPECT_NE(text_in("out/live.json").find("\"hand\": \"press\""), std::string::npos);
 }
-
 TEST_F(LiveInAWindow, WhatCannotBeIsRefusedWithAReason) {
-  const auto refused = [&](std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"live", kWindowWaves, "--renderers", "cloud", "--out", in("out")};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    const ProcessOutcome run = palpate_command(arguments);
-    EXPECT_EQ(run.exit_code, 2) << run.err;
-    return run.err;
-  };
-  EXPECT_NE(refused({"--window", "--accelerated"}).find("--accelerated"), std::string::npos);
-  EXPECT_NE(refused({"--hand", "mouse"}).find("--window"), std::string::npos);
+  refuses("--accelerated", line, "--window --accelerated");
+  refuses("--window", line, "--hand mouse");
 }
 
 TEST(WindowFeed, LosesSamplesAndNothingElseWhereNobodyReads) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/instruction_counter.h"
 #include "toolkit/core/process.h"
 
@@ -83,11 +84,10 @@ TEST(WorstFrames, AreWithinTheWrittenBound) {
 TEST(WorstFrames, TheProgramSaysWhatItTakes) {
   if (!std::filesystem::exists(PALPATE_WORST_FRAMES)) GTEST_SKIP() << "built without the benchmarks";
   for (const char* word : {"mesh-godobject", "12", "--steps"}) {
-    const Result<ProcessOutcome> run =
-        run_process({PALPATE_WORST_FRAMES, word}, {.time_limit_s = kCountLimitS});
-    ASSERT_TRUE(run);
-    EXPECT_EQ(run->exit_code, 2) << word;
-    EXPECT_NE(run->err.find("usage"), std::string::npos) << run->err;
+    const auto run =
+        test::value_of(run_process({PALPATE_WORST_FRAMES, word}, {.time_limit_s = kCountLimitS}));
+    EXPECT_EQ(run.exit_code, 2) << word;
+    EXPECT_NE(run.err.find("usage"), std::string::npos) << run.err;
   }
 }
 
