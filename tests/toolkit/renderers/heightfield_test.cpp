@@ -7,6 +7,7 @@
 #include <palpate/accuracy.h>
 #include <palpate/replay.h>
 #include "tests/toolkit/cloud/posts.h"
+#include "tests/toolkit/messages.h"
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/random.h"
