@@ -34,6 +34,13 @@ inline std::string file_text(const std::filesystem::path& path) {
   return text.str();
 }
 
+/// What is at `name` in the folder of scans that PALPATE_DATA is set to; empty if there is no such thing.
+inline std::filesystem::path shared_data(const std::string& name) {
+  const char* const data = std::getenv("PALPATE_DATA");
+  const std::filesystem::path path = data == nullptr ? "" : std::filesystem::path(data) / name;
+  return data != nullptr && std::filesystem::exists(path) ? path : std::filesystem::path();
+}
+
 inline void write_text(const std::filesystem::path& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }

@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <set>
 
 #include "tests/baselines/small_models.h"
@@ -18,37 +17,21 @@ namespace {
 
 using test::cloud_of;
 using test::generated;
+using test::points_of;
+using test::refused;
 
 constexpr std::uint64_t kSeed = 5;
 
-scene::Cleaning all_steps() {
+Result<scene::CleanedCloud> try_clean(const cloud::Cloud& cloud, const std::string& text, int threads = 1) {
   scene::Cleaning cleaning;
   register_cleaning(cleaning);
-  return cleaning;
-}
-
-Result<scene::CleanedCloud> try_clean(const cloud::Cloud& cloud, const std::string& text, int threads = 1) {
-  const scene::Cleaning cleaning = all_steps();
-  const auto steps = cleaning.parse(text);
-  if (!steps) return steps.error();
-  return cleaning.run(cloud, *steps, threads, no_progress());
+  PALPATE_ASSIGN(const auto steps, cleaning.parse(text));
+  return cleaning.run(cloud, steps, threads, no_progress());
 }
 
 scene::CleanedCloud clean(const cloud::Cloud& cloud, const std::string& text, int threads = 1) {
-  auto made = try_clean(cloud, text, threads);
-  EXPECT_TRUE(made.ok()) << text << ": " << made.error().message();
-  return *std::move(made);
-}
-
-std::string refusal(const cloud::Cloud& cloud, const std::string& text) {
-  const auto made = try_clean(cloud, text);
-  return made.ok() ? "" : made.error().message();
-}
-
-std::vector<Vec3> points_of(const cloud::Cloud& cloud) {
-  std::vector<Vec3> points;
-  for (std::size_t i = 0; i < cloud.size(); ++i) points.push_back(cloud.point_mm(i));
-  return points;
+  SCOPED_TRACE(text);
+  return test::value_of(try_clean(cloud, text, threads));
 }
 
 /// Every point moved by up to `by` along each axis.
@@ -99,7 +82,7 @@ TEST(Outliers, TheShareIsAnUpperBound) {
   const cloud::Cloud cloud = generated("plane:points=2500").cloud;
   EXPECT_EQ(clean(cloud, "outliers/distance=1e-6/percent=10").cloud.size(), 2250u);
   EXPECT_EQ(clean(cloud, "outliers/percent=0").cloud.size(), 2500u);
-  EXPECT_NE(refusal(cloud, "outliers/distance=1e-6").find("every one of 2500"), std::string::npos);
+  EXPECT_TRUE(refused(try_clean(cloud, "outliers/distance=1e-6"), "every one of 2500"));
 }
 
 TEST(Smooth, LowersNoiseByAtLeastHalf) {
@@ -148,7 +131,7 @@ TEST(Thin, ClustersAndWlop) {
   const scene::CleanedCloud wlop = clean(rough, "thin/method=wlop/percent=25");
   EXPECT_EQ(wlop.cloud.size(), model.cloud.size() / 4);
   EXPECT_LT(rms_distance(wlop.cloud, *model.surface), rms_distance(rough, *model.surface));
-  EXPECT_NE(refusal(model.cloud, "thin/method=wlop/percent=0.01").find("percent"), std::string::npos);
+  EXPECT_TRUE(refused(try_clean(model.cloud, "thin/method=wlop/percent=0.01"), "percent"));
 }
 
 TEST(Upsample, AddsPointsOnTheSurface) {
@@ -245,9 +228,8 @@ TEST(EveryStep, SurvivesHostilePoints) {
 }
 
 TEST(EveryStep, AJetThatIsNotDeterminedIsRefused) {
-  EXPECT_NE(
-      refusal(generated("plane:points=400").cloud, "smooth/degree=4/neighbours=14").find("15 neighbours"),
-      std::string::npos);
+  EXPECT_TRUE(refused(try_clean(generated("plane:points=400").cloud, "smooth/degree=4/neighbours=14"),
+                      "15 neighbours"));
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
 // The grid of moving points against brute force: after any moves it answers as if built anew.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "baselines/points/dynamic_grid.h"
@@ -16,14 +16,8 @@
 namespace palpate::baselines {
 namespace {
 
-using search::cloud_of;
-using search::IndexRange;
-using search::LeafStatistics;
-using search::partition_cases;
-using search::PartitionCase;
-using search::PartitionOptions;
-using search::Query;
-using search::sheet;
+using search::cloud_of, search::IndexRange, search::LeafStatistics, search::partition_cases;
+using search::PartitionCase, search::PartitionOptions, search::Query, search::sheet;
 
 /// The owner of the points: stores floats by place, as a model does.
 struct Model {
@@ -96,25 +90,11 @@ TEST(DynamicGrid, AnswersAsIfBuiltAnewAfterAnyMoves) {
       for (int k = 0; k < 300; ++k) {
         const auto place = static_cast<std::uint32_t>(random.below(model.points.size()));
         const Vec3 noise(random.normal(), random.normal(), random.normal());
-        switch (random.below(6)) {
-          case 0:
-            (void)model.move(place, model.at(place) + 0.1 * c.step_mm * noise);
-            break;
-          case 1:
-            (void)model.move(place, model.at(place) + 3.0 * c.step_mm * noise);
-            break;
-          case 2:
-            (void)model.move(place, model.at(place) + 50.0 * c.step_mm * noise);
-            break;
-          case 3:
-            (void)model.move(place, heap + 1e-3 * c.step_mm * noise);
-            break;
-          case 4:
-            (void)model.move(place, heap);
-            break;
-          default:
-            (void)model.move(place, widened(start[place]));
-        }
+        constexpr double kSteps[] = {0.1, 3.0, 50.0, 1e-3, 0.0};  // around where it is; around the heap
+        const std::size_t way = random.below(6);
+        const Vec3 from = way < 3 ? model.at(place) : heap;
+        (void)model.move(place,
+                         way < 5 ? Vec3(from + kSteps[way] * c.step_mm * noise) : widened(start[place]));
       }
       model.expect_right(random, c.name + " round " + std::to_string(round));
       if (HasFatalFailure()) return;
@@ -136,10 +116,8 @@ TEST(DynamicGrid, IsAsBuiltOnceAllPointsAreBackHome) {
     for (std::uint32_t place = 0; place < start.size(); ++place)
       (void)model.move(place, widened(start[place]));
     const LeafStatistics now = model.partition.statistics();
-    EXPECT_EQ(now.leaves, built.leaves);
-    EXPECT_EQ(now.nodes, built.nodes);
-    EXPECT_EQ(now.max_points, built.max_points);
-    EXPECT_EQ(now.max_depth, built.max_depth);
+    EXPECT_EQ(std::tie(now.leaves, now.nodes, now.max_points, now.max_depth),
+              std::tie(built.leaves, built.nodes, built.max_points, built.max_depth));
     EXPECT_EQ(model.partition.spare_left(), spare) << "round " << round;
   }
   model.expect_right(random, "back home");

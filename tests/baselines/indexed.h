@@ -1,15 +1,13 @@
 // A mesh with its index, and its distance by brute force.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <limits>
 #include <memory>
-#include <utility>
 
 #include "baselines/proximity/segment_index.h"
 #include "tests/baselines/meshes.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::test {
 
@@ -19,12 +17,9 @@ struct Indexed {
 };
 inline Indexed indexed(const TriangleMesh& source) {
   Indexed made;
-  auto mesh = baselines::SurfaceMesh::build(source, 1);
-  EXPECT_TRUE(mesh.ok());
-  made.mesh = std::make_unique<baselines::SurfaceMesh>(std::move(mesh).value());
-  auto index = baselines::SegmentIndex::build(*made.mesh, 1);
-  EXPECT_TRUE(index.ok());
-  made.index = std::make_unique<baselines::SegmentIndex>(std::move(index).value());
+  made.mesh = std::make_unique<baselines::SurfaceMesh>(value_of(baselines::SurfaceMesh::build(source, 1)));
+  made.index =
+      std::make_unique<baselines::SegmentIndex>(value_of(baselines::SegmentIndex::build(*made.mesh, 1)));
   return made;
 }
 

@@ -13,6 +13,7 @@
 namespace palpate::baselines {
 namespace {
 
+using test::expect_held;
 using test::expect_near;
 using test::kStiffness;
 using test::make;
@@ -52,8 +53,7 @@ TEST(MeshTips, PlaneFromBothSides) {
       EXPECT_FALSE(probe.to(over(0.01)).contact);
       EXPECT_TRUE(probe.to(over(-0.01)).contact);
       const render::Frame frame = probe.glide(over(-0.01), to, 0.05);
-      ASSERT_TRUE(frame.contact);
-      expect_near(frame.god_object_mm, on, 1e-9);
+      expect_held(frame, on, 1e-9);
       expect_near(frame.force_n, kStiffness * (on - to), 1e-9);
       EXPECT_FALSE(probe.to(on + Vec3(0, 0, 0.1 * side)).contact);
     }
@@ -65,15 +65,13 @@ TEST(MeshTips, GrooveHoldsByTwoPlanesAndCornerByThree) {
     Probe groove =
         make(test::height_mesh(20, 10.0, [](double x, double) { return std::abs(x); }), tip.options);
     const Vec3 below(0.05, 0.7, -1), beyond(6, 7, 8);
-    render::Frame frame = groove.press({0.5, 0.2, 3}, below, 0.05);
-    ASSERT_TRUE(frame.contact);
-    expect_near(frame.god_object_mm, tip.god_object({0, 0.7, tip.radius_mm * std::sqrt(2.0)}, below), 1e-9);
+    expect_held(groove.press({0.5, 0.2, 3}, below, 0.05),
+                tip.god_object({0, 0.7, tip.radius_mm * std::sqrt(2.0)}, below), 1e-9);
     // Seen from inside, a box's corner holds by three planes.
     Probe corner = make(test::box_mesh(5, 5, 5), tip.options);
-    frame = corner.press({0, 0, 0}, beyond, 0.05);
-    ASSERT_TRUE(frame.contact);
+    const render::Frame frame = corner.press({0, 0, 0}, beyond, 0.05);
     const Vec3 held = tip.god_object(Vec3::Constant(5 - tip.radius_mm), beyond);
-    expect_near(frame.god_object_mm, held, 1e-9);
+    expect_held(frame, held, 1e-9);
     expect_near(frame.force_n, kStiffness * (held - beyond), 1e-8);
   }
 }
@@ -136,7 +134,7 @@ TEST(MeshTips, MotionAndScaleChangeNothing) {
       ASSERT_EQ(frame.contact, other.contact) << i;
       ASSERT_LT((pose * frame.god_object_mm - other.god_object_mm).norm(), 1e-6) << i;
       ASSERT_LT((pose.rotate(frame.force_n) - other.force_n).norm(), 1e-6) << i;
-      for (const auto& [probe, scale] : {std::pair(&small, 1e-3), std::pair(&large, 1e6)}) {
+      for (const auto& [probe, scale] : {std::pair(&small, 1e-3), {&large, 1e6}}) {
         const render::Frame scaled = probe->to(hip * scale);
         ASSERT_EQ(frame.contact, scaled.contact) << i << " at " << scale;
         ASSERT_LT((frame.god_object_mm - scaled.god_object_mm / scale).norm(), 1e-6) << i << " at " << scale;
@@ -149,13 +147,10 @@ TEST(MeshTips, MotionAndScaleChangeNothing) {
 // Round an edge the sphere rolls: its centre keeps a radius from the edge.
 TEST(MeshProxy, RollsOverEdgesAndLetsGo) {
   Probe probe = make(test::box_mesh(5, 5, 5), sphere(0.5));
-  render::Frame frame = probe.press({0, 0, 6}, {4.9, 0, 4.9}, 0.1);
-  EXPECT_TRUE(frame.contact);
+  EXPECT_TRUE(probe.press({0, 0, 6}, {4.9, 0, 4.9}, 0.1).contact);
   // The HIP is a hair outside of the edge: the centre lies on the cylinder, in the HIP's direction.
-  frame = probe.to({5.1, 0, 5.1});
-  ASSERT_TRUE(frame.contact);
-  for (int i = 0; i < 20; ++i) frame = probe.to({5.1, 0, 5.1});
-  expect_near(frame.god_object_mm, Vec3(5, 0, 5) + 0.5 * Vec3(1, 0, 1).normalized(), 1e-6);
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(probe.to({5.1, 0, 5.1}).contact);
+  expect_held(probe.to({5.1, 0, 5.1}), Vec3(5, 0, 5) + 0.5 * Vec3(1, 0, 1).normalized(), 1e-6);
   EXPECT_FALSE(probe.glide({5.1, 0, 5.1}, {6, 0, 4}, 0.05).contact);
 }
 
@@ -322,16 +317,14 @@ TEST_P(Jam, NoStopIsAJam) {
   EXPECT_EQ(probe.renderer->counters().bound_hits, 0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(Probes, Jam,
-                         testing::Values(Tip{"mesh-godobject:mesh=original", 0.0},
-                                         Tip{"mesh-proxy:mesh=original:tip=centre:radius_mm=0.1", 0.1},
-                                         Tip{"mesh-proxy:mesh=original:tip=centre:radius_mm=0.3", 0.3},
-                                         Tip{"mesh-proxy:mesh=original:tip=centre:radius_mm=1", 1.0}),
-                         [](const auto& jam) {
-                           return jam.param.radius_mm == 0.0
-                                      ? std::string("point")
-                                      : "sphere" + std::to_string(static_cast<int>(10 * jam.param.radius_mm));
-                         });
+constexpr Tip kJams[] = {{"mesh-godobject:mesh=original", 0.0},
+                         {"mesh-proxy:mesh=original:tip=centre:radius_mm=0.1", 0.1},
+                         {"mesh-proxy:mesh=original:tip=centre:radius_mm=0.3", 0.3},
+                         {"mesh-proxy:mesh=original:tip=centre:radius_mm=1", 1.0}};
+INSTANTIATE_TEST_SUITE_P(Probes, Jam, testing::ValuesIn(kJams), [](const auto& jam) {
+  const auto tenths_mm = static_cast<int>(10 * jam.param.radius_mm);
+  return tenths_mm == 0 ? std::string("point") : "sphere" + std::to_string(tenths_mm);
+});
 
 }  // namespace
 }  // namespace palpate::baselines

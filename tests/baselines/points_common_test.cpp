@@ -54,11 +54,7 @@ struct Sample {
 const Sample& sample() {
   static const Sample made = [] {
     const auto made_cloud = generated("sinusoid:points=10201:jitter=0.2:seed=3:mesh=false");
-    Sample s;
-    for (std::size_t i = 0; i < made_cloud.cloud.size(); ++i)
-      s.points.push_back(made_cloud.cloud.point_mm(i));
-    s.path = weaving(*made_cloud.surface, 1500, 1.0);
-    return s;
+    return Sample{points_of(made_cloud.cloud), weaving(*made_cloud.surface, 1500, 1.0)};
   }();
   return made;
 }
@@ -95,8 +91,7 @@ TEST_P(EveryRival, PoseAndPlaceDoNotMatter) {
   moved.world_from_model.translation_mm = Vec3(1024.0, -2048.0, 512.0);
   std::vector<Vec3> path = sample().path;
   for (Vec3& p : path) p = moved.world_from_model * p;
-  const Frames b = run(moved, GetParam(), path);
-  Frames back = b;
+  Frames back = run(moved, GetParam(), path);
   for (render::Frame& frame : back) frame.force_n = moved.world_from_model.inverse().rotate(frame.force_n);
   EXPECT_LT(largest_difference(a, back), 1e-6);
 
@@ -187,19 +182,17 @@ TEST_P(EveryRival, ForceIsLimitedAndModelsAddUp) {
   scene.models.push_back(model_of(sample().points));
   scene.models.push_back(model_of(sample().points));
   scene.models[1].world_from_model.translation_mm = Vec3(500, 0, 0);
-  auto both = test::rival(GetParam());
-  ASSERT_TRUE(both->prepare(scene, {}).ok());
+  const Probe both = prepare(scene, GetParam());
   const Frames alone = run(scene.models[0], GetParam(), sample().path);
-  both->restart(sample().path.front());
+  both.renderer->restart(sample().path.front());
   for (std::size_t i = 0; i < alone.size(); ++i) {
-    const render::Frame frame = both->step(sample().path[i], kDt);
+    const render::Frame frame = both.to(sample().path[i]);
     ASSERT_NEAR((frame.force_n - render::limited(alone[i].force_n, 0.1)).norm(), 0.0, 1e-12);
     ASSERT_EQ(frame.model, alone[i].contact ? 0 : -1);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Points, EveryRival, testing::ValuesIn(kRivals),
-                         [](const auto& rival) { return test_name(rival.param); });
+INSTANTIATE_TEST_SUITE_P(Points, EveryRival, testing::ValuesIn(kRivals), test_name);
 
 // Two planes at 10 degrees to each other: held by both together a god object is pushed hardly more than by
 // one, where the sum would be twice that.
@@ -216,11 +209,7 @@ TEST(EveryRivalWithAGodObject, IsHeldByTwoModelsTogether) {
   for (const char* name :
        {"sphere-proxy", "stream-proxy", "mls-proxy", "vgraph", "sdf-godobject", "variable-proxy"}) {
     SCOPED_TRACE(name);
-    test::Stepped renderer = rival(name);
-    ASSERT_TRUE(renderer->prepare(scene, {1, nullptr}).ok());
-    renderer->restart(Vec3(0.1, 0.1, 2));
-    render::Frame frame;
-    for (int i = 0; i <= 300; ++i) frame = renderer->step(Vec3(0.1, 0.1, 2 - 0.01 * i), kDt);
+    const render::Frame frame = prepare(scene, name).press({0.1, 0.1, 2}, {0.1, 0.1, -1}, 0.01);
     ASSERT_TRUE(frame.contact);
     EXPECT_NEAR(frame.force_n.norm(), kStiffness * 1.0, 0.1 * kStiffness);
   }

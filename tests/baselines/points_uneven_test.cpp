@@ -1,7 +1,5 @@
 // Rivals on uneven points: how gaps are measured, that nothing falls through at the defaults, and the two
 // rivals that are made for it, `sdf-godobject` and `variable-proxy`.
-#include <algorithm>
-
 #include "baselines/points/gaps.h"
 #include "baselines/points/sdf_grid.h"
 #include "tests/baselines/small_models.h"
@@ -69,7 +67,7 @@ TEST_P(OnUneven, NothingFallsThroughScanLines) {
 INSTANTIATE_TEST_SUITE_P(Points, OnUneven,
                          testing::Values("sphere-proxy", "stream-proxy", "mls-penalty", "mls-proxy",
                                          "vector-field", "sdf-godobject", "variable-proxy"),
-                         [](const auto& rival) { return test_name(rival.param); });
+                         test_name);
 
 TEST(SdfGodobject, HoldsAThinPlateHoweverDeepTheHip) {
   // 1 mm thick, pushed to 5: a field without a path would throw the HIP out on the other side.
@@ -124,10 +122,9 @@ TEST(FieldsOfPoints, RefuseWhatTheyCannotHoldWithARemedy) {
       scene_of(model_of(cloud_of({{0, 0, 0}, {1e-3, 0, 0}, {0, 1e-3, 0}, {1e9, 1e9, 1e9}})));
   for (const auto& field : fields) {
     const Error refused = refusal(field.fine, plate);
-    EXPECT_NE(refused.what.find(field.limit), std::string::npos) << refused.what;
-    EXPECT_TRUE(test::contains(refused.remedy, "voxel"));
-    const Error uncounted = refusal(field.uncounted, vast);
-    EXPECT_TRUE(test::contains(uncounted.remedy, "voxel"));
+    EXPECT_TRUE(contains(refused.what, field.limit));
+    EXPECT_TRUE(contains(refused.remedy, "voxel"));
+    EXPECT_TRUE(contains(refusal(field.uncounted, vast).remedy, "voxel"));
   }
   EXPECT_LT(prepare(plate, "vector-field:memory_mb=10").report.bytes, 10'000'000u);
   for (const char* bad : {"sdf-godobject:band=1", "sdf-godobject:voxel=0", "variable-proxy:radius=0",
@@ -160,14 +157,9 @@ TEST_P(InAClump, NoMoreThanIsAtHandIsInReach) {
     EXPECT_NEAR(frame.force_n.z(), 0.5 * kStiffness, (balls ? 0.1 : 0.3) * kStiffness) << hip.x();
   }
   EXPECT_NEAR(frame.god_object_mm.x(), 4.0, 0.1) << "it has not stopped on the way";
-  ASSERT_FALSE(probe.report.notes.empty());
-  const auto thinned = [](const std::string& note) {
-    return note.find("one point each") != std::string::npos;
-  };
-  EXPECT_TRUE(std::any_of(probe.report.notes.begin(), probe.report.notes.end(), thinned));
+  EXPECT_TRUE(any_says(probe.report.notes, "one point each"));
   points.resize(even);
-  const Probe whole = prepare(model_of(points), GetParam());
-  EXPECT_TRUE(std::none_of(whole.report.notes.begin(), whole.report.notes.end(), thinned));
+  EXPECT_FALSE(any_says(prepare(model_of(points), GetParam()).report.notes, "one point each"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Points, InAClump,
@@ -187,8 +179,8 @@ TEST(ShellWalk, StopsAtTheBoundThatIsAskedFor) {
     EXPECT_EQ(frame.status == render::FrameStatus::kBoundHit, steps < 200) << steps;
     EXPECT_GT(frame.god_object_mm.x(), before + 1.0) << steps;
     before = frame.god_object_mm.x();
-    EXPECT_NE(probe.renderer->describe().work_bound.find("at most " + std::to_string(steps) + " steps"),
-              std::string::npos);
+    EXPECT_TRUE(
+        contains(probe.renderer->describe().work_bound, "at most " + std::to_string(steps) + " steps"));
   }
   EXPECT_NEAR(before, 10.0, 0.1);
 }
@@ -228,8 +220,7 @@ TEST_P(OnAStep, RadiiFollowTheDensity) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Points, OnAStep, testing::Values("stream-proxy", "variable-proxy"),
-                         [](const auto& rival) { return test_name(rival.param); });
+INSTANTIATE_TEST_SUITE_P(Points, OnAStep, testing::Values("stream-proxy", "variable-proxy"), test_name);
 
 TEST(StreamProxy, LocalRadiiAreTakenWhereTheDensityChangesAndNowhereElse) {
   const auto choice = [](const std::string& generator, const std::string& name) {

@@ -60,25 +60,22 @@ class Limited : public testing::Test {
 TEST_F(Limited, TheOtherProcessMakesTheSameMesh) {
   const cloud::Cloud cloud = points("sinusoid:points=900");
   for (const char* name : {"advancing-front", "power-crust", "organised"}) {
-    const auto there = run(name, cloud);
-    ASSERT_TRUE(there.ok()) << there.error().message();
-    const auto method = find_method(name);
-    const auto options = validate({}, (*method)->options, name);
+    const auto there = test::value_of(run(name, cloud));
+    const Method& method = *test::value_of(find_method(name));
     render::PrepareReport report;
     render::PreparePhases phases(report, {1, nullptr});
-    const auto here = make_mesh(**method, cloud, *options, 1, phases);
-    ASSERT_TRUE(here.ok());
+    const auto here =
+        test::value_of(make_mesh(method, cloud, validate({}, method.options, name).value(), 1, phases));
     // Inside one process CGAL's second triangulation of a regular grid breaks ties otherwise than its first.
-    const auto triangles = static_cast<double>(here->triangles.size());
-    EXPECT_NEAR(static_cast<double>(there->mesh.triangles.size()), triangles, 0.02 * triangles) << name;
-    const auto again = run(name, cloud);
-    ASSERT_TRUE(again.ok());
-    EXPECT_TRUE(there->mesh.vertices_mm == again->mesh.vertices_mm) << name;
-    EXPECT_TRUE(there->mesh.triangles == again->mesh.triangles) << name;
-    ASSERT_EQ(there->made.phases.size(), report.phases.size());
-    EXPECT_EQ(there->made.phases.back().name, report.phases.back().name);
-    EXPECT_GT(there->peak_bytes, there->mesh.bytes());
-    EXPECT_FALSE(there->recorded);
+    const auto triangles = static_cast<double>(here.triangles.size());
+    EXPECT_NEAR(static_cast<double>(there.mesh.triangles.size()), triangles, 0.02 * triangles) << name;
+    const auto again = test::value_of(run(name, cloud));
+    EXPECT_TRUE(there.mesh.vertices_mm == again.mesh.vertices_mm) << name;
+    EXPECT_TRUE(there.mesh.triangles == again.mesh.triangles) << name;
+    ASSERT_EQ(there.made.phases.size(), report.phases.size());
+    EXPECT_EQ(there.made.phases.back().name, report.phases.back().name);
+    EXPECT_GT(there.peak_bytes, there.mesh.bytes());
+    EXPECT_FALSE(there.recorded);
   }
   EXPECT_TRUE(no_child_left());
 }
@@ -89,9 +86,8 @@ TEST_F(Limited, GivesUpInTimeAndLeavesNothing) {
   ::setenv("TMPDIR", folder_.c_str(), 1);
   const auto made = run("poisson", cloud, {0.05, 0});
   ::unsetenv("TMPDIR");
-  ASSERT_FALSE(made.ok());
+  ASSERT_TRUE(test::refused(made, "did not finish in 0.05 s"));
   EXPECT_TRUE(made.error().gave_up);
-  EXPECT_TRUE(test::contains(made.error().message(), "did not finish in 0.05 s"));
   EXPECT_TRUE(no_child_left());
   EXPECT_EQ(files_in(folder_), 0u);
 }
@@ -99,24 +95,20 @@ TEST_F(Limited, GivesUpInTimeAndLeavesNothing) {
 TEST_F(Limited, GivesUpAtTheLimitOfMemory) {
   const cloud::Cloud cloud = points("sphere:points=200000");
   const auto made = run("power-crust", cloud, {0.0, 150'000'000});
-  ASSERT_FALSE(made.ok());
+  ASSERT_TRUE(test::refused(made, "0.15 GB"));
   EXPECT_TRUE(made.error().gave_up) << made.error().message();
-  EXPECT_TRUE(test::contains(made.error().message(), "0.15 GB"));
   EXPECT_TRUE(no_child_left());
 }
 
 TEST_F(Limited, StopsWhenAsked) {
-  class Stop final : public Progress {
-   public:
+  struct Stop final : Progress {
     void report(std::string_view, double) override { ++reports; }
     [[nodiscard]] bool cancelled() const override { return reports > 1; }
     int reports = 0;
-  };
-  Stop stop;
+  } stop;
   const auto made = run("poisson", points("sphere:points=200000"), {0.0, 0}, nullptr, stop);
-  ASSERT_FALSE(made.ok());
+  ASSERT_TRUE(test::refused(made, "stopped"));
   EXPECT_FALSE(made.error().gave_up);
-  EXPECT_TRUE(test::contains(made.error().message(), "stopped"));
   EXPECT_TRUE(no_child_left());
 }
 
@@ -136,8 +128,8 @@ TEST_F(Limited, SaysHowAProgramEnded) {
     ::setenv("PALPATE_RECONSTRUCT", script.c_str(), 1);
     return run("poisson", cloud);
   };
-  EXPECT_NE(with("echo the last words; exit 3").error().message().find("the last words"), std::string::npos);
-  EXPECT_NE(with("kill -SEGV $$").error().message().find("crashed"), std::string::npos);
+  EXPECT_TRUE(test::refused(with("echo the last words; exit 3"), "the last words"));
+  EXPECT_TRUE(test::refused(with("kill -SEGV $$"), "crashed"));
   EXPECT_FALSE(with("echo nonsense >&0; exit 0").ok());
   fs::remove(script);
   EXPECT_TRUE(test::refused(run("poisson", cloud), "PALPATE_RECONSTRUCT"));
@@ -147,18 +139,16 @@ TEST_F(Limited, SaysHowAProgramEnded) {
 TEST_F(Limited, KeepsAMeshWithTheTimesItTook) {
   MeshCache cache(folder_);
   const cloud::Cloud cloud = points("sinusoid:points=900");
-  const auto first = run("advancing-front", cloud, {}, &cache);
-  ASSERT_TRUE(first.ok()) << first.error().message();
+  const auto first = test::value_of(run("advancing-front", cloud, {}, &cache));
   EXPECT_EQ(files_in(folder_), 1u);
-  const auto second = run("advancing-front", cloud, {}, &cache);
-  ASSERT_TRUE(second.ok());
-  EXPECT_FALSE(first->recorded);
-  EXPECT_TRUE(second->recorded);
-  EXPECT_TRUE(first->mesh.triangles == second->mesh.triangles);
-  EXPECT_TRUE(first->mesh.vertices_mm == second->mesh.vertices_mm);
-  EXPECT_EQ(first->made.total_ms, second->made.total_ms);
-  EXPECT_EQ(first->made_on, second->made_on);
-  EXPECT_EQ(first->peak_bytes, second->peak_bytes);
+  const auto second = test::value_of(run("advancing-front", cloud, {}, &cache));
+  EXPECT_FALSE(first.recorded);
+  EXPECT_TRUE(second.recorded);
+  EXPECT_TRUE(first.mesh.triangles == second.mesh.triangles);
+  EXPECT_TRUE(first.mesh.vertices_mm == second.mesh.vertices_mm);
+  EXPECT_EQ(first.made.total_ms, second.made.total_ms);
+  EXPECT_EQ(first.made_on, second.made_on);
+  EXPECT_EQ(first.peak_bytes, second.peak_bytes);
   // Other points, another method, another option: other entries.
   EXPECT_FALSE(run("advancing-front", points("sinusoid:points=961"), {}, &cache)->recorded);
   EXPECT_FALSE(run("alpha-shape", cloud, {}, &cache)->recorded);
@@ -184,9 +174,7 @@ TEST_F(Limited, MakesADamagedEntryAnew) {
       file.seekp(at);
       file.put(static_cast<char>(byte ^ 0x40));
     }
-    const auto again = run("advancing-front", cloud, {}, &cache);
-    ASSERT_TRUE(again.ok());
-    EXPECT_FALSE(again->recorded) << at;
+    EXPECT_FALSE(test::value_of(run("advancing-front", cloud, {}, &cache)).recorded) << at;
   }
   fs::resize_file(entry, 10);
   EXPECT_FALSE(run("advancing-front", cloud, {}, &cache)->recorded);
@@ -198,11 +186,9 @@ TEST_F(Limited, RemembersThatALimitWasReached) {
   const cloud::Cloud cloud = points("sphere:points=20000");
   ASSERT_FALSE(run("advancing-front", cloud, {0.03, 0}, &cache).ok());
   const auto again = run("advancing-front", cloud, {0.02, 0}, &cache);
-  ASSERT_FALSE(again.ok());
+  ASSERT_TRUE(test::refused(again, "recorded"));
   EXPECT_TRUE(again.error().gave_up);
-  EXPECT_TRUE(test::contains(again.error().message(), "recorded"));
-  const auto longer = run("advancing-front", cloud, {0.0, 0}, &cache);
-  ASSERT_TRUE(longer.ok()) << longer.error().message();
+  (void)test::value_of(run("advancing-front", cloud, {0.0, 0}, &cache));
   EXPECT_TRUE(run("advancing-front", cloud, {0.02, 0}, &cache)->recorded);
 }
 

@@ -26,14 +26,12 @@ struct Made {
   std::string error;  ///< empty where there is a mesh
 };
 
-Made make(const std::string& name, const cloud::Cloud& cloud, const Options& given = {}, int threads = 1) {
+Made make(const std::string& name, const cloud::Cloud& cloud, const Options& given = {}) {
   Made made;
-  const auto method = find_method(name);
-  EXPECT_TRUE(method.ok());
-  const auto options = validate(given, (*method)->options, name);
-  EXPECT_TRUE(options.ok());
-  render::PreparePhases phases(made.report, {threads, nullptr});
-  auto mesh = make_mesh(**method, cloud, *options, threads, phases);
+  const auto* method = test::value_of(find_method(name));
+  const Options options = test::value_of(validate(given, method->options, name));
+  render::PreparePhases phases(made.report, {1, nullptr});
+  auto mesh = make_mesh(*method, cloud, options, 1, phases);
   if (mesh.ok())
     made.mesh = *std::move(mesh);
   else
@@ -85,9 +83,7 @@ bool is_cycle(const geometry::TriangleMesh& mesh) {
 }
 
 MeshReport report_of(const geometry::TriangleMesh& mesh) {
-  auto welded = SurfaceMesh::build(mesh, 1);
-  EXPECT_TRUE(welded.ok());
-  return report_on(*welded);
+  return report_on(test::value_of(SurfaceMesh::build(mesh, 1)));
 }
 
 bool sane(const geometry::TriangleMesh& mesh) {
@@ -99,12 +95,11 @@ bool sane(const geometry::TriangleMesh& mesh) {
 }
 
 cloud::Cloud moved(const cloud::Cloud& cloud, double scale, const Vec3& by) {
-  std::vector<Vec3> points;
-  for (std::size_t i = 0; i < cloud.size(); ++i) points.push_back(scale * cloud.point_mm(i) + by);
-  auto built = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
-  EXPECT_TRUE(built.ok());
-  built->raster = cloud.raster;
-  return *std::move(built);
+  std::vector<Vec3> points = test::points_of(cloud);
+  for (Vec3& p : points) p = scale * p + by;
+  cloud::Cloud built = test::cloud_of(points);
+  built.raster = cloud.raster;
+  return built;
 }
 
 class EveryMethod : public testing::TestWithParam<std::string> {};
@@ -186,9 +181,7 @@ TEST_P(EveryMethod, AnswersDegenerateCloudsWithoutCrashing) {
   clouds[4] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   clouds[5] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}, {1, 0, 0}};
   for (std::size_t i = 0; i < clouds.size(); ++i) {
-    const auto cloud = cloud::build_cloud(clouds[i], cloud::NonFinite::kRefuse);
-    ASSERT_TRUE(cloud.ok());
-    const auto made = make_apart(GetParam(), *cloud);  // where a library crashes, its process does
+    const auto made = make_apart(GetParam(), test::cloud_of(clouds[i]));  // a crash is of that process
     if (made.ok()) {
       EXPECT_GE(i, 4u);  // no surface before that
       EXPECT_TRUE(sane(made->mesh)) << i;
@@ -206,12 +199,10 @@ TEST_P(EveryMethod, AnswersCoplanarAndRepeatedPoints) {
     EXPECT_GT(flat->mesh.triangles.size(), 100u);
   }
   const auto model = generated("sinusoid:points=1024");
-  std::vector<Vec3> twice;
-  for (int copy = 0; copy < 2; ++copy)
-    for (std::size_t i = 0; i < model.cloud.size(); ++i) twice.push_back(model.cloud.point_mm(i));
-  const auto doubled = cloud::build_cloud(twice, cloud::NonFinite::kRefuse);
-  ASSERT_TRUE(doubled.ok());
-  const auto made = make_apart(GetParam(), *doubled);
+  const std::vector<Vec3> once = test::points_of(model.cloud);
+  std::vector<Vec3> twice = once;
+  twice.insert(twice.end(), once.begin(), once.end());
+  const auto made = make_apart(GetParam(), test::cloud_of(twice));
   if (GetParam() == "organised") {
     EXPECT_FALSE(made.ok());
     return;
@@ -221,12 +212,7 @@ TEST_P(EveryMethod, AnswersCoplanarAndRepeatedPoints) {
   EXPECT_GT(made->mesh.triangles.size(), 1000u);
 }
 
-std::string test_name(const testing::TestParamInfo<std::string>& info) {
-  std::string name = info.param;
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-}
-INSTANTIATE_TEST_SUITE_P(Reconstruction, EveryMethod, testing::ValuesIn(built_methods()), test_name);
+INSTANTIATE_TEST_SUITE_P(Reconstruction, EveryMethod, testing::ValuesIn(built_methods()), test::test_name);
 
 TEST(Reconstruction, ClosesClosedSurfacesOutward) {
   const auto sphere = generated("sphere:points=4000"), torus = generated("torus:points=6000");
@@ -252,15 +238,12 @@ TEST(Reconstruction, FollowsANoisySphere) {
   Random random(kSeed);
   const auto model = generated("sphere:points=4000");
   const double sigma = 0.1 * model.nominal_spacing_mm;
-  std::vector<Vec3> points;
-  for (std::size_t i = 0; i < model.cloud.size(); ++i)
-    points.push_back(model.cloud.point_mm(i) +
-                     sigma * Vec3(random.normal(), random.normal(), random.normal()));
-  const auto noisy = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
-  ASSERT_TRUE(noisy.ok());
+  std::vector<Vec3> points = test::points_of(model.cloud);
+  for (Vec3& p : points) p += sigma * Vec3(random.normal(), random.normal(), random.normal());
+  const cloud::Cloud noisy = test::cloud_of(points);
   for (const std::string& name : built_methods()) {
     if (name == "organised") continue;
-    const Made made = make(name, *noisy);
+    const Made made = make(name, noisy);
     ASSERT_EQ(made.error, "") << name;
     EXPECT_LT(distance(made.mesh, *model.surface).first, 0.25 * model.nominal_spacing_mm) << name;
   }
@@ -330,7 +313,7 @@ TEST(Reconstruction, OrganisedMeshLeavesLongEdgesOut) {
   const std::uint32_t columns = 20, rows = 15;
   for (std::uint32_t r = 0; r < rows; ++r)
     for (std::uint32_t c = 0; c < columns; ++c) points.emplace_back(c, r, c < 10 ? 0.0 : 10.0);
-  cloud::Cloud cloud = cloud::build_cloud(points, cloud::NonFinite::kRefuse).value();
+  cloud::Cloud cloud = test::cloud_of(points);
   cloud.raster = cloud::ScanRaster{columns, rows};
   Options options;
   EXPECT_EQ(make("organised", cloud, options).mesh.triangles.size(), 2u * 19u * 14u);

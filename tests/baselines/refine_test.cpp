@@ -10,6 +10,7 @@
 #include "baselines/renderers/mesh_source.h"
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/small_models.h"
+#include "tests/toolkit/messages.h"
 
 namespace palpate::baselines {
 namespace {
@@ -28,11 +29,10 @@ TEST(MeshGap, IsBruteForceInDouble) {
   Random random(kSeed);
   const auto mesh = test::height_mesh(20, 10.0, [](double x, double y) { return std::sin(x) + 0.1 * y; });
   const auto held = test::indexed(mesh);
-  std::vector<Vec3> places;
-  for (int i = 0; i < 300; ++i)
-    places.push_back({random.uniform(-15, 15), random.uniform(-15, 15), random.uniform(-5, 5)});
+  std::vector<Vec3> places(300);
   double sum = 0.0, most = 0.0;
-  for (const Vec3& p : places) {
+  for (Vec3& p : places) {
+    p = {random.uniform(-15, 15), random.uniform(-15, 15), random.uniform(-5, 5)};
     const double least = test::least_distance_sq(mesh, p);
     sum += least;
     most = std::max(most, least);
@@ -64,35 +64,31 @@ TEST(Repair, OrientsWeldsAndFillsHoles) {
   broken.triangles.erase(broken.triangles.begin() + 200, broken.triangles.begin() + 208);
   broken.triangles.erase(broken.triangles.begin() + 5);
   RepairReport report;
-  const auto whole = repaired(broken, 100, &report);
-  ASSERT_TRUE(whole.ok());
+  const auto whole = test::value_of(repaired(broken, 100, &report));
   EXPECT_GT(report.welded, 0u);
   EXPECT_GT(report.flipped, 0u);
   EXPECT_EQ(report.cut, 0u);
   EXPECT_EQ(report.filled_holes, 2u);
   EXPECT_EQ(report.left_loops, 0u);
-  const SurfaceMeshCounts counts = SurfaceMesh::build(*whole, 1)->counts();
+  const SurfaceMeshCounts counts = SurfaceMesh::build(whole, 1)->counts();
   EXPECT_EQ(counts.boundary_edges, 0u);
   EXPECT_EQ(counts.flipped_edges, 0u);
-  EXPECT_NEAR(std::abs(test::volume_of(*whole)), 1000.0, 1e-9);
-  EXPECT_NEAR(area_of(*whole), 600.0, 1e-9);
+  EXPECT_NEAR(std::abs(test::volume_of(whole)), 1000.0, 1e-9);
+  EXPECT_NEAR(area_of(whole), 600.0, 1e-9);
 }
 
 TEST(Repair, KeepsTheRimOfAnOpenSheetAndCutsWhereTooManyMeet) {
   // Three sheets on one edge; a sheet's own rim is no hole.
-  geometry::TriangleMesh mesh;
-  mesh.vertices_mm = {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {-1, 0, 0}, {0, 0, 1}};
-  mesh.triangles = {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}};
+  const geometry::TriangleMesh mesh{{{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {-1, 0, 0}, {0, 0, 1}},
+                                    {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}}};
   RepairReport report;
-  const auto made = repaired(mesh, 2, &report);
-  ASSERT_TRUE(made.ok());
-  EXPECT_EQ(made->triangles.size(), 3u);
+  const auto made = test::value_of(repaired(mesh, 2, &report));
+  EXPECT_EQ(made.triangles.size(), 3u);
   EXPECT_EQ(report.cut, 1u);
-  EXPECT_EQ(SurfaceMesh::build(*made, 1)->counts().boundary_edges > 0, true);
+  EXPECT_EQ(SurfaceMesh::build(made, 1)->counts().boundary_edges > 0, true);
   const auto sheet = test::flat_mesh(40, 10.0);
-  const auto same = repaired(sheet, 100, &report);
-  ASSERT_TRUE(same.ok());
-  EXPECT_EQ(same->triangles.size(), sheet.triangles.size());
+  const auto same = test::value_of(repaired(sheet, 100, &report));
+  EXPECT_EQ(same.triangles.size(), sheet.triangles.size());
   EXPECT_EQ(report.left_loops, 1u);
 }
 
@@ -100,10 +96,9 @@ TEST(Decimate, KeepsWhatItIsAskedAndTheShape) {
   const auto mesh = test::height_mesh(100, 50.0, test::sinusoid);
   double former = 0.0;
   for (const double share : {0.5, 0.1, 0.02}) {
-    const auto made = decimated(mesh, share);
-    ASSERT_TRUE(made.ok());
-    EXPECT_NEAR(static_cast<double>(made->triangles.size()), share * 20'000, 2.0);
-    const auto held = test::indexed(*made);
+    const auto made = test::value_of(decimated(mesh, share));
+    EXPECT_NEAR(static_cast<double>(made.triangles.size()), share * 20'000, 2.0);
+    const auto held = test::indexed(made);
     const MeshGap gap = gap_to(*held.mesh, *held.index, mesh.vertices_mm, 1);
     EXPECT_GT(gap.rms_mm, former);  // fewer facets, further off
     former = gap.rms_mm;
@@ -115,10 +110,9 @@ TEST(Decimate, KeepsWhatItIsAskedAndTheShape) {
   for (const double scale : {1e-3, 1.0, 1e6}) {
     const geometry::RigidTransform far{Eigen::Quaterniond::Identity(), Vec3::Constant(1e4 * scale)};
     const auto moved = test::moved(flat, far, scale);
-    const auto made = decimated(moved, 0.1);
-    ASSERT_TRUE(made.ok());
-    EXPECT_NEAR(static_cast<double>(made->triangles.size()), 180.0, 2.0);
-    for (const Vec3& v : made->vertices_mm) EXPECT_NEAR(v.z(), 1e4 * scale, 1e-8 * scale);
+    const auto made = test::value_of(decimated(moved, 0.1));
+    EXPECT_NEAR(static_cast<double>(made.triangles.size()), 180.0, 2.0);
+    for (const Vec3& v : made.vertices_mm) EXPECT_NEAR(v.z(), 1e4 * scale, 1e-8 * scale);
   }
   EXPECT_FALSE(decimated(flat, 0.0).ok());
   EXPECT_FALSE(decimated({}, 0.5).ok());
@@ -128,9 +122,8 @@ TEST(Decimate, KeepsWhatItIsAskedAndTheShape) {
 TEST(Decimate, FoldsNothing) {
   const auto mesh = test::height_mesh(150, 50.0, test::sinusoid);
   for (const double share : {0.5, 0.1, 0.01}) {
-    const auto made = decimated(mesh, share);
-    ASSERT_TRUE(made.ok());
-    const auto held = test::indexed(*made);
+    const auto made = test::value_of(decimated(mesh, share));
+    const auto held = test::indexed(made);
     EXPECT_EQ(Crossings::find(*held.mesh, *held.index, 0).pairs(), 0u) << share;
     for (std::uint32_t f = 0; f < held.mesh->facets().size(); ++f)
       ASSERT_GT(held.mesh->normal(half_facet(f, 0)).z(), 0.0) << share;
@@ -147,13 +140,11 @@ TEST(Smooth, TakesNoiseAndLeavesAPlane) {
       if (std::abs(v.x()) < 8 && std::abs(v.y()) < 8) sum += v.z() * v.z();
     return std::sqrt(sum);
   };
-  const auto made = smoothed(noisy, 20);
-  ASSERT_TRUE(made.ok());
-  EXPECT_EQ(made->triangles.size(), noisy.triangles.size());
-  EXPECT_LT(rough(*made), 0.5 * rough(noisy));
-  const auto flat = smoothed(test::flat_mesh(20, 10.0), 20);
-  ASSERT_TRUE(flat.ok());
-  for (const Vec3& v : flat->vertices_mm) EXPECT_NEAR(v.z(), 0.0, 1e-12);
+  const auto made = test::value_of(smoothed(noisy, 20));
+  EXPECT_EQ(made.triangles.size(), noisy.triangles.size());
+  EXPECT_LT(rough(made), 0.5 * rough(noisy));
+  const auto flat = test::value_of(smoothed(test::flat_mesh(20, 10.0), 20));
+  for (const Vec3& v : flat.vertices_mm) EXPECT_NEAR(v.z(), 0.0, 1e-12);
 }
 
 // As options of a renderer: phases, notes, and the mesh that is handed out.

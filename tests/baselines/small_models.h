@@ -16,6 +16,7 @@
 #include <palpate/registry.h>
 #include "tests/baselines/meshes.h"
 #include "tests/stepped.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::test {
@@ -43,9 +44,12 @@ struct Probe {
 };
 
 inline cloud::Cloud cloud_of(const std::vector<Vec3>& points) {
-  auto built = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
-  EXPECT_TRUE(built.ok());
-  return std::move(built).value();
+  return value_of(cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+}
+inline std::vector<Vec3> points_of(const cloud::Cloud& cloud) {
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < cloud.size(); ++i) points.push_back(cloud.point_mm(i));
+  return points;
 }
 inline render::ModelInput model_of(cloud::Cloud cloud) {
   render::ModelInput model;
@@ -73,14 +77,11 @@ inline render::SceneInput scene_of(const render::ModelInput& model) {
 inline Result<std::unique_ptr<render::HapticRenderer>> made(const std::string& options) {
   render::Registry registry;
   baselines::register_baseline_renderers(registry);
-  const auto named = parse_named_options(options);
-  if (!named.ok()) return named.error();
-  return registry.make(named->name, named->options);
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(options));
+  return registry.make(named.name, named.options);
 }
 inline test::Stepped rival(const std::string& options) {
-  auto renderer = made(options);
-  EXPECT_TRUE(renderer.ok()) << (renderer.ok() ? "" : renderer.error().message());
-  return std::move(renderer).value();
+  return value_of(made(options));
 }
 /// Why a scene is not prepared; there must be a reason with a remedy.
 inline Error refusal(const std::string& options, const render::SceneInput& scene) {
@@ -92,9 +93,7 @@ inline Error refusal(const std::string& options, const render::SceneInput& scene
 }
 inline Probe prepare(const render::SceneInput& scene, const std::string& options, int threads = 1) {
   Probe probe{rival(options), {}};
-  auto report = probe.renderer->prepare(scene, {threads, nullptr});
-  EXPECT_TRUE(report.ok()) << (report.ok() ? "" : report.error().message());
-  if (report.ok()) probe.report = *report;
+  probe.report = value_of(probe.renderer->prepare(scene, {threads, nullptr}));
   return probe;
 }
 inline Probe prepare(const render::ModelInput& model, const std::string& options, int threads = 1) {
@@ -182,12 +181,18 @@ inline void expect_near(const Vec3& a, const Vec3& b, double tolerance) {
   EXPECT_LT((a - b).norm(), tolerance) << a.transpose() << " against " << b.transpose();
 }
 
+/// In contact, with the god object there.
+inline void expect_held(const render::Frame& frame, const Vec3& god_object_mm, double tolerance) {
+  EXPECT_TRUE(frame.contact);
+  expect_near(frame.god_object_mm, god_object_mm, tolerance);
+}
+
 /// The name of a parametrised test of a renderer: its letters and digits.
-inline std::string test_name(std::string options) {
-  std::replace_if(
-      options.begin(), options.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; },
-      '_');
-  return options;
+inline std::string test_name(const testing::TestParamInfo<std::string>& info) {
+  std::string name = info.param;
+  for (char& c : name)
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  return name;
 }
 
 }  // namespace palpate::test

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <set>
 
 #include "baselines/mesh/mesh_repair.h"
@@ -9,15 +10,14 @@
 #include "baselines/proximity/segment_index.h"
 #include "tests/baselines/indexed.h"
 #include "tests/baselines/meshes.h"
+#include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::baselines {
 namespace {
 
 SurfaceMesh build(const geometry::TriangleMesh& mesh) {
-  auto built = SurfaceMesh::build(mesh, 1);
-  EXPECT_TRUE(built.ok()) << (built.ok() ? "" : built.error().message());
-  return std::move(built).value();
+  return test::value_of(SurfaceMesh::build(mesh, 1));
 }
 
 TEST(SurfaceMesh, BoxIsClosedAndNeighboursAreMutual) {
@@ -115,7 +115,7 @@ geometry::TriangleMesh jumble(std::uint64_t seed) {
       if (corner == v) corner = static_cast<std::uint32_t>(mesh.vertices_mm.size() - 1);
   }
   std::vector<std::uint32_t> to(mesh.vertices_mm.size());
-  for (std::uint32_t i = 0; i < to.size(); ++i) to[i] = i;
+  std::iota(to.begin(), to.end(), 0u);
   for (std::size_t i = to.size() - 1; i > 0; --i) std::swap(to[i], to[below(i + 1)]);
   geometry::TriangleMesh mixed = mesh;
   for (std::size_t i = 0; i < to.size(); ++i) mixed.vertices_mm[to[i]] = mesh.vertices_mm[i];
@@ -148,14 +148,11 @@ void expect_same(const SurfaceMesh& a, const SurfaceMesh& b) {
 }
 
 void expect_same_counts(const SurfaceMeshCounts& a, const SurfaceMeshCounts& b) {
-  EXPECT_EQ(a.vertices, b.vertices);
-  EXPECT_EQ(a.welded_vertices, b.welded_vertices);
-  EXPECT_EQ(a.collapsed_facets, b.collapsed_facets);
-  EXPECT_EQ(a.repeated_facets, b.repeated_facets);
-  EXPECT_EQ(a.fins, b.fins);
-  EXPECT_EQ(a.edges, b.edges);
-  EXPECT_EQ(a.boundary_edges, b.boundary_edges);
-  EXPECT_EQ(a.radial_edges, b.radial_edges);
+  using Counts = SurfaceMeshCounts;
+  for (const auto count :
+       {&Counts::vertices, &Counts::welded_vertices, &Counts::collapsed_facets, &Counts::repeated_facets,
+        &Counts::fins, &Counts::edges, &Counts::boundary_edges, &Counts::radial_edges})
+    EXPECT_EQ(a.*count, b.*count);
 }
 
 TEST(SurfaceMesh, IsTheSameForAnyNumberOfThreads) {

@@ -3,10 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <initializer_list>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <palpate/result.h>
 
@@ -19,6 +22,12 @@ testing::AssertionResult contains(std::string_view text, const Parts&... parts) 
     if (text.find(part) == std::string_view::npos)
       return testing::AssertionFailure() << "no \"" << part << "\" in \"" << text << "\"";
   return testing::AssertionSuccess() << "all of it in \"" << text << "\"";
+}
+
+/// Whether one of `texts` has `part` in it.
+inline bool any_says(const std::vector<std::string>& texts, std::string_view part) {
+  return std::any_of(texts.begin(), texts.end(),
+                     [&](const std::string& text) { return text.find(part) != std::string::npos; });
 }
 
 /// Whether `result` is an error whose message has each of `parts` in it.

@@ -160,19 +160,19 @@ TEST(MeshSamples, StandInTheFacetsAndOffTheVertices) {
 
 TEST(MeshSamples, NoiseScanAndSeeds) {
   const auto mesh = uneven_mesh();
-  const auto noisy = sample_mesh(mesh, parse_named_options("random:points=3000:noise=0.2").value());
-  ASSERT_TRUE(noisy);
+  const auto noisy =
+      test::value_of(sample_mesh(mesh, parse_named_options("random:points=3000:noise=0.2").value()));
   double squares = 0.0;
   std::size_t counted = 0;
   for (std::size_t i = 0; i < 500; ++i) {
-    const double d = distance_to(*mesh, noisy->cloud.point_mm(i));
-    if (d > 2.0 * noisy->spacing_mm) continue;  // over an edge: it lies over no facet
+    const double d = distance_to(*mesh, noisy.cloud.point_mm(i));
+    if (d > 2.0 * noisy.spacing_mm) continue;  // over an edge: it lies over no facet
     squares += d * d;
     ++counted;
   }
   EXPECT_GT(counted, 400u);
-  EXPECT_NEAR(std::sqrt(squares / static_cast<double>(counted)), 0.2 * noisy->spacing_mm,
-              0.04 * noisy->spacing_mm);
+  EXPECT_NEAR(std::sqrt(squares / static_cast<double>(counted)), 0.2 * noisy.spacing_mm,
+              0.04 * noisy.spacing_mm);
   const auto scan =
       test::value_of(sample_mesh(mesh, parse_named_options("scan:points=4000:views=8").value()));
   EXPECT_GT(scan.cloud.size(), 2500u);

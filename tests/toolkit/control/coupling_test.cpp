@@ -302,15 +302,14 @@ TEST(ForceFilter, TheLiteralFormCountsFramesNotTime) {
 }
 
 TEST(FilterDelay, OfARateLimitByHand) {
-  const Result<FilterDelay> delay = filter_delay({100.0, 0.0}, {});
-  ASSERT_TRUE(delay);
+  const auto delay = test::value_of(filter_delay({100.0, 0.0}, {}));
   // 1 N in steps of 0.1: the 7th frame has 0.7, the 10th 1.0; the first frame is at time 0.
-  EXPECT_NEAR(delay->size.to_63_percent_s, 6e-3, 1e-12);
-  EXPECT_NEAR(delay->size.to_95_percent_s, 9e-3, 1e-12);
-  ASSERT_TRUE(delay->size.ramp_lag_s);
-  EXPECT_NEAR(*delay->size.ramp_lag_s, 0.0, 1e-12) << "10 N/s passes";
+  EXPECT_NEAR(delay.size.to_63_percent_s, 6e-3, 1e-12);
+  EXPECT_NEAR(delay.size.to_95_percent_s, 9e-3, 1e-12);
+  ASSERT_TRUE(delay.size.ramp_lag_s);
+  EXPECT_NEAR(*delay.size.ramp_lag_s, 0.0, 1e-12) << "10 N/s passes";
   // 10 degrees of 1 N are a change of 0.174 N, two frames.
-  EXPECT_NEAR(delay->direction.to_95_percent_s, 1e-3, 1e-12);
+  EXPECT_NEAR(delay.direction.to_95_percent_s, 1e-3, 1e-12);
   FilterProbe steep;
   steep.ramp_n_per_s = 101.0;
   EXPECT_FALSE(filter_delay({100.0, 0.0}, steep)->size.ramp_lag_s) << "it falls behind for ever";
@@ -318,13 +317,12 @@ TEST(FilterDelay, OfARateLimitByHand) {
 
 TEST(FilterDelay, OfATurnLimitByHand) {
   for (const FilterForm form : {FilterForm::kPerTime, FilterForm::kLiteral}) {
-    const Result<FilterDelay> delay = filter_delay({0.0, 1000.0, form}, {});
-    ASSERT_TRUE(delay);
-    EXPECT_EQ(delay->size.to_95_percent_s, 0.0) << "from nothing a force may have any direction";
-    EXPECT_NEAR(delay->direction.to_63_percent_s, 6e-3, 1e-12);  // 10 degrees, one a frame
-    EXPECT_NEAR(delay->direction.to_95_percent_s, 9e-3, 1e-12);
-    ASSERT_TRUE(delay->direction.ramp_lag_s);
-    EXPECT_NEAR(*delay->direction.ramp_lag_s, 0.0, 1e-9);
+    const auto delay = test::value_of(filter_delay({0.0, 1000.0, form}, {}));
+    EXPECT_EQ(delay.size.to_95_percent_s, 0.0) << "from nothing a force may have any direction";
+    EXPECT_NEAR(delay.direction.to_63_percent_s, 6e-3, 1e-12);  // 10 degrees, one a frame
+    EXPECT_NEAR(delay.direction.to_95_percent_s, 9e-3, 1e-12);
+    ASSERT_TRUE(delay.direction.ramp_lag_s);
+    EXPECT_NEAR(*delay.direction.ramp_lag_s, 0.0, 1e-9);
     FilterProbe quick;
     quick.ramp_deg_per_s = 1100.0;
     EXPECT_FALSE(filter_delay({0.0, 1000.0, form}, quick)->direction.ramp_lag_s);
@@ -338,10 +336,9 @@ TEST(FilterDelay, AgreesWithTheFormulaWhateverTheLimit) {
     FilterProbe probe;
     probe.step_n = random.uniform(0.1, 3.0);
     probe.dt_s = random.uniform(0.2e-3, 2e-3);
-    const Result<FilterDelay> delay = filter_delay({rate, 0.0}, probe);
-    ASSERT_TRUE(delay) << delay.error().message();
+    const auto delay = test::value_of(filter_delay({rate, 0.0}, probe));
     const double frames = std::ceil(0.95 * probe.step_n / (rate * probe.dt_s)) - 1.0;
-    EXPECT_NEAR(delay->size.to_95_percent_s, frames * probe.dt_s, 1e-9) << "seed 34, " << rate;
+    EXPECT_NEAR(delay.size.to_95_percent_s, frames * probe.dt_s, 1e-9) << "seed 34, " << rate;
   }
 }
 

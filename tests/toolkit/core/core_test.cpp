@@ -33,11 +33,10 @@ TEST(Error, NamesFileLineAndRemedy) {
 }
 
 TEST(Options, ParsesNameAndKeys) {
-  const auto parsed = parse_named_options("cloud:shading=none:fast");
-  ASSERT_TRUE(parsed);
-  EXPECT_EQ(parsed->name, "cloud");
-  EXPECT_EQ(parsed->options.text("shading"), "none");
-  EXPECT_TRUE(parsed->options.flag("fast"));
+  const auto parsed = test::value_of(parse_named_options("cloud:shading=none:fast"));
+  EXPECT_EQ(parsed.name, "cloud");
+  EXPECT_EQ(parsed.options.text("shading"), "none");
+  EXPECT_TRUE(parsed.options.flag("fast"));
   EXPECT_FALSE(parse_named_options(":a=1"));
   EXPECT_FALSE(parse_named_options("cloud:=1"));
   EXPECT_FALSE(parse_named_options("cloud:a=1:a=2"));

@@ -64,9 +64,8 @@ TEST_F(Files, ASecondWriterIsRefused) {
 TEST_F(Files, ALockIsOfTheFileThatHasTheName) {
   const Result<LockedFile> first = LockedFile::open(in("lock"));
   ASSERT_TRUE(first.ok() && first->held());
-  Result<LockedFile> second = LockedFile::open(in("lock"));
-  ASSERT_TRUE(second.ok());
-  EXPECT_FALSE(second->held());
+  auto second = test::value_of(LockedFile::open(in("lock")));
+  EXPECT_FALSE(second.held());
   std::filesystem::remove(in("lock"));
   {
     const Result<LockedFile> third = LockedFile::open(in("lock"));
@@ -120,13 +119,12 @@ class InputFiles : public InFolder {
 
 TEST_F(InputFiles, ARegularFileIsReadWhole) {
   const std::string path = holding("a.txt", "one two");
-  Result<InputFile> file = InputFile::open(path);
-  ASSERT_TRUE(file.ok());
-  EXPECT_EQ(file->size(), 7u);
+  auto file = test::value_of(InputFile::open(path));
+  EXPECT_EQ(file.size(), 7u);
   std::string text(5, ' ');
-  EXPECT_EQ(*file->read(std::as_writable_bytes(std::span(text))), 5u);
+  EXPECT_EQ(*file.read(std::as_writable_bytes(std::span(text))), 5u);
   EXPECT_EQ(text, "one t");
-  InputFile moved = *std::move(file);
+  InputFile moved = std::move(file);
   EXPECT_EQ(*moved.read(std::as_writable_bytes(std::span(text))), 2u);
   EXPECT_EQ(text.substr(0, 2), "wo");
   EXPECT_EQ(*moved.read(std::as_writable_bytes(std::span(text))), 0u);
@@ -167,9 +165,8 @@ TEST_F(InputFiles, SizesThatAreNotTrue) {
     EXPECT_FALSE(read_file(hole, 1u << 20).ok());
   }
   // Files of the system say 0 and hold more.
-  const Result<std::string> status = read_file("/proc/self/status", 1u << 20);
-  ASSERT_TRUE(status.ok());
-  EXPECT_NE(status->find("Name:"), std::string::npos);
+  const auto status = test::value_of(read_file("/proc/self/status", 1u << 20));
+  EXPECT_NE(status.find("Name:"), std::string::npos);
   EXPECT_FALSE(read_file("/proc/self/status", 10).ok());
 }
 

@@ -4,12 +4,11 @@
 #include <lzma.h>
 #include <zlib.h>
 
-#include <algorithm>
 #include <cstdlib>
 #include <memory>
 #include <span>
-#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include <palpate/progress.h>
 #include <palpate/read_model.h>
@@ -60,9 +59,7 @@ inline Result<ReadModel> read_text(const std::string& content, const std::string
 /// The same of a file that can be read.
 inline ReadModel model_of(const std::string& content, const std::string& name,
                           const ReadOptions& options = {}) {
-  Result<ReadModel> model = read_text(content, name, options);
-  if (!model) throw std::runtime_error(model.error().message());
-  return std::move(*model);
+  return test::value_of(read_text(content, name, options));
 }
 
 using ReadFile = Result<DecodedFile> (*)(const ReaderInput&);
@@ -101,8 +98,7 @@ void expect_named(const R& result, const std::vector<std::string>& parts, std::i
 }
 
 inline bool warns(const ReadModel& model, const std::string& part) {
-  return std::any_of(model.warnings.begin(), model.warnings.end(),
-                     [&](const std::string& warning) { return warning.find(part) != std::string::npos; });
+  return test::any_says(model.warnings, part);
 }
 
 }  // namespace palpate::io

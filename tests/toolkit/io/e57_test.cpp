@@ -3,12 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <random>
 
 #include "compress.h"
 #include "e57_writer.h"
+#include "tests/files.h"
+#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
 #include "toolkit/io/point_stream.h"
@@ -177,9 +178,9 @@ TEST(E57, IntensityAndColourArePropertiesAndMayBeMissing) {
   E57TestScan coloured = scan_of_doubles({{1, 2, 3}, {4, 5, 6}});
   BitStream x, intensity, red, none;
   for (const double value : {1.0, 4.0}) x.put(value);
-  for (const std::uint64_t value : {std::uint64_t{7}, std::uint64_t{300}}) intensity.put(value, 9);
-  for (const std::uint64_t value : {std::uint64_t{255}, std::uint64_t{1}}) red.put(value, 8);
-  for (const std::uint64_t value : {std::uint64_t{0}, std::uint64_t{1}}) none.put(value, 1);
+  for (const unsigned value : {7u, 300u}) intensity.put(value, 9);
+  for (const unsigned value : {255u, 1u}) red.put(value, 8);
+  for (const unsigned value : {0u, 1u}) none.put(value, 1);
   coloured.prototype +=
       "<intensity type=\"ScaledInteger\" minimum=\"0\" maximum=\"511\" scale=\"0.5\"/>"
       "<colorRed type=\"Integer\" minimum=\"0\" maximum=\"255\"/>"
@@ -194,10 +195,8 @@ TEST(E57, IntensityAndColourArePropertiesAndMayBeMissing) {
   EXPECT_EQ(decoded.properties[0].name, "intensity");
   EXPECT_EQ(decoded.properties[1].name, "red");
   const std::vector<float>& shade = decoded.properties[0].values;
-  ASSERT_EQ(shade.size(), 3u);
-  EXPECT_EQ(shade[0], 3.5F);
-  EXPECT_EQ(shade[1], 150.0F);
-  EXPECT_TRUE(std::isnan(shade[2])) << "the second scan has none";
+  EXPECT_EQ((std::vector<float>(shade.begin(), shade.begin() + 2)), (std::vector<float>{3.5F, 150.0F}));
+  EXPECT_TRUE(std::isnan(shade.at(2))) << "the second scan has none";
   EXPECT_EQ(decoded.properties[1].values[0], 255.0F);
   EXPECT_TRUE(std::isnan(decoded.properties[1].values[1])) << "marked as invalid";
 }
@@ -218,20 +217,19 @@ TEST(E57Hostile, EachWrongThingIsNamed) {
     E57TestFile::seal(file);
     return file;
   };
-  const auto fields = [&](const std::string& prototype) {
+  const auto scan_with = [](const auto& change) {
     E57TestScan scan = scan_of_doubles(kSome);
-    scan.prototype = prototype;
+    change(scan);
     return file_of(scan);
+  };
+  const auto fields = [&](const std::string& prototype) {
+    return scan_with([&](E57TestScan& scan) { scan.prototype = prototype; });
   };
   const auto records = [&](std::uint64_t count) {
-    E57TestScan scan = scan_of_doubles(kSome);
-    scan.records = count;
-    return file_of(scan);
+    return scan_with([&](E57TestScan& scan) { scan.records = count; });
   };
   const auto beside = [&](const std::string& more) {
-    E57TestScan scan = scan_of_doubles(kSome);
-    scan.more = more;
-    return file_of(scan);
+    return scan_with([&](E57TestScan& scan) { scan.more = more; });
   };
   const auto xml = [&](const std::string& text) {
     E57TestFile file;
@@ -328,25 +326,18 @@ TEST(E57Hostile, EveryTruncationIsRefused) {
 // A flipped bit is seen by the checksum; with the checksum made right it gives an Error or some points.
 TEST(E57Hostile, EveryFlippedByteIsSeen) {
   const std::string file = file_of(scan_of_doubles(kSome));
-  for (std::size_t at = 0; at < file.size(); ++at) {
-    std::string wrong = file;
-    wrong[at] = static_cast<char>(wrong[at] ^ 0x10);
-    EXPECT_FALSE(decode(wrong)) << "byte " << at;
-    for (const int mask : {0x01, 0x10, 0x80, 0xFF}) {
-      wrong[at] = static_cast<char>(file[at] ^ mask);
-      E57TestFile::seal(wrong);
-      const Result<DecodedFile> sealed = decode(wrong, std::uint64_t{1} << 20);
-      EXPECT_TRUE(sealed ? sealed->points.size() <= 4 * 4 : !sealed.error().what.empty()) << "byte " << at;
-    }
-  }
+  test::each_flip(file, {0x10}, [](const std::string& wrong) { EXPECT_FALSE(decode(wrong)); });
+  test::each_flip(file, {0x01, 0x10, 0x80, 0xFF}, [](std::string& wrong) {
+    E57TestFile::seal(wrong);
+    const Result<DecodedFile> sealed = decode(wrong, std::uint64_t{1} << 20);
+    EXPECT_TRUE(sealed ? sealed->points.size() <= 4 * 4 : !sealed.error().what.empty());
+  });
 }
 
 // The reference files, where $PALPATE_DATA is set.
 TEST(E57Shared, ReferenceFilesGiveTheirPointsOrTheirErrors) {
-  const char* data = std::getenv("PALPATE_DATA");
-  if (data == nullptr) GTEST_SKIP() << "set PALPATE_DATA to the folder of scans to run this test";
-  const std::filesystem::path folder = std::filesystem::path(data) / "formats" / "e57";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no folder formats/e57 in PALPATE_DATA";
+  const std::filesystem::path folder = shared_data("formats/e57");
+  if (folder.empty()) GTEST_SKIP() << "no folder formats/e57 in PALPATE_DATA";
   const auto content = [&](const char* name) {
     return test::value_of(read_file((folder / name).string(), std::uint64_t{1} << 20));
   };

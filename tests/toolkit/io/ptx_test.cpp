@@ -3,14 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <tuple>
 
 #include "compress.h"
 #include "e57_writer.h"
+#include "tests/files.h"
 #include "tests/in_folder.h"
+#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
 #include "toolkit/io/point_stream.h"
@@ -174,64 +175,49 @@ TEST(ScanText, FormatsAreToldByTheirFirstLines) {
 }
 
 struct BadText {
-  ReadFile read;
-  StreamFile stream;
   std::string text;
   std::vector<std::string> parts;
   std::int64_t line;
 };
 
-TEST(ScanTextHostile, EachWrongThingIsNamed) {
-  std::string shear = kUnitPose;
-  shear.replace(shear.find("1 0 0 0"), 7, "1 0 0 7");
-  const BadText cases[] = {
-      {read_ptx, ptx_stream, "\n\n", {"no points"}, 2},
-      {read_ptx, ptx_stream, "3\n-2\n" + kUnitPose, {"rows of scan 1", "'-2'"}, 2},
-      {read_ptx, ptx_stream, "3 4\n2\n" + kUnitPose, {"columns of scan 1", "'3 4'"}, 1},
-      {read_ptx, ptx_stream, "3\n2\n0 0\n", {"pose of scan 1", "'0 0'"}, 3},
-      {read_ptx, ptx_stream, "3\n2\n0 0 nan\n", {"pose of scan 1"}, 3},
-      {read_ptx, ptx_stream, "3\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0\n", {"matrix of scan 1"}, 7},
-      {read_ptx, ptx_stream, "3\n2\n0 0 0\n", {"ten lines before scan 1", "cut off"}, 3},
-      {read_ptx, ptx_stream, "1\n1\n" + shear + "1 2 3 4\n", {"no motion", "7"}, 7},
-      {read_ptx, ptx_stream, "100000\n100000\n" + kUnitPose, {"100000 x 100000", "no room"}, 10},
-      {read_ptx, ptx_stream, "9000000000000000000\n9000000000000000000\n" + kUnitPose, {"no room"}, 10},
-      {read_ptx, ptx_stream, "1\n2\n" + kUnitPose + "1 2 3 4\n", {"after 1 of the 2 promised points"}, 11},
-      {read_ptx,
-       ptx_stream,
-       "1\n1\n" + kUnitPose + "1 2 3 4\n1 2 3 4\n",
-       {"columns of scan 2", "before"},
-       12},
-      {read_ptx,
-       ptx_stream,
-       "1\n2\n" + kUnitPose + "1 2 3 4\n1 2 3\n",
-       {"has 3 columns, the first has 4"},
-       12},
-      {read_ptx, ptx_stream, "1\n1\n" + kUnitPose + "1 2 three 4\n", {"'three' is not a number"}, 11},
-      {read_ptx, ptx_stream, "1\n1\n" + kUnitPose + "1 2 \n\n", {"at least 3 columns"}, 11},
-      {read_pts, pts_stream, "\n# nothing\n", {"no points"}, 2},
-      {read_pts, pts_stream, "3\n1 2 3\n", {"promises 3 points", "holds 1"}, 2},
-      {read_pts, pts_stream, "1\n1 2 3\n2\n1 2 3\n", {"block 2 promises 2 points"}, 4},
-      {read_pts, pts_stream, "1\n1 2 3\n1,5 2 3\n", {"'1,5' is not a number"}, 3},
-      {read_pts, pts_stream, "2\n1 2 3\n1 2 3 4\n", {"4 columns, the first has 3"}, 3},
-      {read_pts, pts_stream, "-2\n1 2 3\n", {"at least 3 columns"}, 1},
-      {read_pts,
-       pts_stream,
-       "1\n" + std::string(80, '1') + std::string(40, ' ') + "2 3 4" +
-           [] {
-             std::string more;
-             for (int i = 0; i < 40; ++i) more += " 1";
-             return more;
-           }(),
-       {"more than 32 columns"},
-       2},
-  };
+void expect_refused(ReadFile read, StreamFile open, const std::vector<BadText>& cases) {
   for (const BadText& bad : cases) {
     SCOPED_TRACE(bad.text.substr(0, 60));
-    expect_named(decode(bad.read, bad.text), bad.parts, bad.line);
-    const Result<std::vector<Vec3>> streamed = stream(bad.stream, bad.text, 100);
+    expect_named(decode(read, bad.text), bad.parts, bad.line);
+    const Result<std::vector<Vec3>> streamed = stream(open, bad.text, 100);
     ASSERT_FALSE(streamed);
     EXPECT_EQ(streamed.error().file, kFileName);
   }
+}
+
+TEST(ScanTextHostile, EachWrongThingIsNamed) {
+  std::string shear = kUnitPose, many_columns = "1\n" + std::string(80, '1') + std::string(40, ' ') + "2 3 4";
+  shear.replace(shear.find("1 0 0 0"), 7, "1 0 0 7");
+  for (int i = 0; i < 40; ++i) many_columns += " 1";
+  expect_refused(read_ptx, ptx_stream,
+                 {{"\n\n", {"no points"}, 2},
+                  {"3\n-2\n" + kUnitPose, {"rows of scan 1", "'-2'"}, 2},
+                  {"3 4\n2\n" + kUnitPose, {"columns of scan 1", "'3 4'"}, 1},
+                  {"3\n2\n0 0\n", {"pose of scan 1", "'0 0'"}, 3},
+                  {"3\n2\n0 0 nan\n", {"pose of scan 1"}, 3},
+                  {"3\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0\n", {"matrix of scan 1"}, 7},
+                  {"3\n2\n0 0 0\n", {"ten lines before scan 1", "cut off"}, 3},
+                  {"1\n1\n" + shear + "1 2 3 4\n", {"no motion", "7"}, 7},
+                  {"100000\n100000\n" + kUnitPose, {"100000 x 100000", "no room"}, 10},
+                  {"9000000000000000000\n9000000000000000000\n" + kUnitPose, {"no room"}, 10},
+                  {"1\n2\n" + kUnitPose + "1 2 3 4\n", {"after 1 of the 2 promised points"}, 11},
+                  {"1\n1\n" + kUnitPose + "1 2 3 4\n1 2 3 4\n", {"columns of scan 2", "before"}, 12},
+                  {"1\n2\n" + kUnitPose + "1 2 3 4\n1 2 3\n", {"has 3 columns, the first has 4"}, 12},
+                  {"1\n1\n" + kUnitPose + "1 2 three 4\n", {"'three' is not a number"}, 11},
+                  {"1\n1\n" + kUnitPose + "1 2 \n\n", {"at least 3 columns"}, 11}});
+  expect_refused(read_pts, pts_stream,
+                 {{"\n# nothing\n", {"no points"}, 2},
+                  {"3\n1 2 3\n", {"promises 3 points", "holds 1"}, 2},
+                  {"1\n1 2 3\n2\n1 2 3\n", {"block 2 promises 2 points"}, 4},
+                  {"1\n1 2 3\n1,5 2 3\n", {"'1,5' is not a number"}, 3},
+                  {"2\n1 2 3\n1 2 3 4\n", {"4 columns, the first has 3"}, 3},
+                  {"-2\n1 2 3\n", {"at least 3 columns"}, 1},
+                  {many_columns, {"more than 32 columns"}, 2}});
   EXPECT_TRUE(
       test::refused(decode(read_pts, "9000000000000000000\n1 2 3\n"), "9000000000000000000", "memory"));
 }
@@ -252,23 +238,15 @@ TEST(ScanTextHostile, TruncationsAndFlipsGivePointsOrErrors) {
       EXPECT_EQ(decoded->points.size(), streamed->size());
       EXPECT_LE(decoded->points.size(), most);
     };
-    for (std::size_t at = 0; at < text.size(); ++at) {
-      expect_agreement(text.substr(0, at));
-      for (const int mask : {0x01, 0x10, 0x40, 0xFF}) {
-        std::string wrong = text;
-        wrong[at] = static_cast<char>(wrong[at] ^ mask);
-        expect_agreement(wrong);
-      }
-    }
+    test::each_cut(text, text.size(), expect_agreement);
+    test::each_flip(text, {0x01, 0x10, 0x40, 0xFF}, expect_agreement);
   }
 }
 
 // Real files, where $PALPATE_DATA is set; the first point of each as its text and matrix have it.
 TEST(ScanTextShared, FilesOfScannersAreRead) {
-  const char* data = std::getenv("PALPATE_DATA");
-  if (data == nullptr) GTEST_SKIP() << "set PALPATE_DATA to the folder of scans to run this test";
-  const std::filesystem::path folder = std::filesystem::path(data) / "formats";
-  if (!std::filesystem::exists(folder / "ptx")) GTEST_SKIP() << "no folder formats/ptx in PALPATE_DATA";
+  if (shared_data("formats/ptx").empty()) GTEST_SKIP() << "no folder formats/ptx in PALPATE_DATA";
+  const std::filesystem::path folder = shared_data("formats");
   struct Known {
     ReadFile read;
     StreamFile stream;

@@ -8,6 +8,7 @@
 
 #include "compress.h"
 #include "e57_writer.h"
+#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/io/decoding.h"
 
@@ -147,25 +148,19 @@ TEST(StlHostile, EachWrongThingIsNamed) {
 
 TEST(StlHostile, TruncationsAndFlipsGiveFacetsOrErrors) {
   const std::string binary = binary_stl(tetrahedron()), text = text_stl(tetrahedron());
-  for (std::size_t length = 0; length < binary.size(); ++length)
-    EXPECT_FALSE(decode_stl(binary.substr(0, length))) << length;
-  const std::size_t last_line = text.size() - std::string("endsolid part of a test\n").size();
-  for (std::size_t length = 0; length < last_line; ++length)
-    EXPECT_FALSE(decode_stl(text.substr(0, length))) << length;
+  const auto refused = [](const std::string& cut) { EXPECT_FALSE(decode_stl(cut)); };
+  test::each_cut(binary, binary.size(), refused);
+  test::each_cut(text, text.size() - std::string("endsolid part of a test\n").size(), refused);
+  const auto facets_or_error = [](const std::string& wrong) {
+    const Result<DecodedFile> decoded = decode_stl(wrong, std::uint64_t{1} << 20);
+    EXPECT_TRUE(decoded || !decoded.error().what.empty());
+    if (!decoded) return;
+    EXPECT_LE(decoded->triangles.size() + decoded->dropped_faces, kTriangles.size());
+    for (const auto& triangle : decoded->triangles)
+      for (const std::uint32_t corner : triangle) EXPECT_LT(corner, decoded->points.size());
+  };
   for (const std::string& file : {binary, text})
-    for (std::size_t at = 0; at < file.size(); ++at)
-      for (const int mask : {0x01, 0x10, 0x80, 0xFF}) {
-        std::string wrong = file;
-        wrong[at] = static_cast<char>(wrong[at] ^ mask);
-        const Result<DecodedFile> decoded = decode_stl(wrong, std::uint64_t{1} << 20);
-        if (!decoded) {
-          EXPECT_FALSE(decoded.error().what.empty());
-          continue;
-        }
-        EXPECT_LE(decoded->triangles.size() + decoded->dropped_faces, kTriangles.size());
-        for (const auto& triangle : decoded->triangles)
-          for (const std::uint32_t corner : triangle) EXPECT_LT(corner, decoded->points.size());
-      }
+    test::each_flip(file, {0x01, 0x10, 0x80, 0xFF}, facets_or_error);
 }
 
 }  // namespace

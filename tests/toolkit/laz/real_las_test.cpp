@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 
 #include <palpate/progress.h>
+#include "tests/files.h"
 #include "tests/toolkit/laz/las_files.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/bytes.h"
@@ -30,19 +30,12 @@ Result<Bytes> contents(const std::filesystem::path& path) {
 class RealLas : public testing::Test {
  protected:
   void SetUp() override {
-    const char* const data = std::getenv("PALPATE_DATA");
-    if (data == nullptr) GTEST_SKIP() << "set PALPATE_DATA to the folder of scans to run this test";
-    folder_ = std::filesystem::path(data) / "formats";
-    if (!std::filesystem::exists(folder_ / "laz"))
-      GTEST_SKIP() << "no folder formats/laz in PALPATE_DATA: real LAZ files are not read";
+    if (shared_data("formats/laz").empty()) GTEST_SKIP() << "no folder formats/laz in PALPATE_DATA";
+    folder_ = shared_data("formats");
   }
   [[nodiscard]] Bytes raw(const std::string& name, int threads = 1) const {
-    const Result<Bytes> bytes = contents(folder_ / name);
-    EXPECT_TRUE(bytes) << bytes.error().message();
-    if (!bytes) return {};
-    Result<Bytes> points = test::raw_points(MemoryAccess(*bytes), threads);
-    EXPECT_TRUE(points) << name << ": " << points.error().message();
-    return points ? std::move(*points) : Bytes();
+    const Bytes bytes = test::value_of(contents(folder_ / name));
+    return test::value_of(test::raw_points(MemoryAccess(bytes), threads));
   }
   std::filesystem::path folder_;
 };
@@ -108,12 +101,11 @@ TEST_F(RealLas, CutAndDamagedFilesDoNoHarm) {
   for (const std::string name :
        {"laz/extrabytes.laz", "laz/point-time-1.4.laz", "copc/1.2-with-color.copc.laz", "las/test1_4.las",
         "las/bad_vlr_count.las"}) {
-    const Result<Bytes> good = contents(folder_ / name);
-    ASSERT_TRUE(good);
-    for (std::size_t length = 0; length < good->size(); length += 1 + length / 12)
-      test::expect_harmless(Bytes(good->begin(), good->begin() + static_cast<std::ptrdiff_t>(length)));
-    for (std::size_t at = 0; at < good->size(); at += 1 + at / 20) {
-      Bytes bad = *good;
+    const auto good = test::value_of(contents(folder_ / name));
+    for (std::size_t length = 0; length < good.size(); length += 1 + length / 12)
+      test::expect_harmless(Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(length)));
+    for (std::size_t at = 0; at < good.size(); at += 1 + at / 20) {
+      Bytes bad = good;
       bad[at] ^= std::byte{0x55};
       test::expect_harmless(bad);
     }
@@ -121,13 +113,11 @@ TEST_F(RealLas, CutAndDamagedFilesDoNoHarm) {
 }
 
 TEST_F(RealLas, RecordsBeyondTheirPlaceAreLeftOut) {
-  const Result<Bytes> bytes = contents(folder_ / "las/bad_vlr_count.las");
-  ASSERT_TRUE(bytes);
-  const Result<DecodedFile> model = read_las(MemoryAccess(*bytes), "a.las", {}, no_progress());
-  ASSERT_TRUE(model) << model.error().message();
-  EXPECT_EQ(model->points.size(), 10u);
-  ASSERT_EQ(model->warnings.size(), 1u);
-  EXPECT_TRUE(test::contains(model->warnings[0], "byte 429"));
+  const auto bytes = test::value_of(contents(folder_ / "las/bad_vlr_count.las"));
+  const auto model = test::value_of(read_las(MemoryAccess(bytes), "a.las", {}, no_progress()));
+  EXPECT_EQ(model.points.size(), 10u);
+  ASSERT_EQ(model.warnings.size(), 1u);
+  EXPECT_TRUE(test::contains(model.warnings[0], "byte 429"));
 }
 
 }  // namespace

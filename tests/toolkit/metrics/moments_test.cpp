@@ -262,10 +262,9 @@ TEST(ContactFlags, MustSayWhatTheForceSays) {
 
 TEST(EnergyByEpisode, ASpringThatKeepsItsPromisesMakesNone) {
   const Tiny t = strokes();
-  Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
-  ASSERT_TRUE(e);
-  ASSERT_TRUE(observe_episodes(t.path, t.trace, t.reference, std::vector<double>{kStiffness}, *e));
-  EXPECT_LT(*e->drawdown_percent, 1e-9);
+  auto e = test::value_of(observe_energy(t.path, t.trace, kStiffness));
+  ASSERT_TRUE(observe_episodes(t.path, t.trace, t.reference, std::vector<double>{kStiffness}, e));
+  EXPECT_LT(*e.drawdown_percent, 1e-9);
 }
 
 TEST(EnergyByEpisode, WhatIsMadeAfterMuchWasTakenIsStillMade) {
@@ -274,13 +273,12 @@ TEST(EnergyByEpisode, WhatIsMadeAfterMuchWasTakenIsStillMade) {
   Tiny t = strokes();
   for (std::size_t i = 150; i < 300; ++i) t.trace.frames[i].force_n.x() = -0.4;
   for (std::size_t i = 4500; i < 4650; ++i) t.trace.frames[i].force_n.x() = 0.1;
-  Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
-  ASSERT_TRUE(e);
-  ASSERT_TRUE(observe_episodes(t.path, t.trace, t.reference, std::vector<double>{kStiffness}, *e));
-  EXPECT_EQ(e->generated_percent, 0.0);
+  auto e = test::value_of(observe_energy(t.path, t.trace, kStiffness));
+  ASSERT_TRUE(observe_episodes(t.path, t.trace, t.reference, std::vector<double>{kStiffness}, e));
+  EXPECT_EQ(e.generated_percent, 0.0);
   // 0.1 N over 7.5 mm is 0.75 mJ; the true contact stores 0.5 x 0.5 x 1.5^2 = 0.5625 mJ.
-  EXPECT_NEAR(*e->drawdown_percent, 100.0 * 0.75 / 0.5625, 3.0);
-  EXPECT_LT(*e->drawdown_p50_percent, 1e-9) << "the other episodes made none";
+  EXPECT_NEAR(*e.drawdown_percent, 100.0 * 0.75 / 0.5625, 3.0);
+  EXPECT_LT(*e.drawdown_p50_percent, 1e-9) << "the other episodes made none";
 }
 
 TEST(EnergyByEpisode, AWeakRendererIsMeasuredByTheTruesStore) {

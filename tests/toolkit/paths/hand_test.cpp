@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -14,6 +12,7 @@
 #include <palpate/generate.h>
 #include <palpate/paths.h>
 #include <palpate/read_model.h>
+#include "tests/files.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 
@@ -313,10 +312,8 @@ TEST(SeenPaths, RefusedWhereNothingShows) {
 // Exploration of a real scan, where $PALPATE_DATA is set: near the points, in and out, from free space.
 
 TEST(ScanPath, ExplorationOfTheBunny) {
-  const char* folder = std::getenv("PALPATE_DATA");
-  if (folder == nullptr) GTEST_SKIP() << "set PALPATE_DATA to a folder with the scans";
-  const std::string file = (std::filesystem::path(folder) / "stanford/bun_zipper.ply.xz").string();
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no bunny there";
+  const std::string file = shared_data("stanford/bun_zipper.ply.xz").string();
+  if (file.empty()) GTEST_SKIP() << "no bunny in PALPATE_DATA";
   io::Readers readers;
   io::add_standard_readers(readers);
   io::ReadOptions options;

@@ -163,9 +163,8 @@ TEST_F(Prepared, TheBytesDependOnThePointsOnly) {
     MemoryStream stream(sheet.points);
     stream.changed_header().bounds = header.bounds;
     stream.changed_header().points = 7;
-    const auto report = prepare_cells(stream, options, in("cells"));
-    ASSERT_TRUE(report.ok());
-    EXPECT_EQ(report->passes, header.passes) << "right bounds save a pass, wrong ones do no harm";
+    const auto report = palpate::test::value_of(prepare_cells(stream, options, in("cells")));
+    EXPECT_EQ(report.passes, header.passes) << "right bounds save a pass, wrong ones do no harm";
     EXPECT_TRUE(bytes() == reference);
   }
 }
@@ -348,9 +347,8 @@ TEST_F(StoppedPreparation, AChangedInputOrScratchBeginsAgain) {
   ASSERT_TRUE(die_at(kWhileSorting));
   options_.quantum_mm *= 2.0;
   MemoryStream stream(sheet_.points);
-  const auto report = prepare_cells(stream, options_, in("cells"));
-  ASSERT_TRUE(report.ok());
-  EXPECT_FALSE(report->resumed) << "other options";
+  const auto report = palpate::test::value_of(prepare_cells(stream, options_, in("cells")));
+  EXPECT_FALSE(report.resumed) << "other options";
 }
 
 TEST_F(Prepared, AFolderIsKnownByItsFiles) {

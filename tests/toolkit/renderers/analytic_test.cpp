@@ -5,7 +5,6 @@
 #include <limits>
 #include <memory>
 #include <numbers>
-#include <string>
 
 #include <palpate/registry.h>
 #include "tests/toolkit/messages.h"

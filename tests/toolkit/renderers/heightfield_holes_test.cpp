@@ -5,7 +5,6 @@
 #include <cmath>
 #include <map>
 #include <memory>
-#include <numbers>
 #include <string>
 #include <vector>
 

@@ -1,9 +1,6 @@
 // Replay: what is counted, what is refused, and that every pass answers alike. Never how long anything took.
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <numeric>
-
 #include <palpate/replay.h>
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"

@@ -69,9 +69,7 @@ cloud::Cloud grid() {
 
 CleanedCloud run(const Cleaning& cleaning, const cloud::Cloud& cloud, const std::string& text) {
   const auto parsed = test::value_of(cleaning.parse(text));
-  auto cleaned = cleaning.run(cloud, parsed, 1, no_progress());
-  EXPECT_TRUE(cleaned.ok()) << cleaned.error().message();
-  return *std::move(cleaned);
+  return test::value_of(cleaning.run(cloud, parsed, 1, no_progress()));
 }
 
 TEST(Cleaning, StepsRunInOrderAndPropertiesFollow) {
@@ -153,19 +151,18 @@ class CleanScene : public InFolder {
 TEST_F(CleanScene, StepsOfASceneAreTimedAndColumnsFollow) {
   ASSERT_TRUE(io::write_cloud_ply(in("grid.ply"), grid()).ok());
   const Cleaning cleaning = steps();
-  const auto got = loaded(
-      "[[model]]\ncloud = \"grid.ply\"\n"
-      "  [[model.clean]]\n  step = \"drop\"\n  points = 21\n  [[model.clean]]\n  step = \"lift\"\n"
-      "  [model.surface]\n  stiffness_n_per_mm = { column = \"number\" }\n",
-      &cleaning);
+  const auto got = test::value_of(
+      loaded("[[model]]\ncloud = \"grid.ply\"\n"
+             "  [[model.clean]]\n  step = \"drop\"\n  points = 21\n  [[model.clean]]\n  step = \"lift\"\n"
+             "  [model.surface]\n  stiffness_n_per_mm = { column = \"number\" }\n",
+             &cleaning));
   // The first point kept is number 21: a stiffness above 0.
-  ASSERT_TRUE(got.ok()) << got.error().message();
-  const render::ModelInput& model = got->input.models[0];
+  const render::ModelInput& model = got.input.models[0];
   ASSERT_EQ(model.cloud->size(), 100u);
   EXPECT_EQ(model.surface.per_point->stiffness_n_per_mm.front(), 21.0f);
-  ASSERT_EQ(got->provenance[0].cleaning.size(), 2u);
-  EXPECT_EQ(got->provenance[0].cleaned[0], "drop: 21 of 121 points removed");
-  EXPECT_EQ(got->provenance[0].file_points, 121u);
+  ASSERT_EQ(got.provenance[0].cleaning.size(), 2u);
+  EXPECT_EQ(got.provenance[0].cleaned[0], "drop: 21 of 121 points removed");
+  EXPECT_EQ(got.provenance[0].file_points, 121u);
 }
 
 TEST_F(CleanScene, GeneratedModelsKeepTheirFormulaAndLoseTheirFaces) {

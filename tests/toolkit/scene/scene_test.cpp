@@ -183,14 +183,13 @@ TEST(SceneFile, ImagesBecomeTexturesAndFrictionMaps) {
 }
 
 TEST(SceneFile, MotionIsPublishedByTheSimulation) {
-  const auto loaded = loaded_of(
-      "[[model]]\ngenerate = \"plane\"\npoints = 25\nposition_mm = [0, 0, 5]\n[model.motion]\n"
-      "velocity_mm_s = [0, 0, 10]\n");
-  ASSERT_TRUE(loaded);
-  ASSERT_NE(loaded->input.simulation, nullptr);
-  loaded->input.simulation->reset();
-  loaded->input.simulation->advance(1.0);
-  EXPECT_NEAR(loaded->input.models[0].motion->newest().at(1.5).translation_mm.z(), 20.0, 1e-12);
+  const auto loaded = test::value_of(
+      loaded_of("[[model]]\ngenerate = \"plane\"\npoints = 25\nposition_mm = [0, 0, 5]\n[model.motion]\n"
+                "velocity_mm_s = [0, 0, 10]\n"));
+  ASSERT_NE(loaded.input.simulation, nullptr);
+  loaded.input.simulation->reset();
+  loaded.input.simulation->advance(1.0);
+  EXPECT_NEAR(loaded.input.models[0].motion->newest().at(1.5).translation_mm.z(), 20.0, 1e-12);
 }
 
 TEST(SceneFile, ControlIsOffUnlessAskedFor) {

@@ -1,16 +1,13 @@
 // Resolution and spacing, by hand and against the thesis's printed values.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cctype>
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include <palpate/generate.h>
 #include <palpate/read_model.h>
+#include "tests/files.h"
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/search/cases.h"
 #include "toolkit/cloud/statistics.h"
@@ -41,9 +38,9 @@ NeighbourTable raster_table(const cloud::Cloud& cloud) {
 TEST(Spacing, ThePrintedResolutionOfTable7AndTheOneIn3D) {
   // A quarter of a wave holds the steepest place: 21 x 21 points 0.1 mm apart around x = y = 12.5 would do;
   // the whole surface at 0.1 mm costs little.
-  const auto model = cloud::generate(*parse_named_options("sinusoid:points=1002001:mesh=false"));
-  ASSERT_TRUE(model);
-  const Spacing s = describe_spacing(model->cloud, raster_table(model->cloud));
+  const auto model =
+      test::value_of(cloud::generate(*parse_named_options("sinusoid:points=1002001:mesh=false")));
+  const Spacing s = describe_spacing(model.cloud, raster_table(model.cloud));
   EXPECT_NEAR(s.plan_resolution_mm, 0.1414, 5e-5);
   EXPECT_NEAR(s.resolution_mm, 0.288, 5e-4);
   EXPECT_EQ(s.median_index_distance, 1.0);
@@ -110,11 +107,9 @@ const Known kKnown[] = {{"stanford/bun_zipper.ply.xz", 35947, 0, Vec3(-0.0946899
 class RealScan : public ::testing::TestWithParam<Known> {};
 
 TEST_P(RealScan, HasTheNumbersOfTheManifest) {
-  const char* folder = std::getenv("PALPATE_DATA");
-  if (folder == nullptr) GTEST_SKIP() << "set PALPATE_DATA to a folder with the scans";
   const Known& known = GetParam();
-  const std::string file = (std::filesystem::path(folder) / known.file).string();
-  if (!std::filesystem::exists(file)) GTEST_SKIP() << "not there: " << known.file;
+  const std::string file = shared_data(known.file).string();
+  if (file.empty()) GTEST_SKIP() << "not in PALPATE_DATA: " << known.file;
   io::Readers readers;
   io::add_standard_readers(readers);
   io::ReadOptions options;

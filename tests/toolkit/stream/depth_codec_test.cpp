@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 
+#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/stream/depth_codec.h"
@@ -82,13 +83,11 @@ TEST(DepthCodec, RefusesEveryTruncationAndEveryChangedByte) {
   DepthCodec codec(camera);
   const std::vector<std::byte> good = encoded(codec, noisy_frame(camera, 2.0));
   DepthFrame back;
-  for (std::size_t size = 0; size < good.size(); ++size)
-    EXPECT_TRUE(refused(codec.decode(std::span(good).first(size), back), "damaged")) << size;
-  for (std::size_t i = 0; i < good.size(); ++i) {
-    std::vector<std::byte> changed = good;
-    changed[i] ^= std::byte{0x10};
-    EXPECT_TRUE(refused(codec.decode(changed, back), "damaged")) << i;
-  }
+  const auto damaged = [&](const std::vector<std::byte>& bytes) {
+    EXPECT_TRUE(refused(codec.decode(bytes, back), "damaged"));
+  };
+  test::each_cut(good, good.size(), damaged);
+  test::each_flip(good, {0x10}, damaged);
   EXPECT_TRUE(codec.decode(good, back)) << "a damaged one before leaves nothing behind";
 }
 
@@ -115,13 +114,11 @@ TEST(DepthCodec, KeepsTheCamera) {
   EXPECT_EQ(back.distortion, camera.distortion);
   EXPECT_EQ(back.period_s, camera.period_s);
   EXPECT_EQ(back.noise_per_mm, camera.noise_per_mm);
-  for (std::size_t size = 0; size < bytes.size(); ++size)
-    EXPECT_TRUE(refused(decode_camera(std::span(bytes).first(size)), "damaged"));
-  for (std::size_t i = 0; i < bytes.size(); ++i) {
-    std::vector<std::byte> changed = bytes;
-    changed[i] ^= std::byte{0x10};
-    EXPECT_TRUE(refused(decode_camera(changed), "damaged")) << i;
-  }
+  const auto damaged = [](const std::vector<std::byte>& wrong) {
+    EXPECT_TRUE(refused(decode_camera(wrong), "damaged"));
+  };
+  test::each_cut(bytes, bytes.size(), damaged);
+  test::each_flip(bytes, {0x10}, damaged);
   for (const auto& damage : std::vector<std::function<void(DepthCamera&)>>{
            [](DepthCamera& c) { c.width = 0; }, [](DepthCamera& c) { c.height = 1 << 20; },
            [](DepthCamera& c) { c.fx_px = 0.0; }, [](DepthCamera& c) { c.cy_px = std::nan(""); },

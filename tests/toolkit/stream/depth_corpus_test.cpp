@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <string>
 
+#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
 
@@ -18,16 +19,12 @@ TEST(DepthCorpus, IsReadOrRefused) {
   std::size_t files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(PALPATE_CORPUS)) {
     const std::string bytes = test::value_of(read_file(entry.path().string(), std::uint64_t{1} << 20));
-    // The file, its beginnings, and it with a byte changed.
     const auto feed = [](const std::string& text) {
       LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
     };
-    for (std::size_t size = 0; size <= bytes.size(); ++size) feed(bytes.substr(0, size));
-    for (std::size_t i = 1; i < bytes.size(); ++i) {
-      std::string changed = bytes;
-      changed[i] = static_cast<char>(changed[i] ^ 0x11);
-      feed(changed);
-    }
+    feed(bytes);
+    test::each_cut(bytes, bytes.size(), feed);
+    test::each_flip(bytes, {0x11}, feed);
     ++files;
   }
   EXPECT_GE(files, 8u) << "one of each kind";

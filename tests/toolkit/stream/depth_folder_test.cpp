@@ -1,9 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 
+#include "tests/files.h"
 #include "tests/in_folder.h"
+#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/stream/stream_files.h"
 
@@ -151,8 +152,9 @@ TEST_F(DepthFolder, AnotherSizeLaterIsAnErrorOfThatImage) {
 TEST(DepthPng, EveryTruncationIsRefused) {
   const std::string file = png_of(ramp(40, 30));
   DepthImage image;
-  for (std::size_t bytes = 0; bytes + 12 < file.size(); ++bytes)  // the last chunk ends the file alone
-    EXPECT_TRUE(refused(read_depth_png(test::bytes_of(file).first(bytes), {}, image))) << bytes;
+  test::each_cut(file, file.size() - 12, [&](const std::string& cut) {  // the last chunk ends the file alone
+    EXPECT_TRUE(refused(read_depth_png(test::bytes_of(cut), {}, image)));
+  });
   ASSERT_TRUE(read_depth_png(test::bytes_of(file), {40, 30}, image));
   EXPECT_EQ(image.counts, ramp(40, 30).counts);
 }
@@ -229,15 +231,13 @@ double disagreement_mm(const DepthCamera& camera, const DepthFrame& from, const 
 }
 
 TEST(SharedRecordings, OneFrameProjectsIntoAnother) {
-  const char* const data = std::getenv("PALPATE_DATA");
-  if (data == nullptr) GTEST_SKIP() << "set PALPATE_DATA to the folder of scans to run this test";
   struct Recording {
     const char* folder;
     double most_mm;  ///< a clean rendering; a Kinect at 2 m, with 5 mm of noise and its poses' drift
   };
   for (const auto& [folder, most_mm] : {Recording{"rgbd/livingroom", 3.0}, Recording{"rgbd/tsdf", 15.0}}) {
-    const std::string path = std::string(data) + "/" + folder;
-    if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
+    const std::string path = shared_data(folder).string();
+    if (path.empty()) GTEST_SKIP() << "no " << folder << " in PALPATE_DATA";
     const auto source = value_of(open_depth_source(path));
     DepthFrame first, later;
     ASSERT_TRUE(value_of(source->next(first)));
@@ -291,10 +291,8 @@ TEST_F(DepthFolder, OrganisedPcdTellsItsCamera) {
 }
 
 TEST(SharedRecordings, PclsCapturesHaveTheKinectsIntrinsics) {
-  const char* const data = std::getenv("PALPATE_DATA");
-  if (data == nullptr) GTEST_SKIP() << "set PALPATE_DATA to the folder of scans to run this test";
-  const std::string capture = std::string(data) + "/pcl/capture0001.pcd";
-  if (!std::filesystem::exists(capture)) GTEST_SKIP() << "no " << capture;
+  const std::string capture = shared_data("pcl/capture0001.pcd").string();
+  if (capture.empty()) GTEST_SKIP() << "no pcl/capture0001.pcd in PALPATE_DATA";
   const std::string folder = testing::TempDir() + "/palpate-captures";
   std::filesystem::create_directories(folder);
   std::error_code there;

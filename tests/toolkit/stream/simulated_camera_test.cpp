@@ -5,7 +5,6 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <vector>
 
 #include <palpate/generate.h>
 #include "tests/toolkit/messages.h"

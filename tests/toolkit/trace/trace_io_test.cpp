@@ -51,11 +51,10 @@ TEST_F(TraceIo, EveryBitSurvives) {
     path.t_s.push_back(t += random.uniform(1e-9, 1.0));
   }
   ASSERT_TRUE(write_path_csv(path, in("p.csv")));
-  const auto back = read_path_csv(in("p.csv"));
-  ASSERT_TRUE(back);
-  EXPECT_EQ(back->t_s, path.t_s);
-  EXPECT_EQ(back->hip_mm, path.hip_mm);
-  EXPECT_EQ(back->name, in("p.csv"));
+  const auto back = test::value_of(read_path_csv(in("p.csv")));
+  EXPECT_EQ(back.t_s, path.t_s);
+  EXPECT_EQ(back.hip_mm, path.hip_mm);
+  EXPECT_EQ(back.name, in("p.csv"));
 }
 
 TEST_F(TraceIo, TheTruthGoesOutAndComesBack) {
@@ -115,12 +114,11 @@ TEST_F(TraceIo, TraceGoesOutAndComesBack) {
   EXPECT_EQ(file_text(in("t.csv")),
             "t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,gx_mm,gy_mm,gz_mm,frame_ns\n"
             "0,1,2,3,0,0,0,0,1,2,3,90\n0.001,0.1,-2e-07,1e+22,0,0.25,-1,1,4,5,6,123456789012\n");
-  const auto back = read_trace_csv(in("t.csv"));
-  ASSERT_TRUE(back);
-  EXPECT_EQ(trace_hash(back->trace), trace_hash(trace));
-  EXPECT_EQ(back->trace.frame_ns, trace.frame_ns);
-  EXPECT_EQ(back->path.hip_mm, path.hip_mm);
-  EXPECT_EQ(back->trace.frames[0].model, -1);
+  const auto back = test::value_of(read_trace_csv(in("t.csv")));
+  EXPECT_EQ(trace_hash(back.trace), trace_hash(trace));
+  EXPECT_EQ(back.trace.frame_ns, trace.frame_ns);
+  EXPECT_EQ(back.path.hip_mm, path.hip_mm);
+  EXPECT_EQ(back.trace.frames[0].model, -1);
   trace.frame_ns.clear();
   ASSERT_TRUE(write_trace_csv(path, trace, in("t.csv")));
   EXPECT_EQ(read_trace_csv(in("t.csv"))->trace.frame_ns[1], 0);
@@ -135,9 +133,8 @@ TEST_F(TraceIo, AWriteThatFailsLeavesNothing) {
 }
 
 TEST_F(TraceIo, LineEndsOfOtherSystemsAndAMissingLastOne) {
-  const auto path = read_path_csv(holding("t_s,x_mm,y_mm,z_mm\r\n0,1,2,3\r\n1,+1,2e0,3.5"));
-  ASSERT_TRUE(path);
-  EXPECT_EQ(path->hip_mm[1], Vec3(1, 2, 3.5));
+  const auto path = test::value_of(read_path_csv(holding("t_s,x_mm,y_mm,z_mm\r\n0,1,2,3\r\n1,+1,2e0,3.5")));
+  EXPECT_EQ(path.hip_mm[1], Vec3(1, 2, 3.5));
 }
 
 TEST_F(TraceIo, BlankLinesAndAByteOrderMarkArePassedOver) {
@@ -257,11 +254,10 @@ TEST_F(TraceIo, TrajColumnsAreFreeToChoose) {
   bare.y = 1;
   bare.z = 0;
   bare.sample_rate_hz = 100;
-  const auto swapped = read_traj(in("probe.traj"), bare);
-  ASSERT_TRUE(swapped);
-  EXPECT_EQ(swapped->path.t_s[2], 0.02);
-  EXPECT_EQ(swapped->path.hip_mm[0], Vec3(2, 1.5, 10));
-  EXPECT_TRUE(swapped->force_n.empty());
+  const auto swapped = test::value_of(read_traj(in("probe.traj"), bare));
+  EXPECT_EQ(swapped.path.t_s[2], 0.02);
+  EXPECT_EQ(swapped.path.hip_mm[0], Vec3(2, 1.5, 10));
+  EXPECT_TRUE(swapped.force_n.empty());
 }
 
 TEST_F(TraceIo, TrajColumnsMayBeNamedInTheFirstLine) {
@@ -276,10 +272,9 @@ TEST_F(TraceIo, SemicolonsMayStandBesideDecimalCommas) {
   const Vec3 point(1.5, 2.5, 3.5);
   for (const char* text : {"t;x;y;z\n0,001;1,5;2,5;3,5\n", "0,001;1,5;2,5;3,5\n", "0,001 1,5 2,5 3,5\n",
                            "0.001, 1.5, 2.5, 3.5\n", "t;x;y;z\r0,001;1,5;2,5;3,5\r0,002;1,5;2,5;3,5\r"}) {
-    const auto read = read_traj(holding(text), TrajColumns{});
-    ASSERT_TRUE(read) << text << read.error().message();
-    EXPECT_EQ(read->path.t_s[0], 0.001) << text;
-    EXPECT_EQ(read->path.hip_mm[0], point) << text;
+    const auto read = test::value_of(read_traj(holding(text), TrajColumns{}));
+    EXPECT_EQ(read.path.t_s[0], 0.001) << text;
+    EXPECT_EQ(read.path.hip_mm[0], point) << text;
   }
   const auto path = test::value_of(read_path_csv(holding("t_s;x_mm;y_mm;z_mm\n0,001;1,5;2,5;3,5\n")));
   EXPECT_EQ(path.hip_mm[0], point);
