@@ -242,7 +242,7 @@ inline geometry::HalfSpace VerticesModel::plane_near(std::uint32_t start, const 
   return {n, n.dot(body.pose.to_world(g))};
 }
 
-constexpr const char* kSummary = "chapter 3 made right: a plane at every point";
+constexpr const char* kSummary = "the thesis's chapter 3 made right: a plane at every point";
 constexpr const char* kSource =
     "El-Far, chapter 3; side, bounds, creases, friction cone and joint contact ours";
 

@@ -72,7 +72,7 @@ struct WeightedSum {
 class MlsPenalty : public RivalModel {
  public:
   static constexpr RivalText kText{
-      "mls-penalty", "moving-least-squares surface built in the frame, penalty force",
+      "mls-penalty", "a push out of a surface fitted to near points each frame",
       "Lee and Kim 2007 ([52]) by the thesis's section 2.2.3; projection of Alexa and Adamson 2004", 15.0,
       2'300.0};
   static constexpr bool kGodObject = false;

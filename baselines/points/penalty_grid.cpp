@@ -18,7 +18,7 @@ constexpr std::uint32_t kOwnVoxel = 1, kAllVoxels = 27;
 class PenaltyGrid : public RivalModel {
  public:
   static constexpr RivalText kText{
-      "penalty-grid", "distance to the points of the HIP's voxel, penalty force below a threshold",
+      "penalty-grid", "a push away from the points nearer than a threshold",
       "US patent [75] by the thesis's section 2.2.3 and table 11; force law ours: k (threshold - distance)",
       0.78, 436.0};
   static constexpr bool kGodObject = false;

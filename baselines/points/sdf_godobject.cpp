@@ -45,7 +45,7 @@ constexpr double kSdfWidth = 0.75;
 class SdfGodobject : public RivalModel {
  public:
   static constexpr RivalText kText{
-      "sdf-godobject", "a god object on the zero set of a narrow-band distance grid made from the points",
+      "sdf-godobject", "a god object on a grid of distances to the points",
       "OpenVDB grids (Museth 2013); distances to planes of points after Hoppe et al. 1992; god object after "
       "Zilles and Salisbury 1995: as put together here, ours",
       0.30, 3'300.0};  // sinusoid of a million

@@ -205,7 +205,7 @@ constexpr double kCellRadii = 2.0;
 class SphereProxy : public RivalModel {
  public:
   static constexpr RivalText kText{
-      "sphere-proxy", "every point a ball: a spherical proxy that slides and rests among the points",
+      "sphere-proxy", "every point a ball, among which a ball slides and rests",
       "CHAI3D 3.3's point clouds (cMultiPoint with its finger proxy); Ruspini et al. 1997; exact, ours", 0.97,
       437.0};
   static constexpr bool kGodObject = true;

@@ -45,7 +45,7 @@ bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
 class StreamProxy : public ShellRival<DynamicGrid> {
  public:
   static constexpr RivalText kText{
-      "stream-proxy", "a proxy steered by the points within three shells around it, no preparation",
+      "stream-proxy", "a proxy steered by the points near it; not prepared",
       "Ryden and Chizeck 2013, from public descriptions; flights by segment, tapered weights, offset: ours",
       1.7, 496.0};
   static constexpr bool kFollowsPoints = true;

@@ -21,8 +21,7 @@ constexpr double kTouchRadii = 4.0 / 3.0, kNormalRadii = 2.0;
 
 class VariableProxy : public ShellRival<search::UniformGrid> {
  public:
-  static constexpr RivalText kText{"variable-proxy",
-                                   "a spherical proxy whose radius follows the local density of the points",
+  static constexpr RivalText kText{"variable-proxy", "a ball whose radius follows the density of the points",
                                    "Kumari, Sreeni and Chaudhuri 2013 and 2020, from public descriptions; "
                                    "density by the eighth neighbour, steps, offset: ours",
                                    3.7, 333.0};  // sinusoid of a million

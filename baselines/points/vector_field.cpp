@@ -189,7 +189,7 @@ class PlaneSampler {
 class VectorFieldModel : public RivalModel {
  public:
   static constexpr RivalText kText{
-      "vector-field", "a force for every place, looked up in a voxel field prepared from the points",
+      "vector-field", "a force for every place, looked up in a grid",
       "vector field mapping, the thesis's section 2.2.2; the field (distance to the points' planes): ours",
       0.07, 42'700.0};
   static constexpr bool kGodObject = false;

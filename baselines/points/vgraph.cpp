@@ -49,7 +49,7 @@ constexpr double kMsPerMillion = 36'000.0, kBytesPerFacet = 182.0;
 class VGraph : public RivalModel {
  public:
   static constexpr RivalText kText{
-      "vgraph", "greedy walk on a graph of vertices, then the triangles around the nearest",
+      "vgraph", "triangles around the nearest vertex, found by a walk",
       "V-GRAPH [51] by the thesis's sections 2.2.3 and 3.6.3; response ours, after Zilles and Salisbury 1995",
       0.63, kMsPerMillion};
   static constexpr bool kGodObject = true;

@@ -18,8 +18,7 @@ namespace palpate::baselines {
 namespace {
 
 constexpr const char* kName = "mesh-godobject";
-constexpr const char* kSummary =
-    "god object on a triangle mesh, up to three constraints solved within a frame";
+constexpr const char* kSummary = "a god object on a triangle mesh";
 constexpr const char* kSource = "Zilles and Salisbury 1995 (the thesis's [70]), entries by Embree";
 
 // Measured expectations: table 7 of reproduce; for an existing mesh, docs/results/rivals.md.
@@ -65,8 +64,7 @@ render::RendererInfo mesh_godobject_info() {
 namespace {
 
 constexpr const char* kProxyName = "mesh-proxy";
-constexpr const char* kProxySummary =
-    "a sphere that stays outside of a triangle mesh and follows the HIP, up to three constraints a move";
+constexpr const char* kProxySummary = "a ball that stays outside of a triangle mesh";
 constexpr const char* kProxySource =
     "Ruspini, Kolarov and Khatib 1997 (the thesis's [71]); exact moves and the skin as tip are ours";
 /// Largest radius in edges: 2 mm at 0.02 mm spacing.

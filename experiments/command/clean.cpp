@@ -16,26 +16,6 @@
 namespace palpate::experiments {
 namespace {
 
-struct StepsArguments {
-  bool json = false;
-};
-
-void declare_steps(const Declaration& declare, StepsArguments& a) {
-  declare_json(declare, a.json);
-}
-
-int run_steps(const StepsArguments& arguments, Context& /*context*/) {
-  std::vector<CatalogueEntry> entries;
-  for (const scene::CleaningStep& step : all_cleaning().all())
-    entries.push_back({step.name, step.summary, step.source, step.options, {}, {}, {}});
-  print_catalogue(entries, arguments.json);
-  if (!arguments.json)
-    fmt::print(
-        "Options follow the step after slashes, steps are joined by +: outliers/distance=3+smooth.\n"
-        "Lengths are in spacings: the root of the occupied area per point.\n");
-  return kExitOk;
-}
-
 void print_json(std::size_t before, std::size_t after, const std::vector<render::PreparePhase>& phases,
                 const std::vector<std::string>& notes) {
   nlohmann::ordered_json steps = nlohmann::ordered_json::array();
@@ -107,11 +87,6 @@ Subcommand clean_subcommand() {
       {"palpate clean scan.ply --unit m --steps thin --out thin.ply",
        "palpate clean scan.ply --unit m --steps outliers+smooth/neighbours=12 --out cleaned.ply"},
       declare_clean, run_clean);
-}
-
-Subcommand steps_subcommand() {
-  return subcommand("list steps", "steps of cleaning, with their options and sources",
-                    {"palpate list steps", "palpate list steps --json"}, declare_steps, run_steps);
 }
 
 }  // namespace palpate::experiments

@@ -282,7 +282,8 @@ Result<ReadLine> read_line(Words words) {
   const bool help = asks_for_help(words, all);
   if (!named.declare && !help)
     return Error{fmt::format("palpate {} needs one of {}", named.name, joined(kind_names(named.name))),
-                 fmt::format("`palpate {} --help` shows them", named.name)};
+                 did_you_mean(words.empty() ? "" : words.front(), kind_names(named.name),
+                              fmt::format("`palpate {} --help` shows them", named.name))};
   if (help) {
     line.answer = named.declare ? help_text(named, all, kinds_of(named.name)) : verb_help(named.name, all);
     return line;

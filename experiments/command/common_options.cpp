@@ -1,11 +1,15 @@
 #include "experiments/command/common_options.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
+
 #include <nlohmann/json.hpp>
 
 #include <cmath>
 
 #include <palpate/options.h>
+#include "experiments/report/tables.h"
+#include "experiments/session/terminal.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
 
@@ -230,6 +234,12 @@ Status keep_named(std::vector<CatalogueEntry>& entries, const std::string& name)
 
 void print_catalogue(std::span<const CatalogueEntry> entries, bool json) {
   if (json) return print_json(entries);
+  if (entries.size() > 1) {
+    Table table;
+    table.columns = {"name", "what it is"};
+    for (const CatalogueEntry& entry : entries) table.rows.push_back(plain_row({entry.name, entry.summary}));
+    return fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
+  }
   for (const CatalogueEntry& entry : entries) {
     fmt::print("{}\n  {}\n", entry.name, entry.summary);
     for (const auto& [about, text] :

@@ -77,7 +77,7 @@ struct CatalogueEntry {
 /// been meant.
 [[nodiscard]] Status keep_named(std::vector<CatalogueEntry>& entries, const std::string& name);
 
-/// For a person, or as JSON.
+/// For a person: a line each, of a single one all there is to say. Or all of it as JSON.
 void print_catalogue(std::span<const CatalogueEntry> entries, bool json);
 
 }  // namespace palpate::experiments

@@ -233,9 +233,8 @@ Headline answer_of(const metrics::ResultDocument& document) {
   return {};
 }
 
-Table summary_table(const metrics::ResultDocument& document, SummaryFor where) {
+Table summary_table(const metrics::ResultDocument& document) {
   using F = trace::FrameStatistics;
-  const bool page = where == SummaryFor::kPage;
   Table table;
   table.columns = {"renderer"};
   for (const RendererResult& r : document.renderers) table.rows.push_back({plain(r.label)});
@@ -248,8 +247,7 @@ Table summary_table(const metrics::ResultDocument& document, SummaryFor where) {
     std::vector<double> values;
     for (const RendererResult& r : document.renderers)
       if (competes(r) && ranks(r) && std::isfinite(*ranks(r))) values.push_back(*ranks(r));
-    const double best =
-        page && values.size() > 1 ? *std::min_element(values.begin(), values.end()) : -HUGE_VAL;
+    const double best = values.size() > 1 ? *std::min_element(values.begin(), values.end()) : -HUGE_VAL;
     column(name, [&](const RendererResult& r) {
       return Cell{show(r, get(r)), competes(r) && ranks(r) && *ranks(r) <= best, false};
     });
@@ -262,33 +260,18 @@ Table summary_table(const metrics::ResultDocument& document, SummaryFor where) {
     return prepared_from_cache(r) ? std::nullopt : prepare_ms(r);
   };
   const ScoreGet p999 = frame_score(&RendererResult::frame_all, &F::p999_us);
-  if (page) {
-    column("what it is", [](const RendererResult& r) { return plain(role_text(r)); });
-    number("force error, RMS, %", force_rms, shown, force_rms);
-    column("contact", [](const RendererResult& r) {
-      const std::string faults = contact_faults(r);
-      return Cell{!r.accuracy ? kMissingNumber : faults.empty() ? "right" : faults, false, !faults.empty()};
-    });
-    number("mean of all frames, µs", all_us, shown, all_us);
-    number("99.9 % under, µs", p999, shown, p999);
-    number("ready after", prepare_ms, ready, prepared);
-    number("bytes a point", bytes_a_point, shown, bytes_a_point);
-    table.best_means = "the lowest";
-    table.bad_means = "contact is wrong";
-    return table;
-  }
-  number("ready after", prepare_ms, ready, prepared);
-  const ScoreGet p50 = frame_score(&RendererResult::frame_all, &F::p50_us);
-  number("frame p50, µs", p50, shown, p50);
-  number("p99.9, µs", p999, shown, p999);
-  number("force RMS, %", force_rms, shown, force_rms);
-  column("caught/lost/kicks", [](const RendererResult& r) {
-    const auto& a = r.accuracy;
-    return plain(a && a->caught && a->lost && a->kicks
-                     ? fmt::format("{}/{}/{}", *a->caught, *a->lost, *a->kicks)
-                     : kMissingNumber);
+  column("what it is", [](const RendererResult& r) { return plain(role_text(r)); });
+  number("force error, RMS, %", force_rms, shown, force_rms);
+  column("contact", [](const RendererResult& r) {
+    const std::string faults = contact_faults(r);
+    return Cell{!r.accuracy ? kMissingNumber : faults.empty() ? "right" : faults, false, !faults.empty()};
   });
+  number("mean of all frames, µs", all_us, shown, all_us);
+  number("99.9 % under, µs", p999, shown, p999);
+  number("ready after", prepare_ms, ready, prepared);
   number("bytes a point", bytes_a_point, shown, bytes_a_point);
+  table.best_means = "the lowest";
+  table.bad_means = "contact is wrong";
   return table;
 }
 

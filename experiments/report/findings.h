@@ -39,10 +39,9 @@ struct Choice {
 /// The sentence that answers: "Take cloud: contact right, ..", or the first other finding.
 [[nodiscard]] Headline answer_of(const metrics::ResultDocument& document);
 
-/// One line a renderer: readiness, frames, force error, what a hand feels as wrong, memory. The page's form
-/// says also what each renderer is, and marks the best.
-enum class SummaryFor { kTerminal, kPage };
-[[nodiscard]] Table summary_table(const metrics::ResultDocument& document, SummaryFor where);
+/// One line a renderer: what it is, force error, what a hand feels as wrong, frames, readiness, memory; the
+/// best is marked. The first table of a study's page, and of its terminal.
+[[nodiscard]] Table summary_table(const metrics::ResultDocument& document);
 
 /// One line of a card. docs/reference/scores.md has a section on each.
 struct CardItem {

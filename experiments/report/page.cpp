@@ -234,7 +234,7 @@ Status draw_report(const OutputFolder& folder) {
   Page page = begin_page("Comparison of haptic renderers", study->document);
   page.apart = true;
   if (const Headline answer = answer_of(study->document); !answer.text.empty()) page.answers = {answer};
-  page.tables = {summary_table(study->document, SummaryFor::kPage)};
+  page.tables = {summary_table(study->document)};
   add_study(page, *study, "study", {}, folder);
   Section& section = page.sections.back();
   section.title += ": scores, pictures, how it was run";

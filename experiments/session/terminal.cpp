@@ -56,14 +56,38 @@ void print_answer(const Headline& answer) {
     fmt::print("{}\n", line);
 }
 
+namespace {
+
+constexpr std::ptrdiff_t kScoreLines =
+    9;  // with a line on what is left out, the finding and the report's: 15
+
+/// Without what each renderer is and without marks, whose legend takes lines; of several faults the first.
+void shorten(Table& table) {
+  table.columns.erase(table.columns.begin() + 1);
+  for (std::vector<Cell>& row : table.rows) {
+    row.erase(row.begin() + 1);
+    for (Cell& cell : row) {
+      cell.best = cell.bad = false;
+      if (const std::size_t end = cell.text.find(", "); end != std::string::npos)
+        cell.text.replace(end, std::string::npos, ", ..");
+    }
+  }
+}
+
+}  // namespace
+
 void print_scores(const metrics::ResultDocument& document, bool whole) {
   if (whole) print_tables({comparison_table(document)}, true);
-  Table table = summary_table(document, SummaryFor::kTerminal);
-  constexpr std::size_t kMostRows = 6;
-  const std::size_t rows = table.rows.size(), shown = std::min(rows, kMostRows);
-  if (!whole) table.rows.resize(shown);
-  fmt::print("{}{}\n", to_text(table, terminal_columns(STDOUT_FILENO)),
-             shown < rows && !whole ? fmt::format("{} more: --verbose, or the report", rows - shown) : "");
+  Table table = summary_table(document);
+  const std::size_t rows = table.rows.size(), columns = terminal_columns(STDOUT_FILENO);
+  if (!whole) shorten(table);
+  std::string text = to_text(table, columns);
+  while (!whole && table.rows.size() > 1 && std::count(text.begin(), text.end(), '\n') > kScoreLines) {
+    table.rows.pop_back();
+    text = to_text(table, columns);
+  }
+  const std::size_t left_out = rows - table.rows.size();
+  fmt::print("{}{}\n", text, left_out > 0 ? fmt::format("{} more: --verbose, or the report", left_out) : "");
   print_answer(answer_of(document));
 }
 

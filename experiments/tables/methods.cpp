@@ -96,7 +96,7 @@ struct PublishedTimes {
 /// A line a renderer, with the mean frame in contact beside the published one.
 Table model_table(const ManifestModel& model, const Manifest& manifest,
                   const metrics::ResultDocument& document, PublishedTimes& times) {
-  Table table = summary_table(document, SummaryFor::kPage);
+  Table table = summary_table(document);
   const std::uint64_t points = document.renderers.empty() || !document.renderers.front().model
                                    ? 0
                                    : document.renderers.front().model->points;

@@ -11,6 +11,7 @@
 #include "experiments/driver/jobs.h"
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
+#include "experiments/trade/tune.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
@@ -27,6 +28,15 @@ constexpr std::size_t kLooksAhead = 64;
 /// Version and commit, which distinguish rows of different programs.
 std::string program_text() {
   return fmt::format("{} {}", version_text(), kCommit);
+}
+
+/// Error: the folder holds the results of a tune, and this is a sweep, or the reverse.
+Status check_kind(const OutputFolder& folder, bool tunes) {
+  std::error_code code;
+  const bool tuned = std::filesystem::exists(folder.file(kTuneFile), code);
+  if (tuned == tunes || !std::filesystem::exists(folder.file(kSweepFile), code)) return Done{};
+  return Error{fmt::format("the folder holds the results of palpate {}", tuned ? "tune" : "compare sweep"),
+               "give --out a new folder, or that of an earlier run of this command", folder.path().string()};
 }
 
 bool same_kind(const Setting& a, const Setting& b) {
@@ -68,6 +78,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   request.usual_frames = kSweepFrames;
   Suite& suite = sweep->suite_;
   PALPATE_TRY(open_folder(arguments.run, "sweep", request, suite));
+  PALPATE_TRY(check_kind(suite.folder(), arguments.tunes));
   const std::string rows = suite.folder().file(kRowsFile).string();
   if (std::error_code code; std::filesystem::exists(rows, code)) {
     PALPATE_ASSIGN(sweep->document_.rows, read_rows(rows));
@@ -86,7 +97,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
                  "give --out another folder, or take this one away", rows};
   SettingsRequest settings{sweep->checked_.renderers, turned, arguments.full,
                            sweep->stage_.spacing.resolution_mm};
-  if (arguments.of_scene_only)
+  if (arguments.tunes)
     std::erase_if(settings.axes,
                   [](const std::string& axis) { return axis == "rate" || axis == "precision"; });
   sweep->settings_ = settings_of(settings, sweep->stage_.scene.input, registry);
@@ -109,8 +120,10 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   if (suite.partial() || !sweep->apart_.empty()) document.budget_s = 0.0;  // every case is measured
   document.warnings = sweep->stage_.warnings;
   document.notes = sweep->stage_.notes;
-  PALPATE_TRY(
-      suite.begin(RunKey::of_any_program().add(document.experiment).add(arguments.run.passes), kRowsFile));
+  RunKey key = RunKey::of_any_program();
+  key.add(document.experiment).add(arguments.run.passes);
+  if (arguments.tunes) key.add("tune");
+  PALPATE_TRY(suite.begin(key, kRowsFile));
   return sweep;
 }
 
@@ -177,7 +190,11 @@ Status Sweep::measure_all() {
                                    : kFullPrepareS;
     const std::vector<Setting> turn = next_turn(measure_.prepare_limit_s);
     if (turn.empty()) break;
-    SweepProgress progress(suite_.progress(), document_.rows.size(), settings_.size(), spent_s, budget_s);
+    const std::set<std::string> known = done(measure_.prepare_limit_s);
+    const auto of_these = std::count_if(settings_.begin(), settings_.end(),
+                                        [&](const Setting& one) { return known.contains(one.text); });
+    SweepProgress progress(suite_.progress(), static_cast<std::size_t>(of_these), settings_.size(), spent_s,
+                           budget_s);
     PALPATE_ASSIGN(std::vector<Row> rows,
                    measure(*experiment_, turn, *anchor_, *registry_, measure_, progress));
     take(std::move(rows));

@@ -24,7 +24,7 @@ struct SweepArguments {
   std::string axes;        ///< empty: all
   double budget_s = -1.0;  ///< below 0: kSweepBudgetS, or none with `full`
   bool full = false;
-  bool of_scene_only = false;  ///< without rates and precision, which a scene file cannot set (tune)
+  bool tunes = false;  ///< for a tune: without rates and precision, which a scene file cannot set
 };
 
 /// A sweep in progress: its folder, the rows of earlier ones in it, and settings to measure.

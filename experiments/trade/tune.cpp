@@ -254,7 +254,7 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
     return Error{"nothing is asked for", "give --max-error, --max-frame-us or --max-bytes, or several"};
   const render::Registry registry = all_renderers();
   SweepArguments sweep_arguments = arguments.sweep;
-  sweep_arguments.of_scene_only = true;
+  sweep_arguments.tunes = true;
   if (sweep_arguments.run.out.empty())
     sweep_arguments.run.out = usual_folder("tune", sweep_arguments.run.scene);
   PALPATE_ASSIGN(const std::unique_ptr<Sweep> begun, Sweep::begin(sweep_arguments, registry, context));
@@ -263,7 +263,6 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   if (sweep.suite().partial()) return sweep.suite().leave();
   const SweepDocument& document = sweep.document();
   const OutputFolder& folder = sweep.suite().folder();
-  PALPATE_TRY(folder.write(kSweepFile, to_json(document)));
   // Only rows of this machine that a scene file can express.
   std::vector<Row> rows = document.rows;
   const std::string here = this_machine().hash;
@@ -276,8 +275,9 @@ Result<int> run_tune(const TuneArguments& arguments, Context& context) {
   if (const auto at = nearest_miss(rows, limits); !found && at) nearest = document.rows[*at];
   if (!found) PALPATE_TRY(drop_scene(folder));
   const std::string json = tune_json(sweep, limits, tried, best.size(), nearest, context);
-  PALPATE_TRY(
-      sweep.suite().write({kTuneFile, json, {}}, tune_page(sweep, limits, tried, best.size(), nearest)));
+  PALPATE_TRY(folder.write(kTuneFile, json));
+  PALPATE_TRY(sweep.suite().write({kSweepFile, to_json(document), {}},
+                                  tune_page(sweep, limits, tried, best.size(), nearest)));
   context.progress.clear();
   if (arguments.sweep.run.json) fmt::print("{}", json);
   if (!found) return nothing_keeps(sweep, limits, tried, nearest);

@@ -141,11 +141,15 @@ TEST_F(Command, CompareSaysInFewLinesWhatTheReportBeginsWith) {
     const std::size_t lead = report.find("<dt>"), text = report.find("<dd>", lead);
     const std::string first = report.substr(lead + 4, report.find("</dt>") - lead - 4);
     EXPECT_EQ(first, renderers == "cloud" ? "Contact" : "Take");
+    EXPECT_THAT(said, HasSubstr("99.9 %")) << "the columns are those of the report's first table";
+    EXPECT_THAT(said, HasNone("p50", "what it is"));
     std::string words = said;
     std::replace(words.begin(), words.end(), '\n', ' ');
     EXPECT_THAT(words, HasSubstr(report.substr(text + 4, report.find("</dd>", text) - text - 4))) << said;
   }
-  EXPECT_GT(compared("cloud,brute-force", {"--verbose"}).size(), 3000u);
+  const std::string verbose = compared("cloud,brute-force", {"--verbose"});
+  EXPECT_GT(verbose.size(), 3000u);
+  EXPECT_THAT(verbose, HasSubstr(" ours "));
 }
 
 TEST_F(Command, TracesAreTheSameForAnyThreadsAndFromRunToRun) {

@@ -256,6 +256,8 @@ const std::vector<Case>& cases() {
       {"single_dash", "compare % -path tap --out @/out --renderers auto", "did you mean --path?"},
       {"empty_path", "compare % --renderers cloud --path '' --out @/out", "--path"},
       {"unknown_option_of_none", "--vresion", "unknown option '--vresion'; did you mean '--version'?"},
+      {"unknown_kind", "list rendrers", "did you mean 'renderers'?"},
+      {"unknown_option_of_generator", "info sinusoid:pionts=100", "did you mean 'points'?"},
       {"no_model", "info", "MODEL"},
       {"missing_file", "info @/none.ply", "none.ply"},
       {"folder_as_model", "info @", "palpate: error"},

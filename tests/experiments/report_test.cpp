@@ -140,7 +140,7 @@ TEST(FirstPage, AnswersBeforeItExplains) {
   Page page = begin_page("title", d);
   page.apart = true;
   page.answers = {answer_of(d)};
-  page.tables = {summary_table(d, SummaryFor::kPage)};
+  page.tables = {summary_table(d)};
   page.figures = {{"f", "The picture", "a caption", "<svg></svg>", true}};
   add_known(page, known_of("", d));
   page.sections.push_back({"details", "The details", {}, {"A paragraph."}, {comparison_table(d)}, {}, {}});
@@ -165,20 +165,20 @@ TEST(FirstPage, AnswersBeforeItExplains) {
 TEST(FirstPage, SaysWhatThereIsWhereForcesOrTruthAreMissing) {
   metrics::ResultDocument d = document();
   for (metrics::RendererResult& r : d.renderers) r.accuracy->force_rms_n.reset();
-  EXPECT_EQ(summary_table(d, SummaryFor::kPage).rows[0][2].text, kMissingNumber);
+  EXPECT_EQ(summary_table(d).rows[0][2].text, kMissingNumber);
   EXPECT_EQ(trade_chart("t", d).x_label, "preparation, ms") << "nothing is said of the force";
   EXPECT_TRUE(has_points(trade_chart("t", d)));
   for (metrics::RendererResult& r : d.renderers) r.accuracy.reset();
-  for (const auto& row : summary_table(d, SummaryFor::kPage).rows)
+  for (const auto& row : summary_table(d).rows)
     EXPECT_EQ(row[3].text, kMissingNumber) << "no truth, no word on contact";
   d.renderers[1].status = metrics::RunStatus::kFailed;
   d.renderers[1].reason = "no <mesh>";
   d.renderers[1].frame.reset();
-  EXPECT_EQ(summary_table(d, SummaryFor::kPage).rows[1][6].text, "failed");
+  EXPECT_EQ(summary_table(d).rows[1][6].text, "failed");
   EXPECT_EQ(headlines_of(d)[0].text, "cloud-literal failed: no <mesh>.");
   for (metrics::RendererResult& r : d.renderers) r.frame.reset();
   EXPECT_FALSE(has_points(trade_chart("t", d))) << "nothing to draw";
-  EXPECT_TRUE(summary_table({}, SummaryFor::kPage).rows.empty());
+  EXPECT_TRUE(summary_table({}).rows.empty());
 }
 
 /// A frames-table of the thesis, measured: literal, ours, mesh.

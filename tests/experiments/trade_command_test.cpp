@@ -142,6 +142,10 @@ TEST_F(Trade, BrokenRowsAndForeignFoldersAreRefused) {
   write_text(in("out/rows.jsonl"), rows);
   refuses("another scene", sweep_of("plane:points=961", "out"));
   EXPECT_EQ(text_in("out/rows.jsonl"), rows);
+  refuses("the folder holds the results of palpate compare sweep", "tune", kTiny,
+          "--max-error 8 --passes 2 --path", kShort, "--out @/out");
+  EXPECT_EQ(text_in("out/rows.jsonl"), rows);
+  EXPECT_FALSE(exists("out/tune.json"));
   succeeds("compare plane:points=441 --path tap:frames=300 --out @/study --renderers auto");
   EXPECT_EQ(palpate(sweep("study")).exit_code, 2) << "another command's results are not written over";
   EXPECT_TRUE(exists("study/result.json"));
@@ -207,6 +211,8 @@ TEST_F(Trade, TuneWritesASceneThatKeepsTheLimit) {
   EXPECT_EQ(document("again", "result.json")["renderers"][0]["trace_hash"], answer["chosen"]["trace_hash"]);
   // The most accurate in a budget, from the same rows: nothing is measured again.
   const std::string rows = text_in("out/rows.jsonl");
+  refuses("the folder holds the results of palpate tune",
+          "compare sweep @/scene.toml --passes 2 --out @/out --path", kShort);
   const json fine = answer["chosen"];
   succeeds(tune("--max-bytes 20000 --out @/out"));
   EXPECT_EQ(text_in("out/rows.jsonl"), rows);

@@ -96,7 +96,7 @@ class CloudLiteral final : public FrameLoopRenderer<LiteralModel> {
 RendererInfo cloud_literal_info() {
   RendererInfo info;
   info.name = "cloud-literal";
-  info.summary = "chapter 3 of the thesis as printed, defects included";
+  info.summary = "the thesis's chapter 3 as printed, defects included";
   info.source = "El-Far, chapter 3, figures 36 and 42";
   info.role = Role::kLiteral;
   info.supports = CloudLiteral::kSupportedFeatures;

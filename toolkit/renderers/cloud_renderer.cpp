@@ -32,8 +32,7 @@ double share(std::uint64_t part, std::uint64_t all) noexcept {
   return all == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(all);
 }
 
-constexpr const char* kCloudSummary =
-    "chapter 3 made right: the points' own triangles, a god object that only descends";
+constexpr const char* kCloudSummary = "the thesis's chapter 3 made right: the points' triangles";
 constexpr const char* kCloudSource =
     "El-Far, chapter 3; stars of points, contact side, friction cone, joint contact and bounds are ours";
 constexpr const char* kBruteSummary = "cloud with every triangle looked at: the oracle of tests";

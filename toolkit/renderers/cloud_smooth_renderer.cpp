@@ -221,7 +221,7 @@ class CloudSmooth final : public FrameLoopRenderer<SplineSdfModel> {
 RendererInfo cloud_smooth_info() {
   RendererInfo info;
   info.name = "cloud-smooth";
-  info.summary = "a smooth surface near the points, through their noise; no jumps, no dents";
+  info.summary = "a smooth surface near the points, through their noise";
   info.source = "ours: robust quadrics of growing radius, baked into a B-spline of distance";
   info.role = Role::kOurs;
   info.supports = CloudSmooth::kSupportedFeatures;

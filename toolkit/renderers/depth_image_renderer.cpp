@@ -149,7 +149,7 @@ class DepthImageRenderer final : public FrameLoopRenderer<DepthImageModel> {
 RendererInfo depth_image_info() {
   RendererInfo info;
   info.name = "depth-image";
-  info.summary = "a surface from a depth camera's images, fused over time; contact outlives its replacement";
+  info.summary = "a surface from a depth camera's images, fused over time";
   info.source = "ours: B-spline of inverse depth in the camera's raster";
   info.role = Role::kOurs;
   info.geometry = Geometry::kImages;

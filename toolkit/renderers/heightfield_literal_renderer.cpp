@@ -271,7 +271,7 @@ class HeightFieldLiteral final : public FrameLoopRenderer<LiteralHeightField> {
 RendererInfo heightfield_literal_info() {
   RendererInfo info;
   info.name = "heightfield-literal";
-  info.summary = "chapter 4 as printed: point in box, entry cell remembered";
+  info.summary = "the thesis's chapter 4, for height fields, as printed";
   info.source = "El-Far, chapter 4";
   info.role = Role::kLiteral;
   info.geometry = Geometry::kHeights;

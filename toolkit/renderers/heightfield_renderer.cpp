@@ -402,7 +402,7 @@ class HeightFieldRenderer final : public FrameLoopRenderer<HeightFieldSurface> {
 RendererInfo heightfield_info() {
   RendererInfo info;
   info.name = "heightfield";
-  info.summary = "chapter 4 made right: nearest point of the bilinear surface, no peak missed";
+  info.summary = "the thesis's chapter 4, for height fields, made right";
   info.source = "El-Far, chapter 4; bilinear surface and side are ours";
   info.role = Role::kOurs;
   info.geometry = Geometry::kHeights;
