@@ -2,6 +2,7 @@
 // the shortest whole renderer there is, and a bad one: it shows the interface, not an algorithm.
 #include "tests/house/example_renderer.h"
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>
