@@ -46,10 +46,11 @@ Info describe(const render::ModelInput& model, const scene::Provenance& provenan
   if (!table) table = search::exact_knn(*model.cloud, threads);
   info.neighbours = raster ? "the scanner's path" : "the eight nearest points";
   info.spacing = search::describe_spacing(*model.cloud, *table);
-  if (!info.spacing.high_resolution)
+  if (info.spacing.eighth_mm.p50 > kHighResolutionMm)
     info.warnings.push_back(
-        fmt::format("the resolution of {:.4g} mm is above the {} mm that the thesis calls highly detailed",
-                    info.spacing.resolution_mm, kHighResolutionMm));
+        fmt::format("half of the points have an eighth neighbour that is {:.3g} mm away or farther: no finer "
+                    "shape can be felt; if the object is not that large, give --unit or --scale",
+                    info.spacing.eighth_mm.p50));
   if (info.statistics.duplicates > 0)
     info.warnings.push_back(
         fmt::format("{} points stand where another one stands", info.statistics.duplicates));
@@ -125,8 +126,17 @@ nlohmann::ordered_json to_json(const Info& info) {
   return j;
 }
 
-std::string order_text(const std::optional<cloud::ScanRaster>& raster) {
-  if (!raster) return "no full raster";
+std::string order_text(const std::optional<cloud::ScanRaster>& raster, const cloud::Cloud& points) {
+  if (!raster) {
+    const Result<search::ScanTable> table = search::scan_table_of(points);
+    if (!table) return "none found in the order of the points";
+    std::uint32_t rows = 0, columns = 0;
+    for (const search::ScanPosition& at : table->of) {
+      rows = std::max(rows, at.row + 1);
+      columns = std::max(columns, at.column + 1);
+    }
+    return fmt::format("yes, with holes: {} rows of up to {}", rows, columns);
+  }
   const bool fro = raster->order == cloud::ScanOrder::kBoustrophedon;
   const char* const round = raster->columns_wrap && raster->rows_wrap ? ", both ways round"
                             : raster->columns_wrap                    ? ", columns round"
@@ -164,8 +174,8 @@ void print_text(const Info& info) {
   const Vec3 low = s.box_mm.low_mm, high = s.box_mm.high_mm, extent = s.box_mm.extent_mm();
   const auto row = [](const char* key, const std::string& value) { fmt::print("  {:<18} {}\n", key, value); };
   const auto spread = [](const search::Percentiles& p) {
-    return fmt::format("min {:.4g}, median {:.4g}, 99 % {:.4g}, 99.9 % {:.4g}, max {:.4g} mm", p.min, p.p50,
-                       p.p99, p.p999, p.max);
+    return fmt::format("smallest {:.4g}, half below {:.4g}, 99 % {:.4g}, 99.9 % {:.4g}, largest {:.4g} mm",
+                       p.min, p.p50, p.p99, p.p999, p.max);
   };
   fmt::print("{}\n", info.model.name);
   row("source", info.provenance.source);
@@ -174,9 +184,9 @@ void print_text(const Info& info) {
                           info.provenance.unit_guessed ? " (guessed)" : ""));
   if (info.model.analytic) row("formula", info.model.analytic->formula());
   row("points", fmt::format("{}", s.points));
-  row("not finite", fmt::format("{} dropped", info.provenance.non_finite));
+  row("left out", fmt::format("{}, whose coordinates are no numbers", info.provenance.non_finite));
   for (const std::string& step : info.provenance.cleaned) row("cleaned", step);
-  row("duplicates", fmt::format("{}", s.duplicates));
+  row("duplicates", fmt::format("{}, where another point stands", s.duplicates));
   const int digits = corner_digits(s.box_mm);
   row("box",
       fmt::format("({:.{}g}, {:.{}g}, {:.{}g}) to ({:.{}g}, {:.{}g}, {:.{}g}) mm", low.x(), digits, low.y(),
@@ -187,25 +197,25 @@ void print_text(const Info& info) {
                             pose.translation_mm.x(), pose.translation_mm.y(), pose.translation_mm.z()));
   if (info.model.motion != nullptr) row("motion", "the model moves; all here is of its points at rest");
   row("extent", fmt::format("{:.4g} x {:.4g} x {:.4g} mm", extent.x(), extent.y(), extent.z()));
-  row("resolution",
-      fmt::format("{:.4g} mm, largest distance over {}", info.spacing.resolution_mm, info.neighbours));
+  row("resolution", fmt::format("{:.4g} mm, the largest distance between neighbours: {}",
+                                info.spacing.resolution_mm, info.neighbours));
   if (s.single_valued)
     row("plan resolution",
         fmt::format("{:.4g} mm, the same seen from above", info.spacing.plan_resolution_mm));
   row("density", std::isfinite(s.density_per_mm3)
                      ? fmt::format("{:.4g} points per mm3 of the box", s.density_per_mm3)
                      : std::string("none: the box is flat"));
-  row("nearest point", spread(info.spacing.nearest_mm));
-  row("eighth point", spread(info.spacing.eighth_mm));
-  row("scanner order", order_text(s.raster));
-  row("index distance", fmt::format("{:.4g} (median to the nearest point; 1 in a scanner's order)",
-                                    info.spacing.median_index_distance));
+  row("to the nearest", spread(info.spacing.nearest_mm));
+  row("to the eighth", spread(info.spacing.eighth_mm));
+  row("rows of a scanner", order_text(s.raster, *info.model.cloud));
+  row("order", fmt::format("the nearest point is mostly {:.4g} lines away in the file (1: as a scanner goes)",
+                           info.spacing.median_index_distance));
   row("height field", info.lattice.is   ? "yes, on " + info.lattice.words
                       : s.single_valued ? info.lattice.words + "; seen from above it does not overlap itself"
                                         : info.lattice.words);
-  row("own mesh", info.model.original_mesh
-                      ? fmt::format("{} triangles", info.model.original_mesh->triangles.size())
-                      : std::string("none"));
+  row("mesh", info.model.original_mesh
+                  ? fmt::format("{} triangles", info.model.original_mesh->triangles.size())
+                  : std::string("none: points alone"));
   row("content hash", info.provenance.content_hash);
   if (info.model.prepared != nullptr) print_surfaces(*info.model.prepared);
   for (const std::string& warning : info.warnings) fmt::print("  warning: {}\n", warning);

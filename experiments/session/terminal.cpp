@@ -58,8 +58,8 @@ void print_answer(const Headline& answer) {
 
 namespace {
 
-constexpr std::ptrdiff_t kScoreLines =
-    9;  // with a line on what is left out, the finding and the report's: 15
+/// With a line on what is left out, the finding and the report's: 15.
+constexpr std::ptrdiff_t kScoreLines = 9;
 
 /// Without what each renderer is and without marks, whose legend takes lines; of several faults the first.
 void shorten(Table& table) {

@@ -1,5 +1,7 @@
 // Every command on tiny scenes: what it prints, what it leaves behind, how it ends.
 
+#include <fmt/format.h>
+
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -71,7 +73,40 @@ TEST_F(Command, InfoWarnsOfCoarseGuessedDuplicatedAndBroken) {
   EXPECT_EQ(info["non_finite"], 1);
   EXPECT_TRUE(info["unit_guessed"].get<bool>());
   EXPECT_GE(info["warnings"].size(), 3u) << info["warnings"].dump(1);
+  EXPECT_THAT(info["warnings"].dump(), HasSubstr("give --unit"));
   refuses({}, "info @/coarse.xyz --non-finite refuse");
+}
+
+TEST_F(Command, InfoIsSilentOnFinePointsAndKnowsRowsWithHoles) {
+  // One hole makes the resolution 8 mm; the points around it are no worse for it.
+  std::string points =
+      "ply\nformat ascii 1.0\ncomment unit mm\nobj_info num_cols 20\nobj_info num_rows 20\n"
+      "element vertex 364\nproperty float x\nproperty float y\nproperty float z\n"
+      "element range_grid 400\nproperty list uchar int vertex_indices\nend_header\n";
+  std::string cells;
+  for (int i = 0, n = 0; i < 400; ++i) {
+    const int row = i / 20, column = i % 20;
+    const bool hole = row >= 7 && row < 13 && column >= 7 && column < 13;
+    if (!hole) points += fmt::format("{} {} 0\n", column, row);
+    cells += hole ? "0\n" : fmt::format("1 {}\n", n++);
+  }
+  write_text(folder_ / "scan.ply", points + cells);
+  const ProcessOutcome text = succeeds("info @/scan.ply");
+  EXPECT_THAT(text.out, HasSubstr("yes, with holes: 20 rows of up to 20"));
+  EXPECT_THAT(text.out, HasNone("warning", "highly detailed"));
+  EXPECT_THAT(succeeds("info sphere:points=2000").out, HasSubstr("none found in the order of the points"));
+}
+
+TEST_F(Command, ListsAreALineEachAndSayMoreOfOne) {
+  for (const char* list : {"renderers", "steps"}) {
+    const std::size_t all = printed("list", list, "--json").size();
+    const std::string text = succeeds("list", list).out;
+    EXPECT_LE(count_of(text, "\n"), all + 5) << text;
+    EXPECT_THAT(text, HasNone("refine=0", "source: "));
+  }
+  EXPECT_THAT(succeeds("list renderers cloud").out, HasAll("refine=0", "source: ", "role: "));
+  EXPECT_THAT(succeeds("list steps outliers").out, HasSubstr("distance="));
+  refuses("did you mean 'cloud-smooth'?", "list renderers cloud-smoth");
 }
 
 TEST_F(Command, ReplayLeavesTraceAndResult) {

@@ -26,7 +26,8 @@ inline constexpr double kPerceptibleForceStepN = 0.0275;
 /// Section 3.4 of the thesis: no force shading below this resolution. Used by `cloud-literal` only.
 inline constexpr double kLiteralShadingResolutionMm = 0.2;
 
-/// Section 1.6: a cloud at or below this resolution is "highly detailed"; `palpate info` warns above it.
+/// Section 1.6: a cloud at or below this resolution is "highly detailed"; `palpate info` warns where half of
+/// the points are farther apart.
 inline constexpr double kHighResolutionMm = 2.5;
 
 /// Section 3.1.3: a grid cell is a cube of five times the cloud's worst resolution.

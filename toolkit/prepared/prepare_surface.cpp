@@ -28,12 +28,12 @@ using spline_sdf::MortonPoints;
 /// The program itself and buffers.
 constexpr std::uint64_t kFixedSurfaceBytes = std::uint64_t{96} << 20;
 /// Kept of each point to the end: rims and seams of regions, of 48 bytes for a brick of some 25 points, a
-/// thirtieth of all; the table of cells; rows of tiles.
+/// thirtieth of all; the table of cells; rows of tiles. Twice their sum, since regions may be smaller.
 constexpr double kKeptBytesPerPoint = 0.25;
 /// While regions are made: a point of the coarser surface; a point for rays.
 constexpr std::uint64_t kCoarseBytes = 12, kFarBytes = 50;
-/// When they are joined: parts of pieces, once more while they grow.
-constexpr std::uint64_t kJoinBytes = 2 * spline_sdf::kMostParts * sizeof(geometry::AreaElement);
+/// When they are joined: a part of a piece has a brick, of some 25 points, and once more while they grow.
+constexpr std::uint64_t kPartBytes = 2 * sizeof(geometry::AreaElement), kJoinBytesPerPoint = 2;
 /// Runs of adjacent cells that tell spacing and noise, and cells of a run: a run's rim is a fiftieth of it.
 constexpr std::size_t kProbeRuns = 16, kCellsOfRun = 16;
 /// Largest rounding of a coordinate, in spacings: what a clean fit calls exact is five times as much.
@@ -41,7 +41,7 @@ constexpr double kMostRounding = 0.01;
 /// Points for rays: a 64th of all, of eight times the spacing.
 constexpr std::uint64_t kFarShare = 64;
 /// Every file has it in its key: chunks of another kind are not gone on with.
-constexpr std::uint64_t kChunkVersion = 1;
+constexpr std::uint64_t kChunkVersion = 2;
 
 /// Cuts the bricks of all chunks into tiles, chunk after chunk: a chunk's region and a tile's node are both
 /// whole ranges of the Morton curve, so that one holds the other or they are apart.
@@ -248,7 +248,7 @@ class SurfacePreparation {
   /// Measures what all regions share, and samples the points.
   Status decide() {
     const CellFileInfo& info = cells_.info();
-    if (std::min(info.points * sizeof(geometry::AreaElement), kJoinBytes) > work_bytes())
+    if (std::min(info.points * kJoinBytesPerPoint, spline_sdf::kMostParts * kPartBytes) > work_bytes())
       return over_memory_limit(fmt::format("joining the surface of {} points", format_count(info.points)),
                                options_.memory_bytes);
     cloud::Cloud probe = empty_cloud();
