@@ -184,7 +184,7 @@ void print_text(const Info& info) {
                           info.provenance.unit_guessed ? " (guessed)" : ""));
   if (info.model.analytic) row("formula", info.model.analytic->formula());
   row("points", fmt::format("{}", s.points));
-  row("left out", fmt::format("{}, whose coordinates are no numbers", info.provenance.non_finite));
+  row("left out", fmt::format("{}, whose coordinates are no numbers, or no data", info.provenance.non_finite));
   for (const std::string& step : info.provenance.cleaned) row("cleaned", step);
   row("duplicates", fmt::format("{}, where another point stands", s.duplicates));
   const int digits = corner_digits(s.box_mm);
