@@ -265,7 +265,6 @@ Status load_prepared(const SceneModel& model, render::ModelInput& input, Provena
 
 Status load_cells(const SceneModel& model, const io::ReadOptions& read, Progress& progress,
                   render::ModelInput& input, Provenance& provenance) {
-  PALPATE_TRY(io::check(read));
   PALPATE_ASSIGN(const prepared::CellFile file, prepared::CellFile::open(model.cloud));
   const std::uint64_t machine = metrics::machine_info().memory_bytes;  // 0: not known
   const std::uint64_t most = machine > 0 ? std::min(read.max_bytes, machine) : read.max_bytes;
@@ -280,8 +279,8 @@ Status load_cells(const SceneModel& model, const io::ReadOptions& read, Progress
   return Done{};
 }
 
-Status read_file(const SceneModel& model, const io::Readers& readers, io::ReadOptions read,
-                 Progress& progress, render::ModelInput& input, Provenance& provenance) {
+Status load_points(const SceneModel& model, const io::Readers& readers, io::ReadOptions read,
+                   Progress& progress, render::ModelInput& input, Provenance& provenance) {
   const std::optional<geometry::Aabb> within = read.within_mm;
   if (!model.views.empty()) read.within_mm.reset();  // the box is of the merged points
   PALPATE_ASSIGN(io::ReadModel got, readers.read(model.cloud, read, progress));
@@ -316,13 +315,14 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   read.no_data = options.no_data ? options.no_data : model.no_data;
   read.within_mm = options.within_mm ? options.within_mm : model.within_mm;
   read.max_bytes = options.max_bytes;
+  if (const Status right = io::check(read); !right) return Error(right.error()).in_file(model.cloud);
   const std::vector<std::byte> first = first_bytes(model.cloud);
   const bool surfaces = spline_sdf::SurfaceFile::begins_as_one(first);
   const bool cells = prepared::CellFile::begins_as_one(first);
   if (surfaces || cells) PALPATE_TRY(refuse_changes(model, read, options, surfaces));
   PALPATE_TRY(surfaces ? load_prepared(model, input, provenance)
               : cells  ? load_cells(model, read, progress, input, provenance)
-                       : read_file(model, readers, read, progress, input, provenance));
+                       : load_points(model, readers, read, progress, input, provenance));
   if (read.within_mm)
     provenance.source += fmt::format(" ({} of {} points, within {})", input.cloud->size(),
                                      provenance.file_points, io::box_text(*read.within_mm));
