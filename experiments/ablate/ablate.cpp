@@ -211,6 +211,7 @@ std::vector<std::string> marked_command(const AblateArguments& a, const std::str
   add("--deformation", a.run.surface.deformation);
   add("--unit", a.run.load.unit);
   add("--no-data", a.run.load.no_data);
+  add("--within", a.run.load.within);
   add("--non-finite", a.run.load.non_finite);
   add_number("--scale", a.run.load.scale);
   add_number("--post-mm", a.run.load.post_mm);

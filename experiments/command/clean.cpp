@@ -69,7 +69,8 @@ Result<int> run_clean(const CleanArguments& arguments, Context& context) {
   stop_callback.drop();
   context.progress.clear();
   if (arguments.json) {
-    print_json(own.file_points - own.non_finite, cleaned.cloud.size(), cleaned.phases, cleaned.notes);
+    print_json(own.file_points - own.non_finite - own.outside, cleaned.cloud.size(), cleaned.phases,
+               cleaned.notes);
     return kExitOk;
   }
   for (const std::string& warning : own.warnings) tell("palpate: warning: {}\n", warning);

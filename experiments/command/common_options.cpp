@@ -75,6 +75,9 @@ void declare_model(const Declaration& declare, ModelArguments& load) {
               "height grids: mm that a height of 1 stands for, before --scale (default: the unit)");
   rare.text("--no-data", load.no_data,
             "height grids: the file's number that stands for no height (default: what the file says)");
+  rare.text("--within", load.within,
+            "X,Y,Z,X,Y,Z: only the points in this box, its low and its high corner in mm, after --scale "
+            "(default: all, or the scene's)");
   rare.choice("--non-finite", load.non_finite, {"drop", "refuse"},
               "points that are not finite: drop (and count) or refuse (default: drop)");
   rare.number("--memory-limit-gb", load.memory_limit_gb, kGigabytes,

@@ -74,6 +74,7 @@ nlohmann::ordered_json to_json(const Info& info) {
       {"points", s.points},
       {"file_points", info.provenance.file_points},
       {"non_finite", info.provenance.non_finite},
+      {"outside", info.provenance.outside},
       {"duplicates", s.duplicates},
       {"box_mm",
        {{"low", vector(s.box_mm.low_mm)},

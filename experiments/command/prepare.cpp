@@ -231,8 +231,15 @@ Result<int> run_large_surface(const PrepareArguments& arguments, Context& contex
 }
 
 Result<int> run_prepare(const PrepareArguments& arguments, Context& context) {
-  if (arguments.out.ends_with(fmt::format(".{}", kCells))) return run_cells(arguments, context);
-  PALPATE_ASSIGN(const bool large, is_large(arguments));
+  const bool part = !arguments.load.within.empty();
+  if (arguments.out.ends_with(fmt::format(".{}", kCells))) {
+    if (part)
+      return Error{"--within does nothing: cells are of all points",
+                   "give it to the command that reads them, as in palpate info HALL.palcells --within ..."};
+    return run_cells(arguments, context);
+  }
+  // A part is read, and then is as large as any scan in memory.
+  PALPATE_ASSIGN(const bool large, part ? Result<bool>(false) : is_large(arguments));
   if (large) return run_large_surface(arguments, context);
   PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
   PALPATE_ASSIGN(const scene::SceneFile file, open_scene(arguments.model, all_renderers(), context.progress));

@@ -230,11 +230,11 @@ RunKey key_of(const RunArguments& arguments, const StageRequest& stage) {
                                 reference, paced, passes, budget_s, save_mesh, save_edited, force,
                                 allow_missing, json] = arguments;
   const auto& [stiffness, friction, deformation] = surface;
-  [[maybe_unused]] const auto& [unit, scale, post_mm, vertical_mm, no_data, non_finite, memory_limit_gb,
-                                threads] = load;
+  [[maybe_unused]] const auto& [unit, scale, post_mm, vertical_mm, no_data, within, non_finite,
+                                memory_limit_gb, threads] = load;
   RunKey key;
-  for (const std::string& text : {scene, stream, stream_delay, path, reference, unit, no_data, non_finite,
-                                  save_mesh, save_edited, stiffness, friction, deformation})
+  for (const std::string& text : {scene, stream, stream_delay, path, reference, unit, no_data, within,
+                                  non_finite, save_mesh, save_edited, stiffness, friction, deformation})
     key.add(text);
   key.add(scale)
       .add(post_mm)

@@ -45,9 +45,27 @@ std::string given_for_model_files(const ModelArguments& arguments) {
                                     {arguments.post_mm > 0.0, "--post-mm"},
                                     {arguments.vertical_mm > 0.0, "--vertical-mm"},
                                     {!arguments.no_data.empty(), "--no-data"},
+                                    {!arguments.within.empty(), "--within"},
                                     {!arguments.non_finite.empty(), "--non-finite"}})
     if (given) return name;
   return {};
+}
+
+Result<geometry::Aabb> parse_within(const std::string& text) {
+  constexpr std::size_t kNumbers = 6;
+  const std::vector<std::string> words = split_list(text);
+  if (words.size() != kNumbers)
+    return Error{fmt::format("--within: {} numbers are no box", words.size()),
+                 "give its low corner, then its high one, in mm: --within 0,0,0,100,100,50"};
+  geometry::Aabb box;
+  for (std::size_t i = 0; i < kNumbers; ++i) {
+    const Result<double> number = read_number(words[i], NumberRange{});
+    if (!number) return Error{fmt::format("--within: {}", number.error().what), number.error().remedy};
+    (i < 3 ? box.low_mm : box.high_mm)[static_cast<Eigen::Index>(i % 3)] = *number;
+  }
+  if (const Status right = io::check_box(box); !right)
+    return Error{fmt::format("--within: {}", right.error().what), right.error().remedy};
+  return box;
 }
 
 Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
@@ -65,6 +83,9 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
     if (!number)
       return Error{fmt::format("--no-data: {}", number.error().what), "give the file's number, as in -9999"};
     options.no_data = *number;
+  }
+  if (!arguments.within.empty()) {
+    PALPATE_ASSIGN(options.within_mm, parse_within(arguments.within));
   }
   options.cleaning = &all_cleaning();
   options.threads = arguments.threads;

@@ -93,6 +93,7 @@ struct ModelArguments {
   double post_mm = 0.0;          ///< height grids: distance of posts; 0: as the file says
   double vertical_mm = 0.0;      ///< height grids: mm of 1; 0: the unit
   std::string no_data;           ///< height grids: the number that stands for none; empty: the file's
+  std::string within;            ///< the box that is taken of it: six numbers in mm; empty: the scene's
   std::string non_finite;        ///< drop, refuse; empty: drop
   double memory_limit_gb = 0.0;  ///< of reading one file; 0: kMemoryLimitBytes
   int threads = 0;               ///< 0 = all
@@ -102,6 +103,8 @@ struct ModelArguments {
 [[nodiscard]] io::Readers all_readers();
 /// The first option given that says what a model file's numbers mean; empty: none.
 [[nodiscard]] std::string given_for_model_files(const ModelArguments& arguments);
+/// The corners that --within names, mm.
+[[nodiscard]] Result<geometry::Aabb> parse_within(const std::string& text);
 [[nodiscard]] Result<scene::LoadOptions> load_options(const ModelArguments& arguments);
 
 /// Everything about program, machine and time.

@@ -67,6 +67,7 @@ Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const Tune
   request.load.scale.reset();
   request.load.post_mm = request.load.vertical_mm = 0.0;
   request.load.no_data.reset();
+  request.load.within_mm.reset();
   PALPATE_ASSIGN(const Stage stage, set_up(request, all_readers(), progress));
   PALPATE_ASSIGN(const Experiment experiment,
                  experiment_on(stage, fmt::format("{} {}", version_text(), kCommit)));

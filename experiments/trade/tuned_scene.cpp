@@ -52,6 +52,12 @@ void add_load(toml::table& model, const ModelArguments& load) {
   if (of_file && load.vertical_mm > 0.0) model.insert_or_assign("vertical_mm", load.vertical_mm);
   if (of_file && !load.no_data.empty())
     if (const Result<double> number = parse_number(load.no_data)) model.insert_or_assign("no_data", *number);
+  if (!of_file || load.within.empty()) return;
+  if (const Result<geometry::Aabb> box = parse_within(load.within)) {
+    const Vec3 &low = box->low_mm, &high = box->high_mm;
+    model.insert_or_assign("within_mm", toml::array{toml::array{low.x(), low.y(), low.z()},
+                                                    toml::array{high.x(), high.y(), high.z()}});
+  }
 }
 
 /// A scene of one model named on the command line.

@@ -412,6 +412,30 @@ TEST_F(Reading, ANumberForNoDataIsOfTheCommandLineOrTheScene) {
   refuses("--no-data is of model files", "info sphere:points=500 --no-data 0");
 }
 
+TEST_F(Reading, APartOfAFileIsTaken) {
+  std::string points;
+  for (int i = 0; i < 40; ++i)
+    for (int j = 0; j < 30; ++j) points += fmt::format("{} {} {}\n", 0.5 * i, 0.5 * j, 0.01 * (i * j % 7));
+  write_text(folder_ / "a.txt", points);
+  succeeds("prepare @/a.txt --unit mm --out @/whole.palsurf");
+  refuses("felt whole", "info @/whole.palsurf --within 0,0,0,9,9,9");
+  EXPECT_THAT(succeeds("info @/a.txt --unit mm --within 0,0,-1,9.5,4.5,1").out,
+              HasAll("200 of 1200 points, within (0, 0, -1) to (9.5, 4.5, 1) mm", "9.5 x 4.5 x"));
+  const json info = printed("info @/a.txt --unit mm --within 0,0,-1,9.5,4.5,1 --json");
+  EXPECT_EQ(info["outside"], 1000);
+  EXPECT_EQ(info["points"], 200);
+  expect_valid("info", info.dump());
+  // Of a part there is a surface, and no cells.
+  succeeds("prepare @/a.txt --unit mm --within 0,0,-1,9.5,9.5,1 --out @/part.palsurf");
+  refuses("--within does nothing: cells are of all points",
+          "prepare @/a.txt --unit mm --within 0,0,-1,9.5,9.5,1 --out @/part.palcells");
+  refuses({"--within: 3 numbers are no box", "0,0,0,100,100,50"}, "info @/a.txt --within 0,0,0");
+  refuses("--within: 'x' is not", "info @/a.txt --within 0,0,0,1,1,x");
+  refuses("--within: (0, 0, 9) to (1, 1, 1) mm is no box", "info @/a.txt --within 0,0,9,1,1,1");
+  refuses("the points are within (0, 0, 0) to", "info @/a.txt --unit mm --within -9,-9,-9,-8,-8,-8");
+  refuses("--within is of model files", "info sphere:points=500 --within 0,0,0,1,1,1");
+}
+
 TEST_F(Reading, AModelThatMovesIsSaidToBe) {
   write_text(folder_ / "moved.toml",
              "[[model]]\ngenerate = \"sphere\"\npoints = 500\nposition_mm = [5, 100, 0]\n[model.motion]\n"

@@ -51,7 +51,7 @@ class Shown : public OnCommandLine, public testing::WithParamInterface<std::stri
         points;
     const std::string scene = "[[model]]\ngenerate = \"plane\"\npoints = 961\n";
     for (const auto& [file, text] : {std::pair{"scan.ply", ply},
-                                     {"hall.pts", "3\n0 0 0\n1 0 0\n0 1 0\n"},
+                                     {"hall.pts", "961\n" + points},
                                      {"YOUR_SCAN.ply", ply},
                                      {"terrain.asc", grid},
                                      {"probe.csv", path},

@@ -233,10 +233,12 @@ TEST_F(Trade, TunedSceneOfAFileStandsAnywhere) {
   std::string mesh = "OFF\n4 2 0\n-1 -1 -0.1\n17 -1 -0.1\n17 16 1.6\n-1 16 1.6\n3 0 1 2\n3 0 2 3\n";
   write_text(folder_ / "truth.off", mesh);
   succeeds("tune", in("my points.xyz"),
-           "--unit mm --scale 2 --reference @/truth.off --renderers cloud --axes points --passes 1 --path "
+           "--unit mm --scale 2 --within -1,-1,-1,26,40,9 --reference @/truth.off --renderers cloud --axes "
+           "points --passes 1 --path "
            "exploration:frames=600 --max-bytes 1e6 --out @/out");
   const std::string scene = text_in("out/tuned.toml");
   EXPECT_THAT(scene, HasSubstr(in("my points.xyz")));
+  EXPECT_THAT(scene, HasAll("within_mm = [", "26.0", "40.0"));
   std::filesystem::create_directories(folder_ / "elsewhere");
   std::filesystem::copy_file(folder_ / "out/tuned.toml", folder_ / "elsewhere/it.toml");
   succeeds("info plan @/elsewhere/it.toml");

@@ -72,10 +72,15 @@ inline constexpr const char* kCheckLine = "check the file at this line";
 /// Cuts a vertex's three coordinates off the front of `rest`. The Error has no line.
 [[nodiscard]] Result<Vec3> next_vertex(std::string_view& rest);
 
+/// "(0, 0, 0) to (10, 5, 2) mm", to copy and change.
+[[nodiscard]] std::string box_text(const geometry::Aabb& box_mm);
+/// The Error that no point is `within`; `own_mm` holds them all.
+[[nodiscard]] Error nothing_within(const geometry::Aabb& within_mm, const geometry::Aabb& own_mm);
+
 /// Rounds to float; beyond float's range it is infinite.
 [[nodiscard]] float to_float(double value) noexcept;
 
-/// Indices are 32 bits wide and the last value marks a dropped point.
+/// Indices are 32 bits wide; the last value marks a dropped point, the one before a point outside the box.
 inline constexpr std::uint64_t kMaxPoints = 0xFFFFFFFEu;
 /// Rows between two reports of progress: about a hundredth of a second of parsing.
 inline constexpr std::uint64_t kRowsPerReport = std::uint64_t{1} << 16;

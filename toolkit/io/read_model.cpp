@@ -70,34 +70,46 @@ void choose_unit(const DecodedFile& decoded, const ReadOptions& options, ReadMod
   }
 }
 
-constexpr std::uint32_t kDropped = 0xFFFFFFFFu;
+constexpr std::uint32_t kDropped = 0xFFFFFFFFu, kOutside = kDropped - 1;
 
-// Scales to mm and closes the gaps of points that are not finite. Returns the new index of every point, or
-// nothing where none was dropped.
-std::vector<std::uint32_t> scale_and_compact(DecodedFile& decoded, double factor, ReadModel& model,
-                                             std::size_t& first_bad) {
-  std::vector<std::uint32_t> new_index;
+struct Compacted {
+  std::vector<std::uint32_t> new_index;  ///< of every point; empty: all were kept
+  std::size_t first_bad = 0;
+  geometry::Aabb finite_mm;  ///< of all finite points, kept or not
+};
+
+// Scales to mm and closes the gaps of points that are not finite, or outside the box asked for.
+Compacted scale_and_compact(DecodedFile& decoded, double factor, const ReadOptions& options,
+                            ReadModel& model) {
+  Compacted made;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < decoded.points.size(); ++i) {
     const Vec3 p = decoded.points[i] * factor;
-    if (!is_finite(p)) {
-      if (model.non_finite++ == 0) {
-        first_bad = i;
-        new_index.resize(decoded.points.size(), kDropped);
+    const bool finite = is_finite(p);
+    if (finite) made.finite_mm.add(p);
+    if (!finite || (options.within_mm && !options.within_mm->contains(p))) {
+      if (made.new_index.empty()) {
+        made.new_index.resize(decoded.points.size(), kDropped);
         for (std::size_t before = 0; before < i; ++before)
-          new_index[before] = static_cast<std::uint32_t>(before);
+          made.new_index[before] = static_cast<std::uint32_t>(before);
+      }
+      if (finite) {
+        ++model.outside;
+        made.new_index[i] = kOutside;
+      } else if (model.non_finite++ == 0) {
+        made.first_bad = i;
       }
       continue;
     }
-    if (!new_index.empty()) {
-      new_index[i] = static_cast<std::uint32_t>(kept);
+    if (!made.new_index.empty()) {
+      made.new_index[i] = static_cast<std::uint32_t>(kept);
       for (cloud::Property& property : decoded.properties) property.values[kept] = property.values[i];
     }
     decoded.points[kept++] = p;
   }
   decoded.points.resize(kept);
   for (cloud::Property& property : decoded.properties) property.values.resize(kept);
-  return new_index;
+  return made;
 }
 
 // A raster with holes is none; what is left of it are two properties, row and column, which a look-up table
@@ -118,7 +130,7 @@ void keep_rows_and_columns(const DecodedFile& decoded, const std::vector<std::ui
   cloud::Property column{"column", std::vector<float>(cloud.size())};
   for (std::size_t i = 0; i < file_points; ++i) {
     const std::size_t point = new_index.empty() ? i : new_index[i];
-    if (point == kDropped) continue;
+    if (point >= cloud.size()) continue;  // kDropped, kOutside
     row.values[point] = static_cast<float>(position(i) / raster.columns);
     column.values[point] = static_cast<float>(raster.column(position(i)));
   }
@@ -126,7 +138,8 @@ void keep_rows_and_columns(const DecodedFile& decoded, const std::vector<std::ui
   cloud.properties.push_back(std::move(column));
 }
 
-// Drops the faces, each as a whole, that use a dropped or missing point.
+// Drops the faces, each as a whole, that use a dropped or missing point. Those at the box's border are no
+// fault of the file, and not counted.
 void clean_faces(DecodedFile& decoded, const std::vector<std::uint32_t>& new_index, std::size_t file_points) {
   auto& triangles = decoded.triangles;
   std::size_t kept = 0;
@@ -136,14 +149,17 @@ void clean_faces(DecodedFile& decoded, const std::vector<std::uint32_t>& new_ind
     const std::size_t first_kept = kept;
     for (std::size_t t = begin; t < end; ++t) {
       std::array<std::uint32_t, 3> corners = triangles[t];
-      bool whole = true;
+      bool whole = true, outside = false;
       for (std::uint32_t& corner : corners) {
-        if (corner < file_points && !new_index.empty()) corner = new_index[corner];
-        whole = whole && corner < file_points;  // kDropped is beyond any count of points
+        if (corner < file_points && !new_index.empty()) {
+          corner = new_index[corner];
+          outside = outside || corner == kOutside;
+        }
+        whole = whole && corner < file_points;  // kDropped and kOutside are beyond any count of points
       }
       if (!whole) {
         kept = first_kept;
-        ++decoded.dropped_faces;
+        if (!outside) ++decoded.dropped_faces;
         break;
       }
       triangles[kept++] = corners;
@@ -248,7 +264,27 @@ Status check(const ReadOptions& options) {
     if (!(mm >= 0.0) || !std::isfinite(mm))
       return Error{fmt::format("{} mm is no distance of posts and no height", mm),
                    "give a positive number of mm"};
-  return Done{};
+  return options.within_mm ? check_box(*options.within_mm) : Status(Done{});
+}
+
+Status check_box(const geometry::Aabb& box_mm) {
+  if (is_finite(box_mm.low_mm) && is_finite(box_mm.high_mm) &&
+      (box_mm.low_mm.array() <= box_mm.high_mm.array()).all())
+    return Done{};
+  return Error{fmt::format("{} is no box", box_text(box_mm)),
+               "give its low corner, then its high one, each as x, y, z in mm"};
+}
+
+std::string box_text(const geometry::Aabb& box_mm) {
+  // As many digits as place a point of a town to a thousandth of a mm.
+  const Vec3 &low = box_mm.low_mm, &high = box_mm.high_mm;
+  return fmt::format("({:.12g}, {:.12g}, {:.12g}) to ({:.12g}, {:.12g}, {:.12g}) mm", low.x(), low.y(),
+                     low.z(), high.x(), high.y(), high.z());
+}
+
+Error nothing_within(const geometry::Aabb& within_mm, const geometry::Aabb& own_mm) {
+  return Error{fmt::format("no point is within {}", box_text(within_mm)),
+               fmt::format("the points are within {}", box_text(own_mm))};
 }
 
 namespace {
@@ -279,9 +315,7 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
   model.warnings = std::move(decoded.warnings);
   choose_unit(decoded, options, model);
 
-  std::size_t first_bad = 0;
-  const std::vector<std::uint32_t> new_index =
-      scale_and_compact(decoded, mm_per(model.unit) * options.scale, model, first_bad);
+  const Compacted made = scale_and_compact(decoded, mm_per(model.unit) * options.scale, options, model);
   if (model.non_finite == model.file_points)
     return Error{fmt::format("none of the file's {} points is finite", model.file_points), "check the file",
                  name};
@@ -289,10 +323,11 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
     const std::string found =
         fmt::format("{} of {} points are not finite", model.non_finite, model.file_points);
     if (options.non_finite == cloud::NonFinite::kRefuse)
-      return Error{fmt::format("{}, the first is point {}", found, first_bad + 1),
+      return Error{fmt::format("{}, the first is point {}", found, made.first_bad + 1),
                    "drop them with --non-finite drop, or clean the file", name};
     model.warnings.push_back(found + " and were dropped.");
   }
+  if (decoded.points.empty()) return nothing_within(*options.within_mm, made.finite_mm).in_file(name);
 
   cloud::BuildReport report;
   Result<cloud::Cloud> cloud = cloud::build_cloud(decoded.points, cloud::NonFinite::kRefuse, &report);
@@ -305,15 +340,15 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
   }
   model.cloud = std::move(*cloud);
   model.cloud.properties = std::move(decoded.properties);
-  if (model.non_finite == 0) model.cloud.raster = decoded.raster;
+  if (made.new_index.empty()) model.cloud.raster = decoded.raster;
   if (!model.cloud.raster && (decoded.raster || !decoded.position_of.empty()))
-    keep_rows_and_columns(decoded, new_index, model.file_points, model.cloud);
+    keep_rows_and_columns(decoded, made.new_index, model.file_points, model.cloud);
   model.max_rounding_mm = report.max_rounding_mm;
   model.content_hash = hash_points(decoded.points);
   if (decoded.single_precision)
     warn_of_float_steps(decoded.points, mm_per(model.unit) * options.scale, model);
 
-  clean_faces(decoded, new_index, model.file_points);
+  clean_faces(decoded, made.new_index, model.file_points);
   model.dropped_faces = decoded.dropped_faces;
   if (model.dropped_faces > 0)
     model.warnings.push_back(

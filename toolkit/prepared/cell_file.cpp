@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <new>
 #include <string_view>
 
 #include "toolkit/core/hash.h"
+#include "toolkit/io/decoding.h"
 
 namespace palpate::prepared {
 namespace {
@@ -283,6 +285,43 @@ class CellPointStream final : public io::PointStream {
 
 std::unique_ptr<io::PointStream> stream_cells(std::shared_ptr<const CellFile> file) {
   return std::make_unique<CellPointStream>(std::move(file));
+}
+
+Result<cloud::Cloud> read_cloud(const CellFile& file, const std::optional<geometry::Aabb>& within_mm,
+                                std::uint64_t max_bytes, Progress& progress) {
+  // A point as three doubles, and as three floats.
+  constexpr std::uint64_t kBytesOfReading = 36;
+  std::vector<std::size_t> cells;
+  std::uint64_t most = 0;
+  for (std::size_t cell = 0; cell < file.size(); ++cell) {
+    if (within_mm && !within_mm->overlaps(file.box_mm(cell))) continue;
+    cells.push_back(cell);
+    most += file.entry(cell).points;
+  }
+  const Error too_large{
+      fmt::format("{} points do not fit in the {} bytes of memory allowed, or in what is free", most,
+                  max_bytes),
+      "take a part of them: --within X,Y,Z,X,Y,Z, or within_mm in a scene; else give more --memory-limit-gb",
+      file.path()};
+  if (most > max_bytes / kBytesOfReading) return too_large;
+  try {
+    std::vector<Vec3> points;
+    points.reserve(static_cast<std::size_t>(most));
+    std::vector<std::byte> bytes;
+    CellPoints got;
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      progress.report("loading " + file.path(), static_cast<double>(i) / static_cast<double>(cells.size()));
+      if (progress.cancelled()) return Error{"stopped while loading the cells"};
+      PALPATE_TRY(file.read_cell(cells[i], bytes, got));
+      for (const Vec3& p : got.own_mm())
+        if (!within_mm || within_mm->contains(p)) points.push_back(p);
+    }
+    if (within_mm && points.empty())
+      return io::nothing_within(*within_mm, file.info().bounds_mm).in_file(file.path());
+    return cloud::build_cloud(points, cloud::NonFinite::kRefuse);
+  } catch (const std::bad_alloc&) {
+    return too_large;
+  }
 }
 
 }  // namespace palpate::prepared

@@ -9,11 +9,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include <palpate/cloud.h>
 #include <palpate/geometry.h>
+#include <palpate/progress.h>
 #include <palpate/result.h>
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/files.h"
@@ -116,5 +119,12 @@ class CellFile {
 
 /// The own points of all cells, in mm, in Morton order.
 [[nodiscard]] std::unique_ptr<io::PointStream> stream_cells(std::shared_ptr<const CellFile> file);
+
+/// The same as a cloud, or those in a closed box: of the cells that it overlaps, and no other is read.
+/// Errors: a damaged cell, a box without points, cells to read that take more than `max_bytes` or than there
+/// is.
+[[nodiscard]] Result<cloud::Cloud> read_cloud(const CellFile& file,
+                                              const std::optional<geometry::Aabb>& within_mm,
+                                              std::uint64_t max_bytes, Progress& progress);
 
 }  // namespace palpate::prepared

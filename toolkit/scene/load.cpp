@@ -12,6 +12,8 @@
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/io/decoding.h"
+#include "toolkit/metrics/machine_info.h"
 #include "toolkit/prepared/cell_file.h"
 #include "toolkit/spline_sdf/surface_file.h"
 
@@ -21,8 +23,6 @@ namespace {
 using surface::PointProperties;
 
 constexpr double kDeepest = 65535.0;  // of 16 bits
-// Of a file of cells: a point as three doubles and three floats.
-constexpr std::uint64_t kBytesOfReading = 36;
 
 Status fill_column(const cloud::Cloud& cloud, const std::string& name, std::vector<float>& values) {
   if (name.empty()) return Done{};
@@ -176,9 +176,27 @@ Status load_generated(const SceneModel& model, double scale, render::ModelInput&
   return Done{};
 }
 
+/// Keeps what is in the box.
+Status keep_within(const geometry::Aabb& box, std::vector<Vec3>& points,
+                   std::vector<cloud::Property>& properties, io::ReadModel& got) {
+  geometry::Aabb all;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    all.add(points[i]);
+    if (!box.contains(points[i])) continue;
+    for (cloud::Property& p : properties) p.values[kept] = p.values[i];
+    points[kept++] = points[i];
+  }
+  if (kept == 0) return io::nothing_within(box, all);
+  got.outside = points.size() - kept;
+  points.resize(kept);
+  for (cloud::Property& p : properties) p.values.resize(kept);
+  return Done{};
+}
+
 /// Appends the points of all views to the first, with the columns common to all.
 Status add_views(const SceneModel& model, const io::Readers& readers, const io::ReadOptions& read,
-                 Progress& progress, io::ReadModel& got) {
+                 const std::optional<geometry::Aabb>& within, Progress& progress, io::ReadModel& got) {
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < got.cloud.size(); ++i) points.push_back(got.cloud.point_mm(i));
   std::vector<cloud::Property> properties = std::move(got.cloud.properties);
@@ -204,6 +222,7 @@ Status add_views(const SceneModel& model, const io::Readers& readers, const io::
     got.non_finite += more.non_finite;
     got.warnings.insert(got.warnings.end(), more.warnings.begin(), more.warnings.end());
   }
+  if (within) PALPATE_TRY(keep_within(*within, points, properties, got));
   PALPATE_ASSIGN(cloud::Cloud merged, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
   merged.properties = std::move(properties);
   got.cloud = std::move(merged);
@@ -213,12 +232,17 @@ Status add_views(const SceneModel& model, const io::Readers& readers, const io::
 }
 
 /// A prepared file is in mm and has its points: nothing of it is converted.
-Status refuse_changes(const SceneModel& model, double scale, const LoadOptions& options, bool surfaces) {
+Status refuse_changes(const SceneModel& model, const io::ReadOptions& read, const LoadOptions& options,
+                      bool surfaces) {
   const auto refuse = [&](std::string_view what) {
     return Error{fmt::format("is a prepared file, which {}", what),
                  "say it when the scan is prepared: palpate prepare SCAN --out FILE", model.cloud};
   };
-  if (scale != 1.0) return refuse("has its scale already");
+  if (surfaces && read.within_mm)
+    return Error{"is a prepared surface, which is felt whole",
+                 "take a part of the scan, or of its cells: palpate prepare SCAN --out FILE.palcells",
+                 model.cloud};
+  if (read.scale != 1.0) return refuse("has its scale already");
   if (options.unit || (model.unit && *model.unit != io::Unit::kMillimetre))
     return refuse("has its unit already");
   if (!model.views.empty() || (surfaces && (!model.clean.empty() || model.sample)))
@@ -226,9 +250,7 @@ Status refuse_changes(const SceneModel& model, double scale, const LoadOptions& 
   return Done{};
 }
 
-Status load_prepared(const SceneModel& model, double scale, const LoadOptions& options,
-                     render::ModelInput& input, Provenance& provenance) {
-  PALPATE_TRY(refuse_changes(model, scale, options, true));
+Status load_prepared(const SceneModel& model, render::ModelInput& input, Provenance& provenance) {
   PALPATE_ASSIGN(const std::shared_ptr<const spline_sdf::SurfaceFile> file,
                  spline_sdf::SurfaceFile::open(model.cloud));
   provenance.source = model.cloud;
@@ -241,32 +263,40 @@ Status load_prepared(const SceneModel& model, double scale, const LoadOptions& o
   return Done{};
 }
 
-/// Reads all points of a file of cells.
-Status load_cells(const SceneModel& model, double scale, const LoadOptions& options, Progress& progress,
+Status load_cells(const SceneModel& model, const io::ReadOptions& read, Progress& progress,
                   render::ModelInput& input, Provenance& provenance) {
-  PALPATE_TRY(refuse_changes(model, scale, options, false));
-  PALPATE_ASSIGN(prepared::CellFile opened, prepared::CellFile::open(model.cloud));
-  const auto file = std::make_shared<const prepared::CellFile>(std::move(opened));
-  if (file->info().points > options.max_bytes / kBytesOfReading)
-    return over_memory_limit(fmt::format("{} points", file->info().points), options.max_bytes);
-  std::vector<Vec3> points(static_cast<std::size_t>(file->info().points));
-  const std::unique_ptr<io::PointStream> stream = prepared::stream_cells(file);
-  for (std::size_t at = 0; at < points.size();) {
-    progress.report("loading " + model.name, static_cast<double>(at) / static_cast<double>(points.size()));
-    if (progress.cancelled()) return Error{"stopped while loading the scene"};
-    const std::size_t most = std::min(points.size() - at, std::size_t{1} << 20);
-    PALPATE_ASSIGN(const std::size_t got, stream->read(std::span(points).subspan(at, most)));
-    if (got == 0)
-      return Error{"its cells have fewer points than its header says", "prepare the scan again", model.cloud};
-    at += got;
-  }
-  PALPATE_ASSIGN(cloud::Cloud cloud, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+  PALPATE_ASSIGN(const prepared::CellFile file, prepared::CellFile::open(model.cloud));
+  const std::uint64_t machine = metrics::machine_info().memory_bytes;  // 0: not known
+  const std::uint64_t most = machine > 0 ? std::min(read.max_bytes, machine) : read.max_bytes;
+  PALPATE_ASSIGN(cloud::Cloud cloud, prepared::read_cloud(file, read.within_mm, most, progress));
   provenance.source = model.cloud;
-  provenance.format = fmt::format("cells of points, {} of them, each point within {:.3g} mm", file->size(),
-                                  0.5 * file->info().quantum_mm);
+  provenance.format = fmt::format("cells of points, {} of them, each point within {:.3g} mm", file.size(),
+                                  0.5 * file.info().quantum_mm);
   provenance.content_hash = hash_of(cloud);
-  provenance.file_points = points.size();
+  provenance.file_points = static_cast<std::size_t>(file.info().points);
+  provenance.outside = provenance.file_points - cloud.size();
   input.cloud = std::make_shared<const cloud::Cloud>(std::move(cloud));
+  return Done{};
+}
+
+Status load_points(const SceneModel& model, const io::Readers& readers, io::ReadOptions read,
+                   Progress& progress, render::ModelInput& input, Provenance& provenance) {
+  const std::optional<geometry::Aabb> within = read.within_mm;
+  if (!model.views.empty()) read.within_mm.reset();  // the box is of the merged points
+  PALPATE_ASSIGN(io::ReadModel got, readers.read(model.cloud, read, progress));
+  if (!model.views.empty()) PALPATE_TRY(add_views(model, readers, read, within, progress, got));
+  provenance.source = model.cloud;
+  provenance.format = got.format;
+  provenance.content_hash = model.views.empty() ? hex(got.content_hash) : hash_of(got.cloud);
+  provenance.unit = got.unit;
+  provenance.unit_guessed = got.unit_guessed;
+  provenance.file_points = got.file_points;
+  provenance.non_finite = got.non_finite;
+  provenance.outside = got.outside;
+  provenance.warnings = got.warnings;
+  if (!got.compression.empty()) provenance.format += ", " + got.compression;
+  input.cloud = std::make_shared<const cloud::Cloud>(std::move(got.cloud));
+  if (got.mesh != nullptr && !got.mesh->empty()) input.original_mesh = std::move(got.mesh);
   return Done{};
 }
 
@@ -276,11 +306,6 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   if (model.cloud.empty())
     return Error{fmt::format("the scan '{}' is not here", model.scan),
                  fmt::format("`palpate fetch {}` brings it", model.scan)};
-  const std::vector<std::byte> first = first_bytes(model.cloud);
-  if (spline_sdf::SurfaceFile::begins_as_one(first))
-    return load_prepared(model, scale, options, input, provenance);
-  if (prepared::CellFile::begins_as_one(first))
-    return load_cells(model, scale, options, progress, input, provenance);
   io::ReadOptions read;
   read.unit = model.unit ? model.unit : options.unit;
   read.scale = scale;
@@ -288,20 +313,19 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   read.post_mm = options.post_mm != 0.0 ? options.post_mm : model.post_mm;
   read.vertical_mm = options.vertical_mm != 0.0 ? options.vertical_mm : model.vertical_mm;
   read.no_data = options.no_data ? options.no_data : model.no_data;
+  read.within_mm = options.within_mm ? options.within_mm : model.within_mm;
   read.max_bytes = options.max_bytes;
-  PALPATE_ASSIGN(io::ReadModel got, readers.read(model.cloud, read, progress));
-  if (!model.views.empty()) PALPATE_TRY(add_views(model, readers, read, progress, got));
-  provenance.source = model.cloud;
-  provenance.format = got.format;
-  provenance.content_hash = model.views.empty() ? hex(got.content_hash) : hash_of(got.cloud);
-  provenance.unit = got.unit;
-  provenance.unit_guessed = got.unit_guessed;
-  provenance.file_points = got.file_points;
-  provenance.non_finite = got.non_finite;
-  provenance.warnings = got.warnings;
-  if (!got.compression.empty()) provenance.format += ", " + got.compression;
-  input.cloud = std::make_shared<const cloud::Cloud>(std::move(got.cloud));
-  if (got.mesh != nullptr && !got.mesh->empty()) input.original_mesh = std::move(got.mesh);
+  if (const Status right = io::check(read); !right) return Error(right.error()).in_file(model.cloud);
+  const std::vector<std::byte> first = first_bytes(model.cloud);
+  const bool surfaces = spline_sdf::SurfaceFile::begins_as_one(first);
+  const bool cells = prepared::CellFile::begins_as_one(first);
+  if (surfaces || cells) PALPATE_TRY(refuse_changes(model, read, options, surfaces));
+  PALPATE_TRY(surfaces ? load_prepared(model, input, provenance)
+              : cells  ? load_cells(model, read, progress, input, provenance)
+                       : load_points(model, readers, read, progress, input, provenance));
+  if (read.within_mm)
+    provenance.source += fmt::format(" ({} of {} points, within {})", input.cloud->size(),
+                                     provenance.file_points, io::box_text(*read.within_mm));
   return Done{};
 }
 
@@ -334,6 +358,7 @@ Status check_wishes(const SceneFile& scene, const LoadOptions& options) {
        {std::pair(options.unit.has_value(), "--unit"), std::pair(options.post_mm != 0.0, "--post-mm"),
         std::pair(options.vertical_mm != 0.0, "--vertical-mm"),
         std::pair(options.no_data.has_value(), "--no-data"),
+        std::pair(options.within_mm.has_value(), "--within"),
         std::pair(options.non_finite.has_value(), "--non-finite")})
     if (given && !files)
       return Error{fmt::format("{} is of model files, and here every model is generated", name),

@@ -33,6 +33,17 @@ Status read_no_data(const toml::node& node, SceneModel& model, const TomlFile& i
   return Done{};
 }
 
+Status read_within(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
+  std::vector<Vec3> corners;
+  PALPATE_TRY(read_value(node, "within_mm", corners, in_file));
+  if (corners.size() != 2)
+    return in_file.at(node, "'within_mm' must be two corners", "within_mm = [[0, 0, 0], [100, 100, 50]]");
+  model.within_mm = geometry::Aabb{corners[0], corners[1]};
+  if (const Status box = io::check_box(*model.within_mm); !box)
+    return in_file.at(node, box.error().what, box.error().remedy);
+  return Done{};
+}
+
 Status read_sample(const toml::node& node, SceneModel& model, const TomlFile& in_file) {
   PALPATE_ASSIGN(const std::string spelt, text(node, "sample", in_file));
   const Result<NamedOptions> named = parse_named_options(spelt);
@@ -57,6 +68,7 @@ Fields model_fields(SceneModel& model, const cloud::Generator* generator, const 
   of_files(field("post_mm", model.post_mm, kLengthsMm));
   of_files(field("vertical_mm", model.vertical_mm, kLengthsMm));
   of_files(whole_field("no_data", model, &read_no_data));
+  of_files(whole_field("within_mm", model, &read_within));
   of_files(list(
       "view", model.views, [](SceneView& view, const std::string&) { return view_fields(view); }, {},
       "model.view"));

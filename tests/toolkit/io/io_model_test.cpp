@@ -92,6 +92,66 @@ TEST(NonFinitePoints, AreDroppedCountedAndTakenOutOfFaces) {
                             "2 of 6 points are not finite, the first is point 2", "--non-finite drop"));
 }
 
+/// Six points of a raster in cm, with a column; a polygon leads out of the box, and a face nowhere.
+constexpr const char* kSixPoints =
+    "ply\nformat ascii 1.0\nobj_info num_cols 3\nobj_info num_rows 2\nelement vertex 6\n"
+    "property float x\nproperty float y\nproperty float z\nproperty int id\nelement face 4\n"
+    "property list uchar int vertex_indices\nend_header\n"
+    "0 0 0 10\n1 0 0 11\n2 0 0 12\n0 1 0 13\n1 1 0 14\n2 1 0 15\n"
+    "3 0 1 3\n4 1 2 5 4\n3 1 4 3\n3 0 1 9\n";
+
+TEST(Within, KeepsThePointsOfTheClosedBoxWithTheirColumnsAndFaces) {
+  ReadOptions options;
+  options.unit = Unit::kCentimetre;
+  options.scale = 2.0;
+  const auto four = geometry::Aabb{{0, 0, 0}, {20, 20, 0}};
+  options.within_mm = four;
+  const ReadModel model = model_of(kSixPoints, "a.ply", options);
+  EXPECT_EQ(model.file_points, 6u);
+  EXPECT_EQ(model.outside, 2u);
+  EXPECT_EQ(model.non_finite, 0u);
+  ASSERT_EQ(model.cloud.size(), 4u);
+  EXPECT_FALSE(model.cloud.raster);
+  ASSERT_EQ(model.cloud.properties.size(), 3u);
+  EXPECT_EQ(model.cloud.properties[0].values, (std::vector<float>{10, 11, 13, 14}));
+  EXPECT_EQ(model.cloud.properties[1].values, (std::vector<float>{0, 0, 1, 1})) << "row";
+  EXPECT_EQ(model.cloud.properties[2].values, (std::vector<float>{0, 1, 0, 1})) << "column";
+  ASSERT_NE(model.mesh, nullptr);
+  EXPECT_EQ(model.mesh->vertices_mm.size(), 4u);
+  EXPECT_EQ(model.mesh->triangles, (std::vector<std::array<std::uint32_t, 3>>{{0, 1, 2}, {1, 3, 2}}));
+  EXPECT_EQ(model.dropped_faces, 1u) << "the one that leads nowhere; those at the border are no fault";
+  ReadOptions in_mm;
+  in_mm.unit = Unit::kMillimetre;
+  EXPECT_EQ(model.content_hash, model_of("0 0 0\n20 0 0\n0 20 0\n20 20 0\n", "a.xyz", in_mm).content_hash);
+  options.within_mm = geometry::Aabb{{0, 0, 0}, {40, 20, 0}};
+  EXPECT_TRUE(model_of(kSixPoints, "a.ply", options).cloud.raster) << "nothing is cut off";
+}
+
+TEST(Within, PointsThatAreNotFiniteAreCountedApart) {
+  ReadOptions options;
+  options.unit = Unit::kMillimetre;
+  options.within_mm = geometry::Aabb{{-1, -1, -1}, {1, 1, 1}};
+  const ReadModel model = model_of("5 0 0\nnan 0 0\n0 0.5 0\n1 1 1\n", "a.xyz", options);
+  EXPECT_EQ(model.outside, 1u);
+  EXPECT_EQ(model.non_finite, 1u);
+  ASSERT_EQ(model.cloud.size(), 2u);
+  EXPECT_EQ(model.cloud.point_mm(1), Vec3(1, 1, 1));
+}
+
+TEST(Within, BoxesThatAreNoneOrHoldNothingAreRefused) {
+  ReadOptions options;
+  options.unit = Unit::kCentimetre;
+  options.within_mm = geometry::Aabb{{7, 7, 7}, {8, 8, 8}};
+  EXPECT_TRUE(test::refused(read_text(kSixPoints, "a.ply", options), "a.ply: no point is within (7, 7, 7)",
+                            "the points are within (0, 0, 0) to (20, 10, 0) mm"));
+  for (const geometry::Aabb& box :
+       {geometry::Aabb{{0, 0, 2}, {9, 9, 1}}, geometry::Aabb{},
+        geometry::Aabb{{0, std::nan(""), 0}, {9, 9, 9}}, geometry::Aabb{{0, 0, 0}, {9, HUGE_VAL, 9}}}) {
+    options.within_mm = box;
+    EXPECT_TRUE(test::refused(read_text(kSixPoints, "a.ply", options), "is no box", "its low corner"));
+  }
+}
+
 using Values = std::vector<float>;
 
 /// The model's properties are these rows and columns, and no more.

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <memory>
 
+#include <palpate/cloud.h>
 #include "tests/toolkit/prepared/prepared_points.h"
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/hash.h"
@@ -96,6 +97,86 @@ TEST_F(CellFiles, ADamagedCellLeavesTheOthers) {
       EXPECT_TRUE(refused(points, "cells: cell 2 of ", "damaged; prepare the points again"));
     }
   }
+}
+
+class PartOfCells : public CellFiles {
+ protected:
+  /// A file of many cells.
+  CellFile many() {
+    PrepareCellsOptions options;
+    options.quantum_mm = 1e-4;
+    (void)prepare(Sheet::make(200, 0.3, {5.0, 6.0, 7.0}, 12).points, options);
+    return open();
+  }
+  static Result<cloud::Cloud> part(const CellFile& file, const std::optional<geometry::Aabb>& box,
+                                   std::uint64_t max_bytes = kMemoryLimitBytes) {
+    return read_cloud(file, box, max_bytes, no_progress());
+  }
+};
+
+TEST_F(PartOfCells, HasJustThePointsOfTheClosedBox) {
+  const CellFile file = many();
+  ASSERT_GT(file.size(), 10u);
+  std::vector<Vec3> all;
+  for (std::size_t cell = 0; cell < file.size(); ++cell) {
+    const CellPoints points = value_of(file.read_cell(cell));
+    all.insert(all.end(), points.own_mm().begin(), points.own_mm().end());
+  }
+  const auto as_cloud = [](const std::vector<Vec3>& points) {
+    return cloud::content_hash(value_of(cloud::build_cloud(points, cloud::NonFinite::kRefuse)));
+  };
+  EXPECT_EQ(cloud::content_hash(value_of(part(file, std::nullopt))), as_cloud(all));
+  constexpr std::uint64_t kSeed = 21;
+  SCOPED_TRACE(kSeed);
+  Random random(kSeed);
+  for (int i = 0; i < 60; ++i) {
+    // Points of the file are its corners: they are within.
+    const Vec3 a = all[random.below(all.size())], b = all[random.below(all.size())];
+    geometry::Aabb box{a.cwiseMin(b), a.cwiseMax(b)};
+    if (i % 2 == 0) box.low_mm.z() = -1e6, box.high_mm.z() = 1e6;
+    std::vector<Vec3> inside;
+    for (const Vec3& p : all)
+      if (box.contains(p)) inside.push_back(p);
+    ASSERT_EQ(cloud::content_hash(value_of(part(file, box))), as_cloud(inside)) << i;
+  }
+}
+
+TEST_F(PartOfCells, NoOtherCellIsRead) {
+  std::vector<std::size_t> offset_of_others;
+  std::size_t cell = 0, offset = 0;
+  geometry::Aabb box;
+  {
+    const CellFile file = many();
+    cell = file.size() / 2;
+    offset = static_cast<std::size_t>(file.entry(cell).offset);
+    box = file.box_mm(cell);
+    for (std::size_t other = 0; other < file.size(); ++other)
+      if (!box.overlaps(file.box_mm(other)))
+        offset_of_others.push_back(static_cast<std::size_t>(file.entry(other).offset));
+  }
+  ASSERT_GT(offset_of_others.size(), 5u);
+  const std::string whole = bytes();
+  std::string text = whole;
+  const std::uint64_t sound = cloud::content_hash(value_of(part(open(), box)));
+  for (const std::size_t at : offset_of_others) text[at] = static_cast<char>(text[at] ^ 1);
+  write("cells", text);
+  EXPECT_EQ(cloud::content_hash(value_of(part(open(), box))), sound);
+  EXPECT_TRUE(refused(part(open(), std::nullopt), "is damaged"));
+  text[offset] = static_cast<char>(text[offset] ^ 1);
+  write("cells", text);
+  EXPECT_TRUE(refused(part(open(), box), "cells: cell " + std::to_string(cell) + " of ", "is damaged"));
+}
+
+TEST_F(PartOfCells, WhatIsTooLargeOrEmptyIsRefused) {
+  const CellFile file = many();
+  const geometry::Aabb box = file.box_mm(0);
+  const std::uint64_t too_few = 36 * (file.info().points - 1);
+  EXPECT_TRUE(refused(part(file, std::nullopt, too_few), "cells: ", "bytes of memory", "--within X,Y,Z",
+                      "within_mm", "--memory-limit-gb"));
+  EXPECT_TRUE(part(file, box, too_few).ok());
+  EXPECT_TRUE(refused(part(file, geometry::Aabb{{-2, -2, -2}, {-1, -1, -1}}),
+                      "cells: no point is within (-2, -2, -2) to (-1, -1, -1) mm",
+                      "the points are within ("));
 }
 
 TEST_F(CellFiles, ImpossibleNumbersWithRightHashesAreRefused) {

@@ -255,10 +255,11 @@ TEST_F(SceneOnDisk, AMissingModelIsAnErrorWithAPlace) {
 
 TEST_F(SceneOnDisk, WishesForFilesAreRefusedWhereThereIsNone) {
   write("points.xyz", "0 0 0\n1 0 0\n0 1 0\n0 0 1\n");
-  LoadOptions unit, post, vertical, non_finite;
+  LoadOptions unit, post, vertical, within, non_finite;
   unit.unit = io::Unit::kMetre;
   post.post_mm = 1.0;
   vertical.vertical_mm = 1.0;
+  within.within_mm = geometry::Aabb{Vec3::Zero(), Vec3::Ones()};
   non_finite.non_finite = cloud::NonFinite::kRefuse;
   const auto refused = [&](const std::string& scene, const LoadOptions& options) {
     const Result<LoadedScene> loaded = loaded_of(open_scene(scene), options);
@@ -266,7 +267,7 @@ TEST_F(SceneOnDisk, WishesForFilesAreRefusedWhereThereIsNone) {
   };
   for (const auto& [options, name] :
        {std::pair(unit, "--unit"), std::pair(post, "--post-mm"), std::pair(vertical, "--vertical-mm"),
-        std::pair(non_finite, "--non-finite")})
+        std::pair(within, "--within"), std::pair(non_finite, "--non-finite")})
     EXPECT_TRUE(
         test::contains(refused("plane:points=121", options), std::string(name) + " is of model files"));
   const std::string file = in("points.xyz");

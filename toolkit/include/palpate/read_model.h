@@ -53,12 +53,17 @@ struct ReadOptions {
   double vertical_mm = 0.0;
   /// A further number that marks missing heights. Height grids only.
   std::optional<double> no_data;
+  /// Keeps the points in this box alone, its faces included: in mm, after unit and scale. A file without any
+  /// is an Error. Faces that lose a corner go; a raster becomes the columns "row" and "column".
+  std::optional<geometry::Aabb> within_mm;
   /// Bounds the decoded memory and the size that a compressed file may unpack to.
   std::uint64_t max_bytes = kMemoryLimitBytes;
 };
 
 /// An Error for the first invalid number of `options`, or nothing.
 [[nodiscard]] Status check(const ReadOptions& options);
+/// An Error for a box in mm whose corners are not finite, or not the low one before the high one. O(1).
+[[nodiscard]] Status check_box(const geometry::Aabb& box_mm);
 
 /// Contents of a file, mm.
 struct ReadModel {
@@ -70,6 +75,7 @@ struct ReadModel {
   bool unit_guessed = false;
   std::size_t file_points = 0;        ///< before dropping
   std::size_t non_finite = 0;         ///< points dropped because they are not finite
+  std::size_t outside = 0;            ///< points left out by ReadOptions::within_mm
   std::size_t dropped_faces = 0;      ///< faces with a dropped or missing point, or fewer than three corners
   double max_rounding_mm = 0.0;       ///< largest difference per axis between file and stored coordinate
   std::vector<std::string> warnings;  ///< whole sentences, for a person

@@ -161,6 +161,9 @@ struct SceneModel {
   double post_mm = 0.0;                  ///< height grids: post distance; 0: the file's
   double vertical_mm = 0.0;              ///< height grids: mm per unit of height; 0: the file's
   std::optional<double> no_data;         ///< height grids: see io::ReadOptions
+  /// Of a file: keeps the points in this box alone, mm, in the model's frame (after unit, scale and views,
+  /// before cleaning and pose). Of a file of cells only those that the box overlaps are read.
+  std::optional<geometry::Aabb> within_mm;
   geometry::RigidTransform world_from_model;
   surface::Surface surface;
   SurfaceSources sources;
@@ -208,6 +211,7 @@ struct LoadOptions {
   double post_mm = 0.0;          ///< height grids: see io::ReadOptions
   double vertical_mm = 0.0;
   std::optional<double> no_data;
+  std::optional<geometry::Aabb> within_mm;      ///< replaces the scene's of every model with a file
   std::optional<cloud::NonFinite> non_finite;   ///< default: dropped
   std::uint64_t max_bytes = kMemoryLimitBytes;  ///< see io::ReadOptions; for every file
   const Cleaning* cleaning = nullptr;           ///< the steps that [[model.clean]] may name; null: none
@@ -216,13 +220,14 @@ struct LoadOptions {
 
 /// The origin of a loaded model, for reports.
 struct Provenance {
-  std::string source;        ///< file, or the generator with every option
+  std::string source;        ///< file, with the box that was taken of it, or the generator with every option
   std::string format;        ///< "PLY, ASCII", "generated", ..
   std::string content_hash;  ///< of the coordinates in mm; sixteen hexadecimal digits
   io::Unit unit = io::Unit::kMillimetre;
   bool unit_guessed = false;
   std::size_t file_points = 0;  ///< before dropping
   std::size_t non_finite = 0;   ///< dropped
+  std::size_t outside = 0;      ///< left out by within_mm
   std::vector<std::string> warnings;
   std::vector<render::PreparePhase> cleaning;  ///< steps of [[model.clean]] with times
   std::vector<std::string> cleaned;            ///< what each step did
