@@ -58,9 +58,15 @@ const char* style_name(Chart::Style style) {
   return kNames[static_cast<std::size_t>(style)];
 }
 
+/// Dashes of lines, each with gnuplot's number of the mark that stands for it where there are no lines.
+constexpr std::pair<const char*, int> kDashes[] = {
+    {"", 7}, {"(10,5)", 9}, {"(3,4)", 5}, {"(12,4,3,4)", 13}, {"(6,3,2,3,2,3)", 11}};
+
 /// Marks of one colour are told apart by their shapes, as lines are by their dashes.
 std::string mark_of(const Series& series) {
-  const int shape = series.dash.empty() ? 7 : series.dash == "(10,5)" ? 9 : series.dash == "(3,4)" ? 5 : 13;
+  int shape = 15;  // of any other dash
+  for (const auto& [dash, mark] : kDashes)
+    if (series.dash == dash) shape = mark;
   return fmt::format("xyerrorbars pt {} ps 0.6 lw 0.7", shape);
 }
 
@@ -252,6 +258,9 @@ std::string for_page(std::string svg, const std::string& name) {
   return svg;
 }
 
+constexpr const char* kColours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00",
+                                    "#56b4e9", "#7f3fbf", "#8c6d31", "#222222"};
+
 /// The renderers' own names: the best known in solid lines.
 const std::map<std::string, LineStyle>& known_styles() {
   static const std::map<std::string, LineStyle> kKnown = {{"cloud", {"#0072b2", ""}},
@@ -261,57 +270,60 @@ const std::map<std::string, LineStyle>& known_styles() {
                                                           {"analytic", {"#56b4e9", ""}},
                                                           {"heightfield", {"#e69f00", ""}},
                                                           {"mls-proxy", {"#7f3fbf", ""}},
-                                                          {"mesh-proxy", {"#8c6d31", ""}},
+                                                          {"cloud-smooth", {"#8c6d31", ""}},
                                                           {"sphere-proxy", {"#222222", ""}},
+                                                          {"sdf-godobject", {"#0072b2", "(10,5)"}},
+                                                          {"penalty-grid", {"#d55e00", "(10,5)"}},
+                                                          {"vgraph", {"#009e73", "(10,5)"}},
+                                                          {"vector-field", {"#cc79a7", "(10,5)"}},
+                                                          {"stream-proxy", {"#56b4e9", "(10,5)"}},
                                                           {"heightfield-literal", {"#e69f00", "(10,5)"}},
                                                           {"mls-penalty", {"#7f3fbf", "(10,5)"}},
-                                                          {"penalty-grid", {"#d55e00", "(10,5)"}},
-                                                          {"stream-proxy", {"#56b4e9", "(10,5)"}},
-                                                          {"vector-field", {"#cc79a7", "(10,5)"}},
-                                                          {"vgraph", {"#009e73", "(10,5)"}}};
+                                                          {"mesh-proxy", {"#8c6d31", "(10,5)"}},
+                                                          {"depth-image", {"#222222", "(10,5)"}},
+                                                          {"cloud-vertices", {"#d55e00", "(3,4)"}},
+                                                          {"variable-proxy", {"#7f3fbf", "(3,4)"}}};
   return kKnown;
 }
 
 /// Styles left for other labels: the colours in dashes that no known renderer has.
-const std::vector<LineStyle>& other_styles() {
-  static const std::vector<LineStyle> kOthers = [] {
-    std::vector<LineStyle> all;
-    for (const char* dash : {"(10,5)", "(3,4)", "(12,4,3,4)", "(6,3,2,3,2,3)"})
-      for (const char* colour : {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf",
-                                 "#8c6d31", "#222222"})
-        if (std::none_of(known_styles().begin(), known_styles().end(), [&](const auto& known) {
-              return known.second.colour == colour && known.second.dash == dash;
-            }))
-          all.push_back({colour, dash});
-    return all;
-  }();
-  return kOthers;
+std::vector<LineStyle> other_styles() {
+  std::vector<LineStyle> all;
+  for (const auto& dash : kDashes)
+    for (const char* colour : kColours)
+      if (std::none_of(known_styles().begin(), known_styles().end(), [&](const auto& known) {
+            return known.second.colour == colour && known.second.dash == dash.first;
+          }))
+        all.push_back({colour, dash.first});
+  return all;
 }
 
 }  // namespace
 
 std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels) {
-  const auto& known = known_styles();
-  const std::vector<LineStyle>& others = other_styles();
-  // In the order of the labels' letters, so that theirs in the document changes nothing.
-  std::set<std::string> sorted;
+  std::map<std::string, LineStyle> given;
   for (const std::string& label : labels)
-    if (!known.contains(label)) sorted.insert(label);
-  std::map<std::string, LineStyle> given = known;
-  std::vector<bool> taken(others.size());
-  std::size_t left = others.size();
-  for (const std::string& label : sorted) {
-    if (left == 0) {  // more than there are styles: some are alike
-      taken.assign(others.size(), false);
-      left = others.size();
+    if (const auto known = known_styles().find(label); known != known_styles().end()) given.insert(*known);
+  // How many series have it, and how many its colour.
+  const auto shared = [&](const LineStyle& style) {
+    std::pair<int, int> count;
+    for (const auto& [label, other] : given) {
+      count.first += other.colour == style.colour && other.dash == style.dash ? 1 : 0;
+      count.second += other.colour == style.colour ? 1 : 0;
     }
+    return count;
+  };
+  const std::vector<LineStyle> others = other_styles();
+  // In the order of the labels' letters, so that theirs in the document changes nothing.
+  for (const std::string& label : std::set<std::string>(labels.begin(), labels.end())) {
+    if (given.contains(label)) continue;
     Hash64 hash;
     hash.bytes(std::as_bytes(std::span(label)));
-    std::size_t at = hash.value() % others.size();
-    while (taken[at]) at = (at + 1) % others.size();
-    taken[at] = true;
-    --left;
-    given[label] = others[at];
+    std::vector<LineStyle> own = others;  // beginning where most figures can give it the same
+    std::rotate(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(hash.value() % own.size()), own.end());
+    given[label] = *std::min_element(own.begin(), own.end(), [&](const LineStyle& a, const LineStyle& b) {
+      return shared(a) < shared(b);
+    });
   }
   std::vector<LineStyle> styles;
   for (const std::string& label : labels) styles.push_back(given.at(label));
