@@ -12,6 +12,7 @@
 #include "experiments/live/session.h"
 #include "experiments/live/window_hooks.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
@@ -132,6 +133,7 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   PALPATE_TRY(suite.publish(
       {kLiveFile, to_json(document), live_tables(document), document.warnings, document.fault_names},
       live_page(document, suite.folder()), run.json));
+  if (document.stopped_by != 0) return kSignalBase + document.stopped_by;
   return document.faults > document.rearmed ? kExitFellShort : kExitOk;
 }
 
