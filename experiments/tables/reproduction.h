@@ -23,7 +23,7 @@ struct ReproduceArguments {
 };
 
 /// Runs the tables in order and writes their page. Returns the exit status.
-int reproduce(const ReproduceArguments& arguments, Context& context);
+[[nodiscard]] Result<int> reproduce(const ReproduceArguments& arguments, Context& context);
 
 enum class Judged { kNot, kYes, kNo };
 
