@@ -182,11 +182,10 @@ std::optional<Error> unknown_option(const CLI::App& command, const std::vector<s
   return std::nullopt;
 }
 
-std::vector<std::string> option_names(const CLI::App& command, bool rare) {
+std::vector<std::string> option_names(const CLI::App& command) {
   std::vector<std::string> names;
   for (const CLI::Option* option : command.get_options())
-    if (!option->get_lnames().empty() && !option->get_group().empty() &&
-        (rare || option->get_group() != kRare))
+    if (!option->get_lnames().empty() && !option->get_group().empty())
       names.push_back("--" + option->get_lnames().front());
   return names;
 }
@@ -207,7 +206,7 @@ std::string help_text(const Subcommand& subcommand, bool all, const std::vector<
   if (all && !rare.empty()) text += "rarely needed:\n" + rare;
   if (!all && !rare.empty()) {
     std::string names;
-    for (const std::string& name : option_names(app, true)) {
+    for (const std::string& name : option_names(app)) {
       if (app.get_option(name)->get_group() == kRare) names += (names.empty() ? "" : ", ") + name;
     }
     text += entry_text("--help-all", "shows " + names + " too");

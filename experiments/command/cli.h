@@ -27,8 +27,8 @@ struct DeclaredCommand {
 [[nodiscard]] std::optional<Error> unknown_option(const CLI::App& command,
                                                   const std::vector<std::string>& arguments);
 
-/// Long options with a place in --help; `rare`: with those that --help-all alone shows.
-[[nodiscard]] std::vector<std::string> option_names(const CLI::App& command, bool rare);
+/// Long options with a place in --help-all.
+[[nodiscard]] std::vector<std::string> option_names(const CLI::App& command);
 
 /// Name, use, two examples, options: at most `kHelpColumns` wide where an example allows it. `all`: every
 /// example and option. `kinds`: of the same verb.

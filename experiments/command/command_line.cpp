@@ -168,8 +168,7 @@ std::string completion() {
     Words offered = more;
     for (const Subcommand& one : all_subcommands())
       if (one.name == name)
-        for (std::string& option : option_names(*declare(one).app, true))
-          offered.push_back(std::move(option));
+        for (std::string& option : option_names(*declare(one).app)) offered.push_back(std::move(option));
     cases += fmt::format("      {}) words='{} --help --help-all' ;;\n", pattern, joined(offered, " "));
   };
   for (const std::string& verb : verb_names()) {

@@ -137,8 +137,7 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   return document.faults > document.rearmed ? kExitFellShort : kExitOk;
 }
 
-}  // namespace
-
+/// Fills in defaults.
 LiveArguments with_defaults(LiveArguments arguments) {
   constexpr double kUsualS = 10.0, kLongestS = 86'400.0;
   const std::string& path = arguments.run.path;
@@ -149,6 +148,8 @@ LiveArguments with_defaults(LiveArguments arguments) {
   if (arguments.seconds == 0.0) arguments.seconds = arguments.link != nullptr ? kLongestS : kUsualS;
   return arguments;
 }
+
+}  // namespace
 
 int run_live(const LiveArguments& arguments, Context& context) {
   if (!arguments.window) return run_live_with(arguments, session_drivers(), context);

@@ -38,9 +38,6 @@ struct LiveArguments {
   SessionLink* link = nullptr;  ///< link of the window, which outlives the session; null: no window
 };
 
-/// Fills in defaults.
-[[nodiscard]] LiveArguments with_defaults(LiveArguments arguments);
-
 /// A decision of the mixer worth reporting.
 struct LiveDecision {
   double t_s = 0.0;

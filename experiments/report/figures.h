@@ -66,9 +66,6 @@ struct Chart {
   std::vector<Series> series;
 };
 
-/// A step of tics that gives about so many of them over an extent: 1, 2 or 5 times a power of ten.
-[[nodiscard]] double tic_step(double extent, double tics);
-
 /// Whether any series has a point to draw.
 [[nodiscard]] bool has_points(const Chart& chart);
 

@@ -135,9 +135,17 @@ std::string column_within(const Range& range) {
   return fmt::format("($2 > {0:.6g} ? {0:.6g} : $2 < {1:.6g} ? {1:.6g} : $2)", range.high, range.low);
 }
 
+/// A step of tics that gives about kPanelTics over an extent: 1, 2 or 5 times a power of ten.
+double tic_step(double extent) {
+  constexpr double kTen = 10.0, kFive = 5.0;
+  if (!(extent > 0.0)) return 1.0;
+  const double raw = extent / kPanelTics, power = std::pow(kTen, std::floor(std::log10(raw)));
+  return raw / power < 2.0 ? 2.0 * power : raw / power < kFive ? kFive * power : kTen * power;
+}
+
 std::string linear_range(const Range& range) {
   return fmt::format("set yrange [{:.6g}:{:.6g}]\nset ytics {:.6g}\n", range.low, range.high,
-                     tic_step(range.high - range.low, kPanelTics));
+                     tic_step(range.high - range.low));
 }
 
 /// The positive values of an axis; empty (low above high) if there are none.
@@ -182,7 +190,7 @@ std::string panels_text(const Chart& chart) {
   const std::size_t rows = (panels_of(chart) + kPanelColumns - 1) / kPanelColumns;
   const Range range = range_about(chart.series.front());
   const std::vector<double>& x = chart.series.front().x;
-  const double tics = x.empty() ? 1.0 : tic_step(x.back() - x.front(), kPanelTics);
+  const double tics = x.empty() ? 1.0 : tic_step(x.back() - x.front());
   std::string s = fmt::format(
       "unset key\nset xlabel ''\nset ylabel ''\n{}set xtics {:.6g}\n"
       "set multiplot layout {},{} margins char 7, char 2, char 2.5, char 2 spacing char 5.5, char 4.5\n",
@@ -328,13 +336,6 @@ std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels) {
   std::vector<LineStyle> styles;
   for (const std::string& label : labels) styles.push_back(given.at(label));
   return styles;
-}
-
-double tic_step(double extent, double tics) {
-  constexpr double kTen = 10.0, kFive = 5.0;
-  if (!(extent > 0.0)) return 1.0;
-  const double raw = extent / tics, power = std::pow(kTen, std::floor(std::log10(raw)));
-  return raw / power < 2.0 ? 2.0 * power : raw / power < kFive ? kFive * power : kTen * power;
 }
 
 bool has_points(const Chart& chart) {
