@@ -10,7 +10,6 @@
 #include "experiments/run/arguments.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/files.h"
-#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {

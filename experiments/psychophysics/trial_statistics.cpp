@@ -3,7 +3,6 @@
 #include <boost/math/special_functions/beta.hpp>
 #include <boost/math/special_functions/erf.hpp>
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 

@@ -8,7 +8,6 @@
 #include <map>
 #include <set>
 #include <span>
-#include <sstream>
 
 #include "experiments/report/figures.h"
 #include "experiments/report/tables.h"
