@@ -91,6 +91,31 @@ std::vector<Headline> headlines_of(const BehaviourMatrix& matrix) {
   return lines;
 }
 
+/// A row per renderer with its role, a column per behaviour: "wrong of all".
+Table matrix_table(const BehaviourMatrix& matrix) {
+  Table table;
+  table.title = "Behaviour: what goes wrong, counted";
+  table.caption =
+      "Each column's count is explained with its picture in the report. A dash: the renderer does not take "
+      "the "
+      "scene.";
+  table.best_means = "nothing went wrong";
+  table.bad_means = "more than 1 % of what there is";
+  table.columns = {"renderer", "role"};
+  for (const Behaviour& behaviour : matrix.behaviours)
+    table.columns.push_back(fmt::format("{}, of {}", behaviour.title, format_count(whole_of(behaviour))));
+  for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
+    std::vector<Cell> row = {{matrix.renderers[r].label, false, false},
+                             {std::string(name_of(matrix.roles[r])), false, false}};
+    for (const BehaviourOutcome& outcome : matrix.outcomes[r])
+      row.push_back({outcome.failure.empty() ? format_count(outcome.wrong) : kMissingNumber,
+                     outcome.failure.empty() && outcome.wrong == 0, falls_short(outcome)});
+    row.resize(table.columns.size(), {kMissingNumber, false, false});
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
 }  // namespace
 
 std::vector<RendererRequest> methods_of(const render::Registry& registry) {
@@ -129,30 +154,6 @@ Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
     matrix.outcomes.push_back(std::move(row));
   }
   return matrix;
-}
-
-Table matrix_table(const BehaviourMatrix& matrix) {
-  Table table;
-  table.title = "Behaviour: what goes wrong, counted";
-  table.caption =
-      "Each column's count is explained with its picture in the report. A dash: the renderer does not take "
-      "the "
-      "scene.";
-  table.best_means = "nothing went wrong";
-  table.bad_means = "more than 1 % of what there is";
-  table.columns = {"renderer", "role"};
-  for (const Behaviour& behaviour : matrix.behaviours)
-    table.columns.push_back(fmt::format("{}, of {}", behaviour.title, format_count(whole_of(behaviour))));
-  for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
-    std::vector<Cell> row = {{matrix.renderers[r].label, false, false},
-                             {std::string(name_of(matrix.roles[r])), false, false}};
-    for (const BehaviourOutcome& outcome : matrix.outcomes[r])
-      row.push_back({outcome.failure.empty() ? format_count(outcome.wrong) : kMissingNumber,
-                     outcome.failure.empty() && outcome.wrong == 0, falls_short(outcome)});
-    row.resize(table.columns.size(), {kMissingNumber, false, false});
-    table.rows.push_back(std::move(row));
-  }
-  return table;
 }
 
 std::string matrix_json(const BehaviourMatrix& matrix, const metrics::DocumentHead& head) {

@@ -26,8 +26,6 @@ struct BehaviourMatrix {
                                                      const render::Registry& registry, int threads,
                                                      Progress& progress, const Suite* suite = nullptr);
 
-/// A row per renderer with its role, a column per behaviour: "wrong of all".
-[[nodiscard]] Table matrix_table(const BehaviourMatrix& matrix);
 [[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix, const metrics::DocumentHead& head);
 /// Adds a section with matrix and pictures, drawn into `folder`/figures.
 void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder);

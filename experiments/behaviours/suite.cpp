@@ -2,7 +2,6 @@
 #include <cmath>
 #include <numbers>
 
-#include <palpate/generate.h>
 #include <palpate/paths.h>
 #include "experiments/behaviours/behaviour.h"
 #include "toolkit/core/random.h"

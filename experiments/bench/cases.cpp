@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <memory>
 #include <span>
 
 #include <palpate/accuracy.h>

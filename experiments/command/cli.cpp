@@ -74,15 +74,19 @@ std::string entry_text(const std::string& name, const std::string& says) {
 
 std::string option_text(const CLI::Option& option, bool all) {
   const bool takes_value = option.get_items_expected_max() > 0 && !option.get_positional();
-  const std::string range = all ? option.get_type_name() : "";
+  std::string range = all ? option.get_type_name() : "";
+  range.resize(std::min(range.size(), range.find(":{")));  // choices once, without the library's list
+  if (range == "TEXT") range.clear();
   return entry_text(option.get_name() + (takes_value ? " .." : ""),
                     option.get_description() + (range.empty() ? "" : "; " + range));
 }
 
 std::string options_text(const CLI::App& command, const std::string& group, bool all) {
   std::string text;
-  for (const CLI::Option* option : command.get_options())
-    if (option->get_group() == group) text += option_text(*option, all);
+  for (const bool positional : {true, false})  // whatever is declared first
+    for (const CLI::Option* option : command.get_options())
+      if (option->get_group() == group && option->get_positional() == positional)
+        text += option_text(*option, all);
   return text;
 }
 
@@ -118,7 +122,7 @@ void Declaration::flag(const std::string& name, bool& value, const std::string& 
 }
 
 void Declaration::verbose() const {
-  const std::string help = "print every table, not the first lines alone";
+  const std::string help = "print every table, not only the first lines";
   shared().placed(command_.add_flag("--verbose", help));
 }
 
@@ -128,7 +132,7 @@ void Declaration::cases() const {
         name, [](const std::string&) {}, help);
   };
   for (const auto& [name, help] :
-       {std::pair{kEmitOption, "snakemake: write jobs, one a case, into the folder's jobs, and measure none"},
+       {std::pair{kEmitOption, "snakemake: only write jobs, one per case, into the folder's jobs"},
         {kEngineOption, "snakemake: write the jobs and run them here"}})
     shared().placed(add(name, help))->check(CLI::IsMember({"snakemake"}));
   add(kCaseOption, "what a job measures")->group("")->check(given_and_empty);
@@ -178,11 +182,10 @@ std::optional<Error> unknown_option(const CLI::App& command, const std::vector<s
   return std::nullopt;
 }
 
-std::vector<std::string> option_names(const CLI::App& command, bool rare) {
+std::vector<std::string> option_names(const CLI::App& command) {
   std::vector<std::string> names;
   for (const CLI::Option* option : command.get_options())
-    if (!option->get_lnames().empty() && !option->get_group().empty() &&
-        (rare || option->get_group() != kRare))
+    if (!option->get_lnames().empty() && !option->get_group().empty())
       names.push_back("--" + option->get_lnames().front());
   return names;
 }
@@ -199,11 +202,11 @@ std::string help_text(const Subcommand& subcommand, bool all, const std::vector<
     text += "\n  " + subcommand.examples[i];
   text += fmt::format("\n\npalpate {}{} [OPTION ..]\n{}", subcommand.name, use,
                       options_text(app, "Options", all));
-  if (!shared.empty()) text += "as many commands have them:\n" + shared;
-  if (all && !rare.empty()) text += "seldom needed:\n" + rare;
+  if (!shared.empty()) text += "common options:\n" + shared;
+  if (all && !rare.empty()) text += "rarely needed:\n" + rare;
   if (!all && !rare.empty()) {
     std::string names;
-    for (const std::string& name : option_names(app, true)) {
+    for (const std::string& name : option_names(app)) {
       if (app.get_option(name)->get_group() == kRare) names += (names.empty() ? "" : ", ") + name;
     }
     text += entry_text("--help-all", "shows " + names + " too");

@@ -27,8 +27,8 @@ struct DeclaredCommand {
 [[nodiscard]] std::optional<Error> unknown_option(const CLI::App& command,
                                                   const std::vector<std::string>& arguments);
 
-/// Long options with a place in --help; `rare`: with those that --help-all alone shows.
-[[nodiscard]] std::vector<std::string> option_names(const CLI::App& command, bool rare);
+/// Long options with a place in --help-all.
+[[nodiscard]] std::vector<std::string> option_names(const CLI::App& command);
 
 /// Name, use, two examples, options: at most `kHelpColumns` wide where an example allows it. `all`: every
 /// example and option. `kinds`: of the same verb.
@@ -57,9 +57,9 @@ int run_command_line(int argc, const char* const* argv);
 
 /// From here on SIGINT, SIGTERM and SIGHUP end the program at once, whatever it is doing: the actions of
 /// palpate/progress.h are run, what they say goes to standard error, and the exit status is 128 + signal
-/// (130, 143, 129). A second signal, later, does not even wait for these. SIGPIPE is
-/// ignored: what nobody reads is told by the write, and messages are no reason to end. To be called once,
-/// first of all.
+/// (130, 143, 129). A second signal, later, does not even wait for these. What has an EndOnStop
+/// (experiments/session) ends by itself first, with the same status. SIGPIPE is ignored: what nobody reads is
+/// told by the write, and messages are no reason to end. To be called once, first of all.
 void stop_on_signals();
 
 }  // namespace palpate::experiments

@@ -146,9 +146,8 @@ std::string program_help() {
   for (const Verb& verb : kVerbs) text += fmt::format("{:<9}{:<11}{}\n", verb.group, verb.name, verb.summary);
   return text +
          "\n`palpate VERB --help` and `palpate VERB KIND --help` show examples and options; `palpate "
-         "--version`.\n"
-         "Exit status: 0 done; 1 ran, and failed or fell short; 2 bad arguments or input; 130 interrupted,\n"
-         "143 terminated, at once: what was complete is kept, and the same command goes on from there.\n";
+         "--version`.\nExit status: 0 done; 1 ran, and failed or fell short; 2 bad arguments or input; 130 "
+         "interrupted,\n143 terminated: what is complete is kept, and the same command resumes there.\n";
 }
 
 std::string verb_help(const std::string& verb, bool all) {
@@ -169,8 +168,7 @@ std::string completion() {
     Words offered = more;
     for (const Subcommand& one : all_subcommands())
       if (one.name == name)
-        for (std::string& option : option_names(*declare(one).app, true))
-          offered.push_back(std::move(option));
+        for (std::string& option : option_names(*declare(one).app)) offered.push_back(std::move(option));
     cases += fmt::format("      {}) words='{} --help --help-all' ;;\n", pattern, joined(offered, " "));
   };
   for (const std::string& verb : verb_names()) {

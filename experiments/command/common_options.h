@@ -20,7 +20,7 @@ inline constexpr NumberRange kServoRates{500, 8000};  ///< Hz
 inline constexpr NumberRange kPasses{1, 1000};
 
 inline constexpr const char* kStudyFolderHelp =
-    "the folder of a study: what compare wrote with --out, or a table's folder in what reproduce wrote";
+    "the folder of a study: --out of compare, or a table's folder within that of reproduce";
 inline constexpr const char* kSceneHelp =
     "a scene (.toml), a model file, a scan by name (`palpate list scans`), or a generator such as "
     "sinusoid:points=10201";
@@ -55,7 +55,7 @@ void declare_device_details(const Declaration& declare, DeviceArguments& device)
 /// --rate of the servo.
 template <class Rate>
 void declare_rate(const Declaration& declare, Rate& rate_hz) {
-  constexpr const char* kHelp = "of the servo, whole Hz (default: 1000)";
+  constexpr const char* kHelp = "rate of the servo loop, whole Hz (default: 1000)";
   if constexpr (std::is_floating_point_v<Rate>)
     declare.number("--rate", rate_hz, kServoRates, kHelp);
   else

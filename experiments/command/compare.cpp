@@ -33,27 +33,28 @@ void declare_compare(const Declaration& declare, CompareArguments& a) {
       "--stream-delay", run.stream_delay,
       "ms from an image's arrival until it is felt, the same for every renderer; or measured: what each "
       "needs (default: 5)");
-  declare_renderers(
-      declare, run.renderers,
-      "the scene's or the plan's, cloud, and a mesh; auto: the recording's, the scene's or the plan's one");
-  declare_path(declare, run.path, "by the model's size");
+  declare_renderers(declare, run.renderers,
+                    "the scene's or planned one, cloud, and a mesh; auto: only the recording's, the scene's "
+                    "or planned one");
+  declare_path(declare, run.path, "fitted to the model");
   declare.text(
       "--against", a.against,
       "an earlier study of the same scene and path, or its result.json: says what became better or worse "
-      "beyond the intervals; the exit status is 1 where memory, accuracy or contact became worse");
+      "beyond the confidence intervals; exit status 1 if memory, accuracy or contact became worse");
   declare.integer("--paced", run.paced, kFrames,
-                  "also time so many frames at 1 kHz, with the caches warm and evicted");
-  rare.integer("--passes", run.passes, kPasses,
-               fmt::format("timed passes of each kind and renderer, in turns (default: {})", kUsualPasses));
+                  "also time this many frames at 1 kHz, with warm and with evicted caches");
+  rare.integer(
+      "--passes", run.passes, kPasses,
+      fmt::format("timed passes of each kind per renderer, interleaved (default: {})", kUsualPasses));
   rare.number("--timing-budget", run.budget_s, kSeconds,
-              fmt::format("seconds of timed passes a renderer: a slow one gets fewer (default: {:g})",
+              fmt::format("seconds of timed passes per renderer; a slow one gets fewer (default: {:g})",
                           kUsualBudgetS));
   rare.text("--save-mesh", run.save_mesh, "write the mesh of a mesh renderer to this PLY file");
   rare.text("--save-edited", run.save_edited,
             "write the first model as the path left it to this file (.ply, .xyz, .txt, .asc, .csv; scenes "
             "with dents)");
   rare.flag("--allow-missing", run.allow_missing,
-            "run renderers too that lack what the scene asks for (friction, dents, ..), and say so");
+            "also run renderers that lack what the scene asks for (friction, dents, ..), and say so");
   declare_force(declare, run.force);
   declare_scene_run(declare, run);
   declare.cases();
@@ -140,10 +141,10 @@ void declare_sweep(const Declaration& declare, SweepArguments& a) {
   declare_trade(declare, a);
   declare.verbose();
   constexpr NumberRange kSeconds{0, 1e7};  // a third of a year
-  declare.number("--budget", a.budget_s, kSeconds,
-                 fmt::format("seconds it may take; 0: as long as it takes (default: {:g}, with --full 0)",
-                             kSweepBudgetS));
-  declare.flag("--full", a.full, "more values on each axis, and up to three of them turned at once");
+  declare.number(
+      "--budget", a.budget_s, kSeconds,
+      fmt::format("seconds it may take; 0: no limit (default: {:g}, with --full 0)", kSweepBudgetS));
+  declare.flag("--full", a.full, "more values on each axis, and up to three axes varied at once");
 }
 
 void declare_merge(const Declaration& declare, MergeArguments& a) {
@@ -158,12 +159,12 @@ void declare_ablate(const Declaration& declare, AblateArguments& a) {
   RunArguments& run = a.run;
   declare.required("SCENE", run.scene, kSceneHelp);
   declare_renderer(declare, run.renderers);
-  declare_path(declare, run.path, "six seconds, by the model's size");
+  declare_path(declare, run.path, "six seconds, fitted to the model");
   declare.number("--budget", a.budget_s, kSeconds,
-                 fmt::format("seconds that counting instructions may take; 0: count none (default: {:g})",
+                 fmt::format("seconds that counting instructions may take; 0: no counting (default: {:g})",
                              kCountBudgetS));
   declare.rare().flag("--marked", a.marked,
-                      "only step each stage's frames between callgrind's marks: what is run under valgrind");
+                      "only step each stage's frames, marked for callgrind: to be run under valgrind");
   declare.cases();
   declare_scene_run(declare, run);
 }
@@ -175,9 +176,9 @@ void declare_tune(const Declaration& declare, TuneArguments& a) {
       "--max-error", a.max_error, kLimit,
       "the cheapest setting whose error (95th percentile, percent of the true force) is at most this");
   declare.number("--max-frame-us", a.max_frame_us, kLimit,
-                 "the most accurate setting of which 99.9 % of all frames take at most so many µs");
+                 "the most accurate setting whose 99.9th percentile of frame times is at most this, µs");
   declare.number("--max-bytes", a.max_bytes, kLimit,
-                 "the most accurate setting that holds at most so many bytes, all told");
+                 "the most accurate setting that takes at most this many bytes in total");
   declare_trade(declare, a.sweep);
   declare.number("--budget", a.sweep.budget_s, kSeconds,
                  fmt::format("seconds that measuring may take (default: {:g})", kTuneBudgetS));
@@ -187,7 +188,7 @@ void declare_tune(const Declaration& declare, TuneArguments& a) {
 
 Subcommand sweep_subcommand() {
   return subcommand("compare sweep",
-                    "the trade of speed, memory and preparation for accuracy: settings crossed, fronts drawn",
+                    "speed, memory and preparation against accuracy: settings combined, Pareto fronts drawn",
                     {"palpate compare sweep sinusoid:points=10201 --budget 60 --out out/sweep",
                      "palpate compare sweep sinusoid:points=10201 --renderers cloud,cloud-smooth --axes "
                      "points,detail --budget 60 "
@@ -197,7 +198,7 @@ Subcommand sweep_subcommand() {
 
 Subcommand merge_subcommand() {
   return subcommand(
-      "compare merge", "sweeps of one scene in one: rows joined, fronts drawn, for each machine its own",
+      "compare merge", "joins sweeps of one scene: all their rows, and Pareto fronts for each machine",
       {"palpate compare merge out/sweep-here out/sweep-there --out out/whole",
        "palpate compare sweep sinusoid:points=10201 --renderers cloud --budget 60 --out out/sweep-here",
        "palpate compare sweep sinusoid:points=10201 --renderers cloud-smooth --budget 60 --out "

@@ -10,7 +10,6 @@
 #include "experiments/run/arguments.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/files.h"
-#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {
@@ -94,7 +93,7 @@ void print_checks(const std::vector<Check>& checks) {
     for (const std::string& line : check.remedy) fmt::print("         {}\n", line);
   }
   if (problems > 0)
-    fmt::print("\n{} of {} checks found what keeps a session from running in time.\n", problems,
+    fmt::print("\n{} of {} checks found a problem: a session would not run in time.\n", problems,
                checks.size());
   else if (warnings > 0)
     fmt::print("\nA simulated session runs. {} warnings matter once a device is felt.\n", warnings);
@@ -105,16 +104,15 @@ void print_checks(const std::vector<Check>& checks) {
 void declare_devices(const Declaration& declare, DevicesArguments& a) {
   declare.flag("--doctor", a.doctor,
                "also check limits, kernel, timer, CPUs and permissions, each with its remedy (a tenth of a "
-               "second); exit "
-               "status 1 where a simulated session would not run in time");
+               "second); exit status 1 if a simulated session would not run in time");
   declare_json(declare, a.json);
   declare.text("--report", a.report.device,
-               "NAME: opens this device, commands zero force, and prints as JSON what its first user sends "
-               "back: ids, packets, latency, homing, calibration. Move it while it runs");
+               "NAME: opens this device, commands zero force, and prints as JSON what its first user should "
+               "send to us: ids, packets, latency, homing, calibration. Move the device meanwhile");
   declare.text("--out", a.out, "FILE.json: where the report goes (default: standard output)");
   declare_force(declare, a.replace);
   constexpr NumberRange kSeconds{0.1, 3600.0};
-  declare.number("--seconds", a.look.seconds, kSeconds, "how long the report looks (default: 5)");
+  declare.number("--seconds", a.look.seconds, kSeconds, "how long the report takes (default: 5)");
   declare_rate(declare, a.look.rate_hz);
   declare_device_details(declare, a.report);
 }
@@ -152,11 +150,12 @@ Result<int> run_devices(const DevicesArguments& arguments, Context& context) {
 }  // namespace
 
 Subcommand devices_subcommand() {
-  return subcommand("list devices",
-                    "haptic devices: what is connected and what could be; what the machine allows a servo",
-                    {"palpate list devices", "palpate list devices --doctor", "palpate list devices --json",
-                     "palpate list devices --report sim:omni --seconds 1 --out report.json"},
-                    declare_devices, run_devices);
+  return subcommand(
+      "list devices",
+      "haptic devices, connected and supported; --doctor checks whether a servo loop runs in time here",
+      {"palpate list devices", "palpate list devices --doctor", "palpate list devices --json",
+       "palpate list devices --report sim:omni --seconds 1 --out report.json"},
+      declare_devices, run_devices);
 }
 
 }  // namespace palpate::experiments

@@ -93,11 +93,11 @@ struct FetchArguments {
 };
 
 void declare_fetch(const Declaration& declare, FetchArguments& a) {
-  declare.required("NAME", a.name, "the scan, of `palpate list scans`");
+  declare.required("NAME", a.name, "name of the scan (`palpate list scans`)");
   declare.text("--source", a.source, "take it from this address (http, https, file) instead");
-  declare.flag("--force", a.force, "fetch it though it is here, and keep what differs from an earlier fetch");
+  declare.flag("--force", a.force, "fetch it again, and keep it even if it differs from an earlier fetch");
   declare.number("--size-limit-gb", a.size_limit_gb, kGigabytes,
-                 fmt::format("a download, and what is unpacked of it, may be so large (default: {:.3g})",
+                 fmt::format("largest download, GB, also when unpacked (default: {:.3g})",
                              static_cast<double>(kDownloadLimitBytes) / kBytesPerGb));
   declare_json(declare, a.json);
 }
@@ -149,13 +149,13 @@ Result<int> run_fetch(const FetchArguments& arguments, Context& context) {
 }  // namespace
 
 Subcommand fetch_subcommand() {
-  return subcommand("fetch", "downloads a scan that is known by name, checked, into the cache",
+  return subcommand("fetch", "downloads a known scan into the cache, and checks it",
                     {"palpate fetch stanford-dragon", "palpate fetch stanford-dragon --force"}, declare_fetch,
                     run_fetch);
 }
 
 Subcommand scans_subcommand() {
-  return subcommand("list scans", "scans known by name: size, licence, where each is",
+  return subcommand("list scans", "known scans: size, licence, sources, where each is",
                     {"palpate list scans", "palpate list scans --json"}, declare_scans, run_scans);
 }
 

@@ -175,8 +175,9 @@ void print_text(const Info& info) {
   const Vec3 low = s.box_mm.low_mm, high = s.box_mm.high_mm, extent = s.box_mm.extent_mm();
   const auto row = [](const char* key, const std::string& value) { fmt::print("  {:<18} {}\n", key, value); };
   const auto spread = [](const search::Percentiles& p) {
-    return fmt::format("smallest {:.4g}, half below {:.4g}, 99 % {:.4g}, 99.9 % {:.4g}, largest {:.4g} mm",
-                       p.min, p.p50, p.p99, p.p999, p.max);
+    return fmt::format(
+        "smallest {:.4g}, median {:.4g}, 99 % below {:.4g}, 99.9 % below {:.4g}, largest {:.4g} mm", p.min,
+        p.p50, p.p99, p.p999, p.max);
   };
   fmt::print("{}\n", info.model.name);
   row("source", info.provenance.source);
@@ -185,18 +186,19 @@ void print_text(const Info& info) {
                           info.provenance.unit_guessed ? " (guessed)" : ""));
   if (info.model.analytic) row("formula", info.model.analytic->formula());
   row("points", fmt::format("{}", s.points));
-  row("left out", fmt::format("{}, whose coordinates are no numbers, or no data", info.provenance.non_finite));
+  row("left out", fmt::format("{} with NaN, infinite or missing coordinates", info.provenance.non_finite));
   for (const std::string& step : info.provenance.cleaned) row("cleaned", step);
-  row("duplicates", fmt::format("{}, where another point stands", s.duplicates));
+  row("duplicates", fmt::format("{} at the position of another point", s.duplicates));
   const int digits = corner_digits(s.box_mm);
   row("box",
       fmt::format("({:.{}g}, {:.{}g}, {:.{}g}) to ({:.{}g}, {:.{}g}, {:.{}g}) mm", low.x(), digits, low.y(),
                   digits, low.z(), digits, high.x(), digits, high.y(), digits, high.z(), digits));
   if (const geometry::RigidTransform& pose = info.model.world_from_model; !pose.is_identity())
-    row("pose", fmt::format("the scene {}moves it by ({:.9g}, {:.9g}, {:.9g}) mm; the box is without",
+    row("pose", fmt::format("the scene {}moves it by ({:.9g}, {:.9g}, {:.9g}) mm; the box is before that",
                             pose.rotation.vec() == Vec3::Zero() ? "" : "turns it and ",
                             pose.translation_mm.x(), pose.translation_mm.y(), pose.translation_mm.z()));
-  if (info.model.motion != nullptr) row("motion", "the model moves; all here is of its points at rest");
+  if (info.model.motion != nullptr)
+    row("motion", "the model moves; everything here is of its points at rest");
   row("extent", fmt::format("{:.4g} x {:.4g} x {:.4g} mm", extent.x(), extent.y(), extent.z()));
   row("resolution", fmt::format("{:.4g} mm, the largest distance between neighbours: {}",
                                 info.spacing.resolution_mm, info.neighbours));
@@ -206,8 +208,8 @@ void print_text(const Info& info) {
   row("density", std::isfinite(s.density_per_mm3)
                      ? fmt::format("{:.4g} points per mm3 of the box", s.density_per_mm3)
                      : std::string("none: the box is flat"));
-  row("to the nearest", spread(info.spacing.nearest_mm));
-  row("to the eighth", spread(info.spacing.eighth_mm));
+  row("nearest point", spread(info.spacing.nearest_mm));
+  row("eighth nearest", spread(info.spacing.eighth_mm));
   row("rows of a scanner", order_text(s.raster, *info.model.cloud));
   row("order", fmt::format("the nearest point is mostly {:.4g} lines away in the file (1: as a scanner goes)",
                            info.spacing.median_index_distance));
@@ -216,7 +218,7 @@ void print_text(const Info& info) {
                                         : info.lattice.words);
   row("mesh", info.model.original_mesh
                   ? fmt::format("{} triangles", info.model.original_mesh->triangles.size())
-                  : std::string("none: points alone"));
+                  : std::string("none: only points"));
   row("content hash", info.provenance.content_hash);
   if (info.model.prepared != nullptr) print_surfaces(*info.model.prepared);
   for (const std::string& warning : info.warnings) fmt::print("  warning: {}\n", warning);
@@ -232,7 +234,7 @@ void declare_info(const Declaration& declare, InfoArguments& a) {
   declare.required("MODEL", a.model,
                    std::string(kSceneHelp) + "; a recording (.palrec); or a stream of depth images");
   declare_json(declare, a.json);
-  declare.flag("--skip-damaged", a.skip_damaged, "of a recording: leave out what is damaged in the middle");
+  declare.flag("--skip-damaged", a.skip_damaged, "recordings: leave out damaged parts in the middle");
   declare_model(declare, a.load);
 }
 

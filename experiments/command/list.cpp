@@ -18,7 +18,7 @@ struct ListArguments {
 };
 
 void declare_list(const Declaration& declare, ListArguments& a) {
-  declare.text("NAME", a.name, "its options, defaults and source (default: a line for each)");
+  declare.text("NAME", a.name, "show options, defaults and source of this one (default: a line for each)");
   declare_json(declare, a.json);
 }
 
@@ -52,8 +52,8 @@ Result<int> print_steps(const ListArguments& arguments, Context& /*context*/) {
     entries.push_back({step.name, step.summary, step.source, step.options, {}, {}, {}});
   return print_entries(
       std::move(entries), arguments, "steps",
-      "Options follow the step after slashes, steps are joined by +: outliers/distance=3+smooth.\n"
-      "Lengths are in spacings: the root of the occupied area per point.\n");
+      "Options follow the step after slashes, steps are joined by +: outliers/distance=3+smooth.\nLengths "
+      "are in spacings: the square root of the occupied area per point.\n");
 }
 
 CatalogueEntry entry(const std::string& name, const std::string& summary, std::span<const OptionSpec> options,
@@ -68,13 +68,13 @@ Result<int> print_paths(const ListArguments& arguments, Context& /*context*/) {
   std::vector<CatalogueEntry> entries;
   for (const paths::PathGenerator& g : paths::path_generators())
     entries.push_back(entry(g.name, g.summary, g.options, g.models, g.example));
-  entries.push_back(entry("FILE.csv", fmt::format("a recorded path, its first line {}", trace::kPathHeader),
-                          {}, "any", "probe.csv"));
-  entries.push_back(
-      entry("FILE.traj",
-            "a recording in columns between blanks, tabs, commas or semicolons; lines that begin with # "
-            "or %, and a first line of names, are skipped",
-            recording_columns(), "any", "probe.traj:t=0:x=1:y=2:z=3:mm_per_unit=1000"));
+  entries.push_back(entry("FILE.csv",
+                          fmt::format("a recorded path; its first line is {}", trace::kPathHeader), {}, "any",
+                          "probe.csv"));
+  entries.push_back(entry("FILE.traj",
+                          "a recorded path in columns, separated by blanks, tabs, commas or semicolons; a "
+                          "first line of names, and lines that begin with # or %, are skipped",
+                          recording_columns(), "any", "probe.traj:t=0:x=1:y=2:z=3:mm_per_unit=1000"));
   return print_entries(std::move(entries), arguments, "paths",
                        "Options follow the name after colons. A recording of any other ending: --path "
                        "probe.txt:t=0:x=1:y=2:z=3.\n"
@@ -84,9 +84,9 @@ Result<int> print_paths(const ListArguments& arguments, Context& /*context*/) {
 }  // namespace
 
 Subcommand renderers_subcommand() {
-  return subcommand("list renderers", "the renderers, a line each; of one, its options and source",
-                    {"palpate list renderers", "palpate list renderers cloud"}, declare_list,
-                    print_renderers);
+  return subcommand(
+      "list renderers", "the renderers, a line each; with NAME, one's options, defaults and source",
+      {"palpate list renderers", "palpate list renderers cloud"}, declare_list, print_renderers);
 }
 
 Subcommand paths_subcommand() {
@@ -99,7 +99,8 @@ Subcommand paths_subcommand() {
 }
 
 Subcommand steps_subcommand() {
-  return subcommand("list steps", "the steps that clean points, a line each; of one, its options",
+  return subcommand("list steps",
+                    "the steps that clean points, a line each; with NAME, one's options and defaults",
                     {"palpate list steps", "palpate list steps outliers"}, declare_list, print_steps);
 }
 

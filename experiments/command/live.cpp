@@ -15,52 +15,46 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
   RunArguments& run = a.run;
   declare_scene_or_stream(declare, run);
   declare_renderers(declare, run.renderers,
-                    "the scene's or the plan's, cloud, and a mesh; at most 7, the "
-                    "first is felt first");
+                    "the scene's or planned one, cloud, and a mesh; at most 7, the first is felt first");
   declare_device(declare, a.device);
-  declare.text(
-      "--hand", a.hand,
-      "what the simulated hand does: explore by what it feels, follow the path, press, slide or tap; "
-      "mouse: goes where the mouse says (default: explore; follow where --path names another than "
-      "hand; with --window mouse)");
+  declare.text("--hand", a.hand,
+               "what the simulated hand does: explore by what it feels, follow the path, press, slide, tap, "
+               "or mouse: go where the mouse does (default: explore; follow with a --path other than hand; "
+               "mouse with --window)");
   declare.number("--seconds", a.seconds, kSeconds,
-                 "how long (default: 10; with --window until it is closed)");
+                 "length of the session (default: 10; with --window until it is closed)");
   declare.number("--switch-every", a.switch_every_s, kEvery,
                  "seconds between switches to the next renderer (default: 0, never)");
-  declare.rare().text(
-      "--rule", a.rule,
-      "of a switch that free space does not allow at once: wait (a fade in contact, else wait for free "
-      "space), refuse (a fade in contact, else refuse) or free (wait for free space) (default: wait)");
+  declare.rare().text("--rule", a.rule,
+                      "for a switch asked for in contact: wait (fade, else wait for free space), refuse "
+                      "(fade, else refuse) or free (wait for free space) (default: wait)");
   declare.rare().number("--fade", a.fade_ms, kFade,
-                        "length of a fade in contact, ms; 100 to 200 (default: 150)");
-  declare.rare().text(
-      "--changes", a.changes,
-      "SECONDS:LABEL:key=value[:key=value..],..: a renderer's options change while it is felt; "
-      "stiffness (N/mm) and force_limit (N) too");
+                        "length of a fade in contact, ms; 100 to 200 is sensible (default: 150)");
+  declare.rare().text("--changes", a.changes,
+                      "SECONDS:LABEL:key=value[:key=value..],..: changes a renderer's options while it is "
+                      "felt, also stiffness (N/mm) and force_limit (N)");
   declare.rare().text(
       "--mapping", a.mapping,
-      "of the workspace: 1:1, fitted, or mm of the scene for a mm of the device (default: 1:1)");
+      "of the workspace: 1:1, fitted, or mm of the scene per mm of the device (default: 1:1)");
   declare_rate(declare.rare(), a.rate_hz);
   declare.flag("--accelerated", a.accelerated,
-               "as fast as it goes, on a clock of its own: the same session every time");
-  declare.flag(
-      "--window", a.window,
-      "a window over the session: the cloud, what is felt, plots, switches by buttons; without a device "
-      "the mouse is the hand. A scan that is dropped on it is opened");
-  declare.rare().text(
-      "--up", a.up,
-      "what is up in the window: z, y (most scans of objects), x, -z, -y or -x; key u turns it on "
-      "(default: as the scene's [view] has it, else z)");
+               "on a virtual clock, as fast as possible: the same session every time");
+  declare.flag("--window", a.window,
+               "show a window: the cloud, what is felt, plots, buttons to switch; without a device the mouse "
+               "is the hand. Drop a scan on it to open it");
+  declare.rare().text("--up", a.up,
+                      "axis that is up in the window: z, y (most scans of objects), x, -z, -y or -x; key u "
+                      "takes the next (default: the scene's [view], else z)");
   declare.rare().number(
       "--stand-in", a.stand_in, kStandIn,
       "points of the coarse cloud that is felt in a window until the renderers of a larger scene are "
       "prepared; 0: none (default: 60000)");
   declare.text("--listen", a.listen,
-               "PORT or ADDRESS:PORT: hears OSC and lines of JSON over UDP that switch, select, cancel, mark "
-               "and re-arm; 0 finds a port");
-  declare.rare().flag("--rearm", a.rearm, "arm again a second after a fault (simulated devices alone)");
-  declare.text("--record", a.record, "FILE.palrec: a recording of the session, every renderer of it");
-  declare_path(declare, run.path, "by the model's size");
+               "PORT or ADDRESS:PORT: take commands over UDP, as OSC or lines of JSON: switch, select, "
+               "cancel, mark, re-arm; port 0: any free one");
+  declare.rare().flag("--rearm", a.rearm, "arm again a second after a fault (only simulated devices)");
+  declare.text("--record", a.record, "FILE.palrec: record the session, with every renderer");
+  declare_path(declare, run.path, "fitted to the model");
   declare_force(declare, a.replace);
   declare_scene_run(declare, run);
 }
@@ -70,16 +64,15 @@ void declare_record(const Declaration& declare, RecordArguments& a) {
   declare.required("SCENE", a.scene, kSceneHelp);
   declare_renderer(declare, a.renderer);
   declare_device(declare, a.device);
-  declare_path(declare, a.path, "by the model's size, as long as the session");
+  declare_path(declare, a.path, "fitted to the model, as long as the session");
   declare.number("--seconds", a.seconds, kSeconds, "length of the session (default: 10)");
   declare_rate(declare, a.rate_hz);
   declare.required("--out", a.out, "the recording, FILE.palrec");
-  declare.rare().choice(
-      "--flush", a.flush, {"disk", "system"},
-      "how far each chunk of a quarter of a second goes before the next: disk survives a loss of "
-      "power, system the end of the program alone (default: disk)");
+  declare.rare().choice("--flush", a.flush, {"disk", "system"},
+                        "where each quarter of a second is written before the next: disk survives a loss of "
+                        "power, system only the end of the program (default: disk)");
   declare.flag("--accelerated", a.accelerated,
-               "on a virtual clock, as fast as it goes: the same session every time");
+               "on a virtual clock, as fast as possible: the same session every time");
   declare_force(declare, a.force);
   declare_json(declare, a.json);
   declare_surface(declare, a.surface);
@@ -90,16 +83,16 @@ void declare_serve(const Declaration& declare, BridgeArguments& a) {
   constexpr NumberRange kSeconds{0.0, 86'400.0}, kTimes{1.0, 1000.0}, kForces{0.0, 100.0};
   declare_device(declare, a.device);
   declare.text("--listen", a.listen,
-               "ADDRESS:PORT of this machine; 0.0.0.0 for all of its networks, port 0 for any (default: "
-               "127.0.0.1:47800, this machine alone)");
-  declare.number("--seconds", a.seconds, kSeconds, "how long (default: 0, until it is stopped)");
+               "ADDRESS:PORT to listen at; 0.0.0.0: all networks, port 0: any free one (default: "
+               "127.0.0.1:47800, this machine only)");
+  declare.number("--seconds", a.seconds, kSeconds, "how long (default: 0, until stopped)");
   declare_rate(declare, a.rate_hz);
   declare.rare().number("--watchdog-ms", a.watchdog_ms, kTimes,
-                        "without a command for longer: zero force (default: 20)");
+                        "ms without a command until the force is zero (default: 20)");
   declare.rare().number("--most-age-ms", a.most_age_ms, kTimes,
-                        "a command that answers a state of longer ago is refused (default: 20)");
+                        "a command is refused if the state it answers is older than this, ms (default: 20)");
   declare.number("--force-limit", a.force_limit_n, kForces,
-                 "N, whatever is commanded (default: 0, the device's own limit)");
+                 "largest force, N, whatever is commanded (default: 0, the device's own limit)");
   declare_json(declare, a.json);
 }
 
@@ -114,27 +107,27 @@ void declare_study(const Declaration& declare, psychophysics::BlindedArguments& 
       "a plan (.toml), or an example by its name: abx, same-different, constant, staircase, psi");
   declare.text(
       "--observer", a.observer,
-      "who answers: simulated:dprime=1, or simulated:jnd=0.05 where an option is turned (strategy, "
+      "who answers: simulated:dprime=1, or simulated:jnd=0.05 where an option is varied (strategy, "
       "slope, lapse, bias, criterion, catch_dprime, missed); machine: a simulated hand and thresholds "
       "of the literature (hand=press, slide or explore, depth, stiffness, force, direction, vibration, "
-      "moved, lapse, bias, criterion, strategy); person: keys, on the device (hand and depth of a "
-      "simulated one) (default: simulated:dprime=1)");
+      "moved, lapse, bias, criterion, strategy); person: answers by keys, feels the device (hand and depth "
+      "of a simulated one) (default: simulated:dprime=1)");
   declare_device(declare, a.device);
   declare_rate(declare.rare(), a.rate_hz);
-  declare.flag(
-      "--accelerated", a.accelerated,
-      "of a person's session on a simulated device: as fast as it goes, answers from standard input");
+  declare.flag("--accelerated", a.accelerated,
+               "a person's session on a simulated device: as fast as possible, answers from standard input");
   declare.rare().flag(
       "--lsl", a.lsl,
-      "of a person's session: mark trials, intervals and answers in a stream of Lab Streaming Layer");
+      "a person's session: send trials, intervals and answers as markers over Lab Streaming Layer");
   declare.rare().text("--lsl-library", a.lsl_library,
                       "its library (default: liblsl.so.2, as the system finds it)");
   declare.text("--participant", a.participant,
                "code of the participant, a folder each (default: the plan's)");
   declare.integer("--stop-after", a.stop_after, kTrials,
-                  "end this session after so many trials; the same command goes on from there");
-  declare.flag("--power", a.power, "print trials for the wanted power and the equivalence bound, and stop");
-  declare.text("--save-plan", a.save_plan, "write the plan to this new file, to be changed, and stop");
+                  "end this session after this many trials; the same command resumes there");
+  declare.flag("--power", a.power,
+               "only print the trials needed for the plan's power, and the equivalence bound");
+  declare.text("--save-plan", a.save_plan, "only write the plan to this new file, for you to change");
   declare.text("--out", a.out, "folder for the results (default: out/study-NAME)");
   declare_json(declare, a.json);
   declare.verbose();
@@ -171,7 +164,7 @@ Subcommand record_subcommand() {
 
 Subcommand serve_subcommand() {
   return subcommand(
-      "live serve", "serves a device of this machine to programs at another one, over UDP",
+      "live serve", "serves a device of this machine to programs on another one, over UDP",
       {"palpate live serve --device sim:omni --seconds 1",
        "palpate live serve --device sim:falcon --listen 127.0.0.1:0 --force-limit 2 --seconds 1 --json"},
       declare_serve, run_serve);

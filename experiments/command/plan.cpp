@@ -75,12 +75,10 @@ struct PlanArguments {
 void declare_plan(const Declaration& declare, PlanArguments& a) {
   declare.required("SCENE", a.scene, kSceneHelp);
   declare_renderer(declare, a.renderer);
-  declare.rare().choice(
-      "--machine", a.machine, {"auto", "anew", "off"},
-      "expected frames: auto, of this machine, which is measured in a second and kept in the cache; anew, "
-      "measured again; off, as they were where Palpate was measured");
-  declare.flag("--check", a.check,
-               "then prepare and step it after all, and show what was measured beside what was expected");
+  declare.rare().choice("--machine", a.machine, {"auto", "anew", "off"},
+                        "machine of the expected frame times: auto, this one, measured in a second and "
+                        "cached; anew, this one, measured again; off, the reference machine");
+  declare.flag("--check", a.check, "also prepare and run it, and show measured beside expected values");
   declare_json(declare, a.json);
   declare_surface(declare, a.surface);
   declare_model(declare, a.load);

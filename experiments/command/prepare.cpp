@@ -271,7 +271,7 @@ Result<int> run_prepare(const PrepareArguments& arguments, Context& context) {
 
 Subcommand prepare_subcommand() {
   return subcommand("prepare",
-                    "makes a file of a scan's smooth surface: `cloud-smooth` feels it at once, and from disk",
+                    "writes a scan's smooth surface to a file that `cloud-smooth` renders at once, from disk",
                     {"palpate prepare scan.ply --unit m --out scan.palsurf",
                      "palpate prepare hall.pts --unit m --out hall.palcells"},
                     declare_prepare, run_prepare);

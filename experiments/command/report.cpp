@@ -41,10 +41,11 @@ struct ReportArguments {
 };
 
 void declare_report(const Declaration& declare, ReportArguments& a) {
-  declare.text("DIR", a.folder, kStudyFolderHelp);
+  declare.text("DIR", a.folder,
+               "a folder that a command wrote as its --out, or a table's folder within that of reproduce");
   declare.text("--docs", a.docs,
-               "a checkout of Palpate: writes the figures of its pages from docs/figures, and with DIR takes "
-               "them from what reproduce, stress or felt_surface wrote there first");
+               "a checkout of Palpate: writes the figures of its pages from docs/figures; with DIR, first "
+               "takes them from what reproduce, stress or felt_surface wrote there");
 }
 
 /// The run that the pages show, and what the felt surface writes: one document of its own each, by which its
@@ -215,10 +216,10 @@ void declare_export(const Declaration& declare, ExportArguments& a) {
                  "csv: the trace of one renderer, as compare writes it; hdf5: everything; motion-bids: a "
                  "dataset of one subject (default: csv)");
   declare.required("--out", a.out, "the file (.csv, .h5), or the folder of the dataset");
-  declare.text("--renderer", a.renderer, "of csv: the label of the renderer (default: the first)");
-  declare.text("--subject", a.subject, "of motion-bids: label of the subject (default: 01)");
-  declare.text("--task", a.task, "of motion-bids: label of the task (default: touch)");
-  declare.flag("--skip-damaged", a.skip_damaged, "leave out what is damaged in the middle, and say so");
+  declare.text("--renderer", a.renderer, "csv: the label of the renderer (default: the first)");
+  declare.text("--subject", a.subject, "motion-bids: label of the subject (default: 01)");
+  declare.text("--task", a.task, "motion-bids: label of the task (default: touch)");
+  declare.flag("--skip-damaged", a.skip_damaged, "leave out damaged parts in the middle, and say so");
   declare_force(declare, a.force);
   declare_json(declare, a.json);
 }
@@ -228,13 +229,12 @@ void declare_reproduce(const Declaration& declare, ReproduceArguments& a) {
                "which tables, or manifests of your own (.toml), separated by commas (default: all)");
   declare_required_out(declare, a.out);
   declare.flag("--full", a.full,
-               "longer runs too: every reconstruction and neighbour builder, paced frames, growth to ten "
-               "million points, behaviours, protocols; whole models; no limit of time for reconstructions");
-  declare.rare().number(
-      "--mesh-limit", a.mesh_limit_s, kTimesS,
-      "a reconstruction may take so many seconds; 0: no limit (default: 120, with --full 0)");
-  declare.rare().flag("--no-cache", a.no_cache, "make every mesh anew, and keep none for the next run");
-  declare.flag("--quick", a.quick, "small models, short paths: tries the machinery, measures nothing");
+               "also the longer runs: every reconstruction and neighbour builder, paced frames, growth to "
+               "ten million points, behaviours, protocols; whole models; no time limit for reconstructions");
+  declare.rare().number("--mesh-limit", a.mesh_limit_s, kTimesS,
+                        "seconds that a reconstruction may take; 0: no limit (default: 120, with --full 0)");
+  declare.rare().flag("--no-cache", a.no_cache, "reconstruct every mesh again, and cache none");
+  declare.flag("--quick", a.quick, "small models and short paths: a trial run, not a measurement");
   declare.excludes("--quick", "--full");
   declare.cases();
   declare.verbose();
@@ -251,9 +251,9 @@ Subcommand report_subcommand() {
 }
 
 Subcommand score_subcommand() {
-  return subcommand("report score", "scores a study again, from its traces and its truth; no renderer is run",
-                    {"palpate report score out/ab", "palpate report score out/ab --json"}, declare_score,
-                    run_score);
+  return subcommand(
+      "report score", "scores a study again, from its traces and its ground truth; runs no renderer",
+      {"palpate report score out/ab", "palpate report score out/ab --json"}, declare_score, run_score);
 }
 
 Subcommand export_subcommand() {
@@ -266,7 +266,7 @@ Subcommand export_subcommand() {
 
 Subcommand reproduce_subcommand() {
   return subcommand(
-      "reproduce", "the thesis's tables beside the printed values, and a comparison",
+      "reproduce", "measures the thesis's tables again, beside the printed values",
       {"palpate reproduce --out out/reproduce", "palpate reproduce --tables 6,7 --out out/tables"},
       declare_reproduce, reproduce);
 }

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <string>
@@ -12,6 +13,7 @@
 
 #include <palpate/clock.h>
 #include <palpate/progress.h>
+#include "experiments/session/session.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {
@@ -45,12 +47,24 @@ void say(const std::string& text) {
     if (::write(STDERR_FILENO, text.data(), text.size()) < 0) return;
 }
 
-[[noreturn]] void wait_and_stop() {
+/// Waits for a signal.
+void wait_until_asked() {
   while (::sem_wait(&asked) != 0) {
   }
+}
+
+[[noreturn]] void wait_and_stop() {
+  const std::string stopped =
+      (::isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "") + std::string("palpate: stopped");
+  wait_until_asked();
+  if (ends_on_stop(signal_number)) {
+    say(stopped + ": the report of what was felt is being written; a second signal ends that too\n");
+    std::this_thread::sleep_for(std::chrono::nanoseconds(kSameSignalNs));
+    first_ns.store(0);
+    wait_until_asked();
+  }
   const std::string said = run_stop_callbacks();
-  const std::string over_the_bar = ::isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "";
-  say(over_the_bar + "palpate: stopped" + (said.empty() ? "" : ": " + said) + "\n");
+  say(stopped + (said.empty() ? "" : ": " + said) + "\n");
   ::_exit(kSignalBase + signal_number);
 }
 

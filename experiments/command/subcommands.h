@@ -42,17 +42,17 @@ struct Verb {
 };
 inline constexpr Verb kVerbs[] = {
     {"Look", "info", "what a model or a recording holds; info plan: what would be built for a scene"},
-    {"", "list", "renderers, paths, scans, cleaning steps, devices: what there is"},
+    {"", "list", "renderers, paths, scans, cleaning steps, devices"},
     {"Prepare", "clean", "cleans a raw scan: outliers, smoothing, thinning, holes"},
-    {"", "fetch", "downloads a known scan, checked, into the cache"},
-    {"", "prepare", "makes a file of a scan's smooth surface, felt at once and from disk"},
+    {"", "fetch", "downloads a known scan into the cache, and checks it"},
+    {"", "prepare", "writes a scan's smooth surface to a file that is felt at once, from disk"},
     {"Measure", "compare", "renderers along one path, and a report; also sweep, merge, ablate"},
     {"", "tune", "finds the cheapest setting that is accurate enough"},
     {"", "test", "suites: behaviours, stress, hunt, stability, goals, bench"},
     {"Touch", "live", "renderers under a hand on a device, switched while felt; also record, serve"},
     {"", "study", "blinded comparisons and staircases, with people or without"},
     {"Keep", "report", "draws a study's report again; also score, export"},
-    {"", "reproduce", "the thesis's tables beside the printed values"}};
+    {"", "reproduce", "measures the thesis's tables again, beside the printed values"}};
 
 #define PALPATE_DECLARE(name) Subcommand name##_subcommand();
 PALPATE_SUBCOMMANDS(PALPATE_DECLARE)

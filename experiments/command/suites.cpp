@@ -26,17 +26,16 @@ void declare_behaviours(const Declaration& declare, BehavioursArguments& a) {
 
 void declare_stress(const Declaration& declare, StressArguments& a) {
   constexpr NumberRange kSeconds{0, 1e7}, kCellSeconds{1, 1e5};
-  declare_renderers(declare, a.renderers, "every one");
+  declare_renderers(declare, a.renderers, "every renderer");
   declare.text("--cases", a.cases, "cases or groups of cases, separated by commas (default: all)");
   declare_required_out(declare, a.out);
   declare.number("--budget", a.budget_s, kSeconds,
-                 "seconds after which no further cell is begun; 0: as long as it takes (default: 0)");
+                 "seconds after which no further cell begins; 0: no limit (default: 0)");
   declare.rare().number(
       "--cell-limit", a.cell_s, kCellSeconds,
-      fmt::format("seconds of processor time that one cell may take; then it has failed (default: {:g})",
-                  a.cell_s));
+      fmt::format("seconds of processor time after which a cell has failed (default: {:g})", a.cell_s));
   declare.flag("--quick", a.quick, "the short set of cases");
-  declare.flag("--full", a.full, "ten million points too");
+  declare.flag("--full", a.full, "also with ten million points");
   declare.excludes("--quick", "--full");
   declare.text(
       "--against", a.against,
@@ -50,12 +49,12 @@ void declare_stress(const Declaration& declare, StressArguments& a) {
 void declare_hunt(const Declaration& declare, HuntArguments& a) {
   constexpr NumberRange kMinutes{0.0, 10'080.0, true};  // a week
   constexpr NumberRange kTrials{1, 1'000'000'000}, kSeeds{0, 1'000'000'000};
-  declare_renderers(declare, a.renderers, "all of ours; options that are given stay");
+  declare_renderers(declare, a.renderers, "all of ours; options given here are kept");
   declare.number("--minutes", a.minutes, kMinutes,
-                 "how long, with what an interrupted hunt took before (default: 10)");
-  declare.integer("--trials", a.trials, kTrials, "so many trials instead, whatever time they take");
-  declare.flag("--as-given", a.as_given, "turn no options of renderers");
-  declare.integer("--seed", a.seed, kSeeds, "of the random search (default: 1)");
+                 "how long, including a resumed hunt's earlier part (default: 10)");
+  declare.integer("--trials", a.trials, kTrials, "this many trials instead, however long they take");
+  declare.flag("--as-given", a.as_given, "do not vary the renderers' options");
+  declare.integer("--seed", a.seed, kSeeds, "seed of the random search (default: 1)");
   declare_required_out(declare, a.out);
   declare_json(declare, a.json);
   declare.verbose();
@@ -67,23 +66,24 @@ void declare_stability(const Declaration& declare, StabilityArguments& a) {
   constexpr NumberRange kJitterMs{0.0, 10.0}, kSlew{0.0, 1e9, true};
   RunArguments& run = a.run;
   declare.required("SCENE", run.scene, kSceneHelp);
-  declare_renderers(declare, run.renderers, "the scene's or the plan's, cloud, and a mesh");
+  declare_renderers(declare, run.renderers, "the scene's or planned one, cloud, and a mesh");
   declare.text("--device", a.device,
                "the simulated device: omni, touch, falcon, omega3, or admittance (default: omni)");
   declare.text("--grip", a.hand,
                "the simulated hand: hand, finger, arm or released (default: hand); released, a steady push "
                "alone, is measured as well");
-  declare.text("--rates", a.rates, "of the servo, Hz (default: 500,1000,2000,4000,8000)");
-  declare.text("--delays", a.delays, "from position to force, ms, at 1 kHz (default: 0,1,2,4)");
+  declare.text("--rates", a.rates, "servo rates, Hz (default: 500,1000,2000,4000,8000)");
+  declare.text("--delays", a.delays, "delays from position to force, ms, at 1 kHz (default: 0,1,2,4)");
   declare.text("--dampings", a.dampings,
-               "of the wall, N s/mm, at 1 kHz (default: 0,0.0001,0.0002,0.0005,0.001,0.002)");
+               "damping of the wall, N s/mm, at 1 kHz (default: 0,0.0001,0.0002,0.0005,0.001,0.002)");
   declare.flag("--cross", a.cross,
-               "every rate with every delay too, without control, behind a passive coupling and under the "
-               "passivity controller: minutes a renderer");
+               "also every rate with every delay, without control, with a passive coupling and with the "
+               "passivity controller: minutes per renderer");
   declare.rare().number("--jitter", a.jitter_ms, kJitterMs,
-                        "each tick is late by up to so many ms (default: 0)");
-  declare.rare().number("--slew", a.slew_n_per_s, kSlew, "limit of the governor, N/s (default: 1000)");
-  declare_path(declare, run.path, "six seconds, by the model's size");
+                        "each tick is late by up to this many ms (default: 0)");
+  declare.rare().number("--slew", a.slew_n_per_s, kSlew,
+                        "the governor's slew rate limit, N/s (default: 1000)");
+  declare_path(declare, run.path, "six seconds, fitted to the model");
   declare_scene_run(declare, run);
   declare.cases();
 }
@@ -91,7 +91,7 @@ void declare_stability(const Declaration& declare, StabilityArguments& a) {
 void declare_goals(const Declaration& declare, GoalsArguments& a) {
   declare.text("--out", a.out, "folder for the results (default: out/goals)");
   declare.flag("--quick", a.quick,
-               "small models and short paths, half a minute: a trial of the machinery, no measurement");
+               "small models and short paths, half a minute: a trial run, not a measurement");
   declare_json(declare, a.json);
   declare.verbose();
   declare.cases();
@@ -104,15 +104,16 @@ void declare_bench(const Declaration& declare, BenchArguments& a) {
                            "(default: {})",
                            kUsualEntries));
   declare.text("--seed", a.seed,
-               "of the cases: public, nominal, or a secret text of 16 characters or more, which gives hidden "
-               "ones and is not written anywhere (default: public)");
+               "seed of the cases: public, nominal, or a secret text of 16 characters or more, which gives "
+               "hidden ones and is written nowhere (default: public)");
   declare.text("--out", a.out, "folder for the results (default: out/bench)");
   declare.text("--save-cases", a.save_cases,
                "folder for the points and path of every case, to be answered by traces; nothing is run");
   declare.text("--check", a.check, "bench.json whose cases and answers are made again and compared");
   declare.text("--against", a.against,
                "bench.json of another seed: the difference shows what is tuned to one of them");
-  declare.flag("--quick", a.quick, "few points and frames, less than a minute: a trial, no measurement");
+  declare.flag("--quick", a.quick,
+               "few points and frames, less than a minute: a trial run, not a measurement");
   declare_threads(declare, a.threads);
   declare_json(declare, a.json);
   declare.verbose();

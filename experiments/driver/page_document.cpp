@@ -67,22 +67,30 @@ Status keep_page(const Page& page, const OutputFolder& folder) {
   return write_page(page, folder);
 }
 
-Status draw_kept_page(const OutputFolder& folder) {
-  const std::string file = folder.file(kPageFile).string();
+Status draw_again(const OutputFolder& folder, const char* name, const char* schema,
+                  const std::function<Result<Page>(const nlohmann::json&)>& page) {
+  const std::string file = folder.file(name).string();
   const auto wrong = [&](const std::string& what) {
     return Error{what, "run the command that wrote this folder again", file};
   };
   PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
   try {
     const nlohmann::json document = nlohmann::json::parse(text);
-    if (document.at("schema") != kPageSchema) return wrong(fmt::format("is not of schema {}", kPageSchema));
+    if (document.at("schema") != schema) return wrong(fmt::format("is not of schema {}", schema));
+    PALPATE_ASSIGN(const Page drawn, page(document));
+    return write_page(drawn, folder);
+  } catch (const nlohmann::json::exception& error) {
+    return wrong(fmt::format("cannot be drawn again: {}", error.what()));
+  }
+}
+
+Status draw_kept_page(const OutputFolder& folder) {
+  return draw_again(folder, kPageFile, kPageSchema, [&](const nlohmann::json& document) -> Result<Page> {
     Page page = document.get<Page>();
     page.about = head_from(document);
     PALPATE_TRY(draw_scripts(page.sections, folder));
-    return write_page(page, folder);
-  } catch (const nlohmann::json::exception& error) {
-    return wrong(fmt::format("is no page: {}", error.what()));
-  }
+    return page;
+  });
 }
 
 }  // namespace palpate::experiments

@@ -2,6 +2,7 @@
 // section stands in it as the script that draws it.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,10 @@ inline constexpr const char* kPageFile = "page.json";
 /// the scripts in `folder`/figures.
 void put_scripts(std::vector<Section>& sections);
 [[nodiscard]] Status draw_scripts(std::vector<Section>& sections, const OutputFolder& folder);
+
+/// Writes the page that `page` makes of a document of this schema in the folder. Error: names the file.
+[[nodiscard]] Status draw_again(const OutputFolder& folder, const char* name, const char* schema,
+                                const std::function<Result<Page>(const nlohmann::json&)>& page);
 
 /// Writes page.json and the page.
 [[nodiscard]] Status keep_page(const Page& page, const OutputFolder& folder);

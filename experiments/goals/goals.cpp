@@ -98,6 +98,16 @@ Section section_of(const Goal& goal, const GoalsDocument& document) {
   return section;
 }
 
+/// The first page, with a line and link per goal, and a page for each.
+Page goals_page(const GoalsDocument& document) {
+  Page page = begin_page("The goals of the thesis, measured", document.head);
+  page.apart = true;
+  page.tables = {goals_table(document)};
+  add_known(page, Known{{}, document.warnings, document.notes});
+  for (const Goal& goal : document.goals) page.sections.push_back(section_of(goal, document));
+  return page;
+}
+
 }  // namespace
 
 bool kept(const Finding& finding) {
@@ -164,15 +174,6 @@ Table goals_table(const GoalsDocument& document) {
   }
   table.bad_means = "not reached as a whole";
   return table;
-}
-
-Page goals_page(const GoalsDocument& document) {
-  Page page = begin_page("The goals of the thesis, measured", document.head);
-  page.apart = true;
-  page.tables = {goals_table(document)};
-  add_known(page, Known{{}, document.warnings, document.notes});
-  for (const Goal& goal : document.goals) page.sections.push_back(section_of(goal, document));
-  return page;
 }
 
 namespace {

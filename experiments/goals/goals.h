@@ -57,8 +57,6 @@ struct GoalsDocument {
 };
 [[nodiscard]] std::string to_json(const GoalsDocument& document);
 [[nodiscard]] Table goals_table(const GoalsDocument& document);
-/// The first page, with a line and link per goal, and a page for each.
-[[nodiscard]] Page goals_page(const GoalsDocument& document);
 
 /// A 1 kHz servo loop's.
 inline constexpr double kTickS = 1e-3, kTickUs = 1e3;

@@ -73,9 +73,9 @@ Result<std::vector<PinnedRow>> pinned_rows(const GoalBench& bench) {
   return rows;
 }
 
-const PinnedRun* pinned_run(const std::vector<PinnedRow>& rows, const std::string& label, bool draws) {
+const PinnedRun* drawing_run(const std::vector<PinnedRow>& rows, const std::string& label) {
   for (const PinnedRow& row : rows)
-    if (row.label == label && row.draws == draws) return &row.run;
+    if (row.label == label && row.draws) return &row.run;
   return nullptr;
 }
 
@@ -135,7 +135,7 @@ Chart late_chart(const std::vector<PinnedRow>& rows) {
 }
 
 std::string picture_html(const std::vector<PinnedRow>& rows) {
-  const PinnedRun* run = pinned_run(rows, "cloud", true);
+  const PinnedRun* run = drawing_run(rows, "cloud");
   if (run == nullptr || run->last.grey.empty()) return {};
   const std::string png = png_of({kImageWidth, kImageHeight, run->last.grey});
   return fmt::format(
@@ -175,7 +175,7 @@ Goal one_machine_goal(const GoalBench& bench) {
   if (!rows) goal.notes.push_back("Not measured: " + rows.error().message());
   const std::vector<PinnedRow> none, &all = rows ? *rows : none;
   const auto drawing = [&](const std::string& label, auto number) -> std::optional<double> {
-    const PinnedRun* run = pinned_run(all, label, true);
+    const PinnedRun* run = drawing_run(all, label);
     return run != nullptr ? std::optional(number(*run)) : std::nullopt;
   };
   const auto late = [](const PinnedRun& run) { return quantile_us(run.late_ns, kInTime); };

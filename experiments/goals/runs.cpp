@@ -1,7 +1,5 @@
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include <palpate/result.h>
 #include "experiments/data/scans.h"
 #include "experiments/driver/json_document.h"

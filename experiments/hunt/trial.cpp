@@ -36,29 +36,9 @@ Error not_judged(const char* what) {
   return {what, "take another trial_input", {}, 0};
 }
 
-}  // namespace
-
-std::string toml_lines(const Options& options) {
-  std::string text;
-  for (const auto& [key, value] : options.all()) {
-    const bool bare = parse_number(value).ok() || value == "true" || value == "false";
-    text += bare ? fmt::format("{} = {}\n", key, value) : fmt::format("{} = \"{}\"\n", key, value);
-  }
-  return text;
-}
-
-std::string surface_toml(const TrialInput& trial_input) {
-  std::string text = fmt::format("  [model.surface]\n  stiffness_n_per_mm = {}\n", kHuntedStiffness);
-  if (trial_input.friction > 0.0) text += fmt::format("  friction = {:.17g}\n", trial_input.friction);
-  return text;
-}
-
-Result<std::string> hand_scene_toml(const TrialInput& trial_input) {
-  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(trial_input.model_text()));
-  return fmt::format("[[model]]\ngenerate = \"{}\"\n", named.name) + toml_lines(named.options) +
-         surface_toml(trial_input);
-}
-
+/// The path of trial_input.hand on the exact shape with its truth. Both end where the true god object nears
+/// an open surface's border, beyond which only the formula continues. Error: a shape too fine for its points
+/// or the press, or a hand soon at a border.
 Result<HuntScene> make_hand_scene(const TrialInput& trial_input) {
   PALPATE_ASSIGN(const NamedOptions named, parse_named_options(trial_input.model_text()));
   PALPATE_ASSIGN(const std::string text, hand_scene_toml(trial_input));
@@ -93,6 +73,29 @@ Result<HuntScene> make_hand_scene(const TrialInput& trial_input) {
   scene.path.t_s.resize(kept);
   scene.path.hip_mm.resize(kept);
   return scene;
+}
+
+}  // namespace
+
+std::string toml_lines(const Options& options) {
+  std::string text;
+  for (const auto& [key, value] : options.all()) {
+    const bool bare = parse_number(value).ok() || value == "true" || value == "false";
+    text += bare ? fmt::format("{} = {}\n", key, value) : fmt::format("{} = \"{}\"\n", key, value);
+  }
+  return text;
+}
+
+std::string surface_toml(const TrialInput& trial_input) {
+  std::string text = fmt::format("  [model.surface]\n  stiffness_n_per_mm = {}\n", kHuntedStiffness);
+  if (trial_input.friction > 0.0) text += fmt::format("  friction = {:.17g}\n", trial_input.friction);
+  return text;
+}
+
+Result<std::string> hand_scene_toml(const TrialInput& trial_input) {
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(trial_input.model_text()));
+  return fmt::format("[[model]]\ngenerate = \"{}\"\n", named.name) + toml_lines(named.options) +
+         surface_toml(trial_input);
 }
 
 namespace {

@@ -71,9 +71,4 @@ struct Trial {
 /// The generated model of a hand's trial_input, with its surface.
 [[nodiscard]] Result<std::string> hand_scene_toml(const TrialInput& trial_input);
 
-/// The path of trial_input.hand on the exact shape with its truth. Both end where the true god object nears
-/// an open surface's border, beyond which only the formula continues. Error: a shape too fine for its points
-/// or the press, or a hand soon at a border.
-[[nodiscard]] Result<HuntScene> make_hand_scene(const TrialInput& trial_input);
-
 }  // namespace palpate::experiments

@@ -117,6 +117,7 @@ std::string force_in_words(const Vec3& force_n, double full_n) {
 }
 
 void SessionWatch::took(const device::Tick& tick) noexcept {
+  if (stop_.load(std::memory_order_acquire) && thread_ != nullptr) thread_->request_stop();
   if (tick.frame.contact) contact_.fetch_add(1, std::memory_order_relaxed);
   if (tick.missed > 0) missed_.fetch_add(tick.missed, std::memory_order_relaxed);
   for (std::size_t axis = 0; axis < sent_n_.size(); ++axis)
@@ -238,6 +239,15 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
   return end;
 }
 
+bool Assembly::stop_soon() noexcept {
+  constexpr std::chrono::milliseconds kPatience{2000}, kLook{1};
+  request_stop();
+  if (clock_.accelerated()) return true;  // nobody holds anything
+  for (auto waited = kLook; !let_go_.load(std::memory_order_acquire) && waited < kPatience; waited += kLook)
+    std::this_thread::sleep_for(kLook);
+  return let_go_.load(std::memory_order_acquire);
+}
+
 Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
   if (recorder_ != nullptr) observers_.insert(observers_.begin(), recorder_);
   observers_.push_back(&watch_);
@@ -340,6 +350,7 @@ Result<SessionEnd> Assembly::run_real(SessionTasks& tasks, ProgressBar& progress
     // Stops the force before waiting for the worker, which may be preparing a renderer.
     thread->stop();
     watchdog.stop();
+    let_go_.store(true, std::memory_order_release);
   }
   servo_.watched_by(nullptr);
   SessionEnd end = ended(thread->histograms());

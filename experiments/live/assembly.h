@@ -61,6 +61,8 @@ class SessionWatch final : public device::TickObserver {
 
   /// Any thread: rearms at the next tick if a fault is latched and the device is present.
   void ask_rearm() noexcept { asked_.store(true, std::memory_order_release); }
+  /// Any thread: in real time the next tick is the last, whatever the main thread is busy with.
+  void ask_stop() noexcept { stop_.store(true, std::memory_order_release); }
   /// Fault of the newest tick. Any thread.
   [[nodiscard]] device::Fault fault() const noexcept { return fault_.load(std::memory_order_acquire); }
   /// Newest commanded force, device frame, for display: its axes may come from two ticks.
@@ -80,7 +82,7 @@ class SessionWatch final : public device::TickObserver {
   device::ServoLoop* loop_ = nullptr;
   device::ServoThread* thread_ = nullptr;
   double since_s_ = 0.0;  // since the fault or the device's return
-  std::atomic<bool> asked_{false};
+  std::atomic<bool> asked_{false}, stop_{false};
   std::atomic<device::Fault> fault_{device::Fault::kNone};
   std::array<std::atomic<float>, 3> sent_n_{};
   std::atomic<std::uint64_t> contact_{0}, faults_{0}, missed_{0};
@@ -154,8 +156,13 @@ class Assembly {
 
   /// Any thread: rearms after a fault; false without a fault or device.
   bool request_rearm() noexcept;
-  /// Any thread.
-  void request_stop() noexcept { stopping_.store(true, std::memory_order_release); }
+  /// Any thread: ends it as if its seconds were over.
+  void request_stop() noexcept {
+    stopping_.store(true, std::memory_order_release);
+    watch_.ask_stop();
+  }
+  /// The same, for a thread that may wait until the device is let go. False: it is not, in two seconds.
+  [[nodiscard]] bool stop_soon() noexcept;
   /// Any thread but the servo's. Also writes to the recording, so it may wait for the disk.
   void mark(const std::string& text);
   /// Any thread but the servo's: shown at the next poll.
@@ -185,7 +192,7 @@ class Assembly {
   std::vector<device::TickObserver*> observers_;
   device::Recorder* recorder_ = nullptr;
   std::atomic<std::int64_t> begun_ns_{0};
-  std::atomic<bool> stopping_{false};
+  std::atomic<bool> stopping_{false}, let_go_{false};
   // Used by the worker only.
   double next_try_s_ = 0.0;
   std::string not_open_;  // why reopening failed; empty: present

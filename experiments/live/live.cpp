@@ -12,6 +12,7 @@
 #include "experiments/live/session.h"
 #include "experiments/live/window_hooks.h"
 #include "toolkit/core/messages.h"
+#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
@@ -132,11 +133,11 @@ Result<int> live(const LiveArguments& arguments, const device::Drivers& drivers,
   PALPATE_TRY(suite.publish(
       {kLiveFile, to_json(document), live_tables(document), document.warnings, document.fault_names},
       live_page(document, suite.folder()), run.json));
+  if (document.stopped_by != 0) return kSignalBase + document.stopped_by;
   return document.faults > document.rearmed ? kExitFellShort : kExitOk;
 }
 
-}  // namespace
-
+/// Fills in defaults.
 LiveArguments with_defaults(LiveArguments arguments) {
   constexpr double kUsualS = 10.0, kLongestS = 86'400.0;
   const std::string& path = arguments.run.path;
@@ -147,6 +148,8 @@ LiveArguments with_defaults(LiveArguments arguments) {
   if (arguments.seconds == 0.0) arguments.seconds = arguments.link != nullptr ? kLongestS : kUsualS;
   return arguments;
 }
+
+}  // namespace
 
 int run_live(const LiveArguments& arguments, Context& context) {
   if (!arguments.window) return run_live_with(arguments, session_drivers(), context);

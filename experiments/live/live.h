@@ -38,9 +38,6 @@ struct LiveArguments {
   SessionLink* link = nullptr;  ///< link of the window, which outlives the session; null: no window
 };
 
-/// Fills in defaults.
-[[nodiscard]] LiveArguments with_defaults(LiveArguments arguments);
-
 /// A decision of the mixer worth reporting.
 struct LiveDecision {
   double t_s = 0.0;
@@ -116,6 +113,7 @@ struct LiveDocument {
   std::vector<LiveRenderer> renderers;
   std::vector<LiveSample> samples;
   std::vector<std::string> warnings, notes;
+  int stopped_by = 0;  ///< the signal that ended it; 0: none. Not in the file
 };
 
 [[nodiscard]] std::string to_json(const LiveDocument& document);
@@ -123,7 +121,7 @@ struct LiveDocument {
 /// Draws the figures into the folder.
 [[nodiscard]] Page live_page(const LiveDocument& document, const OutputFolder& folder);
 
-/// Returns the exit status: 1 if the session ended with a latched fault.
+/// Returns the exit status: 1 if the session ended with a latched fault, 128 + signal if one ended it.
 int run_live(const LiveArguments& arguments, Context& context);
 /// The same with these drivers.
 int run_live_with(const LiveArguments& arguments, const device::Drivers& drivers, Context& context);

@@ -34,8 +34,7 @@ device::RecordedRenderer entry_of(const render::HapticRenderer& renderer, const 
   return entry;
 }
 
-}  // namespace
-
+/// Meanings of RecordedTick::decision in a live session.
 std::vector<std::string> live_decisions() {
   std::vector<std::string> texts;
   for (int i = 0; i <= static_cast<int>(device::MixDecision::kReplaced); ++i)
@@ -43,6 +42,8 @@ std::vector<std::string> live_decisions() {
   texts.front() = "none";
   return texts;
 }
+
+}  // namespace
 
 Result<std::unique_ptr<render::HapticRenderer>> LiveRecording::tracked(
     std::unique_ptr<render::HapticRenderer> renderer, const LiveSetting& setting, bool passivity_apart,

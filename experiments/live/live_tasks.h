@@ -50,9 +50,6 @@ class LiveRecording final : public device::TickSource {
   std::unique_ptr<device::Recorder> recorder_;
 };
 
-/// Meanings of RecordedTick::decision in a live session.
-[[nodiscard]] std::vector<std::string> live_decisions();
-
 class SessionLink;  // experiments/window/link.h
 
 /// Requests the next renderer at fixed times of the session.

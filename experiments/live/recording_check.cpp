@@ -2,7 +2,6 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <optional>
 
 #include <palpate/result.h>
 #include "experiments/data/scans.h"

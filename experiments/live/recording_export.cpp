@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <system_error>
 
@@ -77,6 +76,15 @@ void announce(const ExportArguments& a, const device::Recording& recording, std:
   fmt::print("{}: {} rows of {} ticks; renderers: {}\n", a.out, rows, end.ticks, joined(labels));
 }
 
+/// Writes one renderer's frames as a Palpate trace for read_trace_csv(). Returns the rows written.
+Result<std::uint64_t> export_csv(device::Recording& recording, const std::string& label,
+                                 const std::string& file) {
+  const Result<trace::PathAndTrace> read = frames_of_recording(recording, label);
+  if (!read) return Error(read.error()).in_file(file);
+  PALPATE_TRY(trace::write_trace_csv(read->path, read->trace, file));
+  return std::uint64_t{read->path.size()};
+}
+
 }  // namespace
 
 Result<trace::PathAndTrace> frames_of_recording(device::Recording& recording, const std::string& label) {
@@ -109,14 +117,6 @@ Result<trace::PathAndTrace> frames_of_recording(device::Recording& recording, co
                                 : "choose from " + joined(labels)};
   }
   return read;
-}
-
-Result<std::uint64_t> export_csv(device::Recording& recording, const std::string& label,
-                                 const std::string& file) {
-  const Result<trace::PathAndTrace> read = frames_of_recording(recording, label);
-  if (!read) return Error(read.error()).in_file(file);
-  PALPATE_TRY(trace::write_trace_csv(read->path, read->trace, file));
-  return std::uint64_t{read->path.size()};
 }
 
 Result<int> run_export(const ExportArguments& arguments, Context& context) {

@@ -22,9 +22,6 @@ struct ExportArguments {
 /// One renderer's frames. Skips ticks without a step or with a non-finite HIP.
 [[nodiscard]] Result<trace::PathAndTrace> frames_of_recording(device::Recording& recording,
                                                               const std::string& label);
-/// Writes them as a Palpate trace for read_trace_csv(). Returns the rows written.
-[[nodiscard]] Result<std::uint64_t> export_csv(device::Recording& recording, const std::string& label,
-                                               const std::string& file);
 
 /// Writes everything as datasets of one row a tick, one group per renderer.
 [[nodiscard]] Result<std::uint64_t> export_hdf5(device::Recording& recording, const std::string& file,

@@ -101,30 +101,17 @@ namespace {
 
 constexpr double kLiveMsPerS = 1e3;
 
-/// Prepares the renderers on one store and notes them in the document.
-Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& workshop, Progress& progress,
+/// Prepares the renderers on one store and notes them in the document. `instead`: each is this one.
+Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& workshop,
+                                              const RendererRequest* instead, Progress& progress,
                                               LiveDocument& document) {
   std::vector<MadeRenderer> all;
   for (const LiveSetting& setting : plan.settings) {
-    Result<MadeRenderer> made = make_live(workshop, setting, progress);
-    if (!made) return std::move(made).error();
-    for (const std::string& warning : made->report.warnings)
-      document.warnings.push_back(fmt::format("{}: {}", setting.request.label, warning));
-    document.renderers.push_back(described(setting, *made));
-    all.push_back(*std::move(made));
-  }
-  // A cancelled session does not start, even if no preparation gave up in time.
-  if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again"};
-  return all;
-}
-
-/// Prepares one renderer on a subset of the points for every lane.
-Result<std::vector<MadeRenderer>> prepare_coarse(const LivePlan& plan, Workshop& coarse,
-                                                 const RendererRequest& request, Progress& progress,
-                                                 LiveDocument& document) {
-  std::vector<MadeRenderer> all;
-  for (const LiveSetting& setting : plan.settings) {
-    PALPATE_ASSIGN(MadeRenderer made, make_live(coarse, {request}, progress));
+    PALPATE_ASSIGN(MadeRenderer made,
+                   make_live(workshop, instead != nullptr ? LiveSetting{*instead} : setting, progress));
+    if (instead == nullptr)
+      for (const std::string& warning : made.report.warnings)
+        document.warnings.push_back(fmt::format("{}: {}", setting.request.label, warning));
     document.renderers.push_back(described(setting, made));
     all.push_back(std::move(made));
   }
@@ -400,8 +387,8 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   Workshop coarse{workshop.stage, workshop.registry, workshop.threads, workshop.paced};
   if (stand_in) coarse.other = &stand_in->input;
   PALPATE_ASSIGN(std::vector<MadeRenderer> made,
-                 stand_in ? prepare_coarse(plan, coarse, stand_in->request, seen, document)
-                          : prepare_all(plan, workshop, seen, document));
+                 stand_in ? prepare_all(plan, coarse, &stand_in->request, seen, document)
+                          : prepare_all(plan, workshop, nullptr, seen, document));
   PALPATE_ASSIGN(const Seat seat, take_seat(arguments, plan, workshop.stage, device, document));
   SessionSettings settings = settings_of(arguments);
   LedHand led;
@@ -462,7 +449,12 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
     });
     streamed->begin();
   }
+  EndOnStop on_stop([&] {
+    tasks.ending();
+    return session.stop_soon();
+  });
   const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
+  document.stopped_by = on_stop.over();
   if (streamed) {
     streamed->end();
     document.stream = streamed->facts();
@@ -477,6 +469,10 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   document.resident_before_bytes = end->settled_bytes;
   report_end(*end, document);
   watch.tell(document);
+  if (document.stopped_by != 0)
+    document.warnings.insert(document.warnings.begin(),  // told even where there are many
+                             fmt::format("The session was stopped by a signal after {:.1f} s.",
+                                         static_cast<double>(document.ticks) / document.rate_hz));
   for (std::size_t i = 0; i < document.renderers.size(); ++i) {
     const render::FrameCounters counted = felt.mixer->counters_of(static_cast<std::uint8_t>(i));
     document.renderers[i].late_frames = counted.late_frames;

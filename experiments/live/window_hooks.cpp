@@ -10,7 +10,6 @@
 #include <thread>
 #include <utility>
 
-#include "experiments/run/choices.h"
 #include "experiments/window/window.h"
 #include "toolkit/core/messages.h"
 

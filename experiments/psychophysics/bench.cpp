@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include <palpate/result.h>
 #include "experiments/live/hand.h"

@@ -31,15 +31,7 @@ SessionRecord session_of(const DocumentJson& json) {
   return s;
 }
 
-}  // namespace
-
-std::string session_line(const SessionRecord& s) {
-  DocumentJson json = s;
-  json["late_us"] = {
-      {"p50", s.late_p50_us}, {"p99", s.late_p99_us}, {"p999", s.late_p999_us}, {"max", s.late_most_us}};
-  return json.dump(-1, ' ', false, DocumentJson::error_handler_t::replace);
-}
-
+/// Parses the file's text. Errors name the invalid line.
 Result<std::vector<SessionRecord>> sessions_of(std::string_view text, const std::string& file) {
   std::vector<SessionRecord> sessions;
   for (std::int64_t line = 1; !text.empty(); ++line) {
@@ -54,6 +46,15 @@ Result<std::vector<SessionRecord>> sessions_of(std::string_view text, const std:
     }
   }
   return sessions;
+}
+
+}  // namespace
+
+std::string session_line(const SessionRecord& s) {
+  DocumentJson json = s;
+  json["late_us"] = {
+      {"p50", s.late_p50_us}, {"p99", s.late_p99_us}, {"p999", s.late_p999_us}, {"max", s.late_most_us}};
+  return json.dump(-1, ' ', false, DocumentJson::error_handler_t::replace);
 }
 
 Result<std::vector<SessionRecord>> read_sessions(const OutputFolder& folder) {

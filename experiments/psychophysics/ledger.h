@@ -35,8 +35,6 @@ struct SessionRecord {
 
 /// One line without its end.
 [[nodiscard]] std::string session_line(const SessionRecord& session);
-/// Parses the file's text. Errors name the invalid line.
-[[nodiscard]] Result<std::vector<SessionRecord>> sessions_of(std::string_view text, const std::string& file);
 /// Reads a folder's sessions; empty if there were none.
 [[nodiscard]] Result<std::vector<SessionRecord>> read_sessions(const OutputFolder& folder);
 /// Writes all sessions; the file is complete or unchanged.

@@ -1,6 +1,5 @@
 #include "experiments/psychophysics/observers.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include <palpate/options.h>

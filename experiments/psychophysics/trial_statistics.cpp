@@ -3,7 +3,6 @@
 #include <boost/math/special_functions/beta.hpp>
 #include <boost/math/special_functions/erf.hpp>
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -17,6 +16,11 @@ using Quiet = math::policies::policy<math::policies::domain_error<math::policies
                                      math::policies::overflow_error<math::policies::ignore_error>,
                                      math::policies::evaluation_error<math::policies::ignore_error>>;
 
+/// Regularised incomplete beta I_x(a, b); a, b > 0, x in [0, 1].
+double beta_cdf(double x, double a, double b) noexcept {
+  return math::ibeta(a, b, x, Quiet());
+}
+
 }  // namespace
 
 double normal_cdf(double z) noexcept {
@@ -25,10 +29,6 @@ double normal_cdf(double z) noexcept {
 
 double normal_quantile(double p) noexcept {
   return -std::numbers::sqrt2 * math::erfc_inv(2.0 * p, Quiet());
-}
-
-double beta_cdf(double x, double a, double b) noexcept {
-  return math::ibeta(a, b, x, Quiet());
 }
 
 double binomial_at_least(std::uint64_t n, std::uint64_t k, double p) noexcept {
@@ -42,11 +42,11 @@ double binomial_at_most(std::uint64_t n, std::uint64_t k, double p) noexcept {
   return beta_cdf(1.0 - p, static_cast<double>(n - k), static_cast<double>(k) + 1.0);
 }
 
-Interval clopper_pearson(std::uint64_t n, std::uint64_t k, double alpha) noexcept {
+Interval clopper_pearson(std::uint64_t n, std::uint64_t k) noexcept {
   const auto hits = static_cast<double>(k), misses = static_cast<double>(n - k);
   Interval interval{0.0, 1.0};
-  if (k > 0) interval.low = math::ibeta_inv(hits, misses + 1.0, 0.5 * alpha, Quiet());
-  if (k < n) interval.high = math::ibeta_inv(hits + 1.0, misses, 1.0 - 0.5 * alpha, Quiet());
+  if (k > 0) interval.low = math::ibeta_inv(hits, misses + 1.0, 0.5 * kUsualAlpha, Quiet());
+  if (k < n) interval.high = math::ibeta_inv(hits + 1.0, misses, 1.0 - 0.5 * kUsualAlpha, Quiet());
   return interval;
 }
 
@@ -85,16 +85,7 @@ std::optional<Needed> needed(double power, Power&& power_of) {
   return found;
 }
 
-}  // namespace
-
-double difference_p(std::uint64_t trials, std::uint64_t correct) noexcept {
-  return binomial_at_least(trials, correct, kChance);
-}
-
-double equivalence_p(std::uint64_t trials, std::uint64_t correct, double bound) noexcept {
-  return binomial_at_most(trials, correct, bound);
-}
-
+/// Fewest right answers above chance at `alpha`; trials + 1 if none are.
 std::uint64_t least_above_chance(std::uint64_t trials, double alpha) noexcept {
   std::uint64_t low = 0, high = trials + 1;
   while (low < high) {
@@ -105,6 +96,16 @@ std::uint64_t least_above_chance(std::uint64_t trials, double alpha) noexcept {
       low = middle + 1;
   }
   return low;
+}
+
+}  // namespace
+
+double difference_p(std::uint64_t trials, std::uint64_t correct) noexcept {
+  return binomial_at_least(trials, correct, kChance);
+}
+
+double equivalence_p(std::uint64_t trials, std::uint64_t correct, double bound) noexcept {
+  return binomial_at_most(trials, correct, bound);
 }
 
 double difference_power(std::uint64_t trials, double p, double alpha) noexcept {

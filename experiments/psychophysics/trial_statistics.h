@@ -17,9 +17,6 @@ namespace palpate::experiments::psychophysics {
 [[nodiscard]] double normal_cdf(double z) noexcept;
 [[nodiscard]] double normal_quantile(double p) noexcept;
 
-/// Regularised incomplete beta I_x(a, b); a, b > 0, x in [0, 1].
-[[nodiscard]] double beta_cdf(double x, double a, double b) noexcept;
-
 /// P(X >= k) and P(X <= k) for X binomial with n trials of probability p. Exact to rounding.
 [[nodiscard]] double binomial_at_least(std::uint64_t n, std::uint64_t k, double p) noexcept;
 [[nodiscard]] double binomial_at_most(std::uint64_t n, std::uint64_t k, double p) noexcept;
@@ -28,8 +25,8 @@ namespace palpate::experiments::psychophysics {
 inline constexpr double kUsualAlpha = 0.05;
 
 /// The exact Clopper-Pearson interval (1934) of a share k of n; (0, 1) if n is 0. Covers the true share in at
-/// least 1 - alpha of all experiments.
-[[nodiscard]] Interval clopper_pearson(std::uint64_t n, std::uint64_t k, double alpha = kUsualAlpha) noexcept;
+/// least 95 % of all experiments.
+[[nodiscard]] Interval clopper_pearson(std::uint64_t n, std::uint64_t k) noexcept;
 
 inline constexpr double kUsualPower = 0.8;
 /// Probability of guessing one of two answers.
@@ -46,8 +43,6 @@ struct Needed {
 [[nodiscard]] double difference_p(std::uint64_t trials, std::uint64_t correct) noexcept;
 [[nodiscard]] double equivalence_p(std::uint64_t trials, std::uint64_t correct, double bound) noexcept;
 
-/// Fewest right answers above chance at `alpha`; trials + 1 if none are.
-[[nodiscard]] std::uint64_t least_above_chance(std::uint64_t trials, double alpha) noexcept;
 /// Probability that a share `p` of right answers is found above chance.
 [[nodiscard]] double difference_power(std::uint64_t trials, double p, double alpha) noexcept;
 /// Probability that pure guessing is found below `bound`.

@@ -23,10 +23,10 @@ struct LineStyle {
   std::string colour;
   std::string dash;  ///< of gnuplot's `dt`; empty: solid
 };
-/// One style for each label, no two alike: colours that the colour-blind tell apart (Okabe and Ito's palette
-/// and a few more), then the same in dashes. It is chosen by the label, whatever the order and whoever else
-/// is there (but for two labels that would share one: the later in the alphabet takes the next). The truth is
-/// grey and not among them.
+/// One style for each label, no two alike while there are enough: colours that the colour-blind tell apart
+/// (Okabe and Ito's palette and a few more), then the same in dashes. A renderer's name has the same one in
+/// every figure; any other label gets what the fewest share there, whatever the order: first its colour and
+/// dashes, then its colour. The truth is grey and not among them.
 [[nodiscard]] std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels);
 
 /// One line of a chart.
@@ -65,9 +65,6 @@ struct Chart {
   std::string nothing = "There is nothing to draw.";  ///< said where no series has a point
   std::vector<Series> series;
 };
-
-/// A step of tics that gives about so many of them over an extent: 1, 2 or 5 times a power of ten.
-[[nodiscard]] double tic_step(double extent, double tics);
 
 /// Whether any series has a point to draw.
 [[nodiscard]] bool has_points(const Chart& chart);

@@ -8,7 +8,6 @@
 #include <map>
 #include <set>
 #include <span>
-#include <sstream>
 
 #include "experiments/report/figures.h"
 #include "experiments/report/tables.h"
@@ -58,9 +57,15 @@ const char* style_name(Chart::Style style) {
   return kNames[static_cast<std::size_t>(style)];
 }
 
+/// Dashes of lines, each with gnuplot's number of the mark that stands for it where there are no lines.
+constexpr std::pair<const char*, int> kDashes[] = {
+    {"", 7}, {"(10,5)", 9}, {"(3,4)", 5}, {"(12,4,3,4)", 13}, {"(6,3,2,3,2,3)", 11}};
+
 /// Marks of one colour are told apart by their shapes, as lines are by their dashes.
 std::string mark_of(const Series& series) {
-  const int shape = series.dash.empty() ? 7 : series.dash == "(10,5)" ? 9 : series.dash == "(3,4)" ? 5 : 13;
+  int shape = 15;  // of any other dash
+  for (const auto& [dash, mark] : kDashes)
+    if (series.dash == dash) shape = mark;
   return fmt::format("xyerrorbars pt {} ps 0.6 lw 0.7", shape);
 }
 
@@ -129,9 +134,17 @@ std::string column_within(const Range& range) {
   return fmt::format("($2 > {0:.6g} ? {0:.6g} : $2 < {1:.6g} ? {1:.6g} : $2)", range.high, range.low);
 }
 
+/// A step of tics that gives about kPanelTics over an extent: 1, 2 or 5 times a power of ten.
+double tic_step(double extent) {
+  constexpr double kTen = 10.0, kFive = 5.0;
+  if (!(extent > 0.0)) return 1.0;
+  const double raw = extent / kPanelTics, power = std::pow(kTen, std::floor(std::log10(raw)));
+  return raw / power < 2.0 ? 2.0 * power : raw / power < kFive ? kFive * power : kTen * power;
+}
+
 std::string linear_range(const Range& range) {
   return fmt::format("set yrange [{:.6g}:{:.6g}]\nset ytics {:.6g}\n", range.low, range.high,
-                     tic_step(range.high - range.low, kPanelTics));
+                     tic_step(range.high - range.low));
 }
 
 /// The positive values of an axis; empty (low above high) if there are none.
@@ -176,7 +189,7 @@ std::string panels_text(const Chart& chart) {
   const std::size_t rows = (panels_of(chart) + kPanelColumns - 1) / kPanelColumns;
   const Range range = range_about(chart.series.front());
   const std::vector<double>& x = chart.series.front().x;
-  const double tics = x.empty() ? 1.0 : tic_step(x.back() - x.front(), kPanelTics);
+  const double tics = x.empty() ? 1.0 : tic_step(x.back() - x.front());
   std::string s = fmt::format(
       "unset key\nset xlabel ''\nset ylabel ''\n{}set xtics {:.6g}\n"
       "set multiplot layout {},{} margins char 7, char 2, char 2.5, char 2 spacing char 5.5, char 4.5\n",
@@ -252,6 +265,9 @@ std::string for_page(std::string svg, const std::string& name) {
   return svg;
 }
 
+constexpr const char* kColours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00",
+                                    "#56b4e9", "#7f3fbf", "#8c6d31", "#222222"};
+
 /// The renderers' own names: the best known in solid lines.
 const std::map<std::string, LineStyle>& known_styles() {
   static const std::map<std::string, LineStyle> kKnown = {{"cloud", {"#0072b2", ""}},
@@ -261,68 +277,64 @@ const std::map<std::string, LineStyle>& known_styles() {
                                                           {"analytic", {"#56b4e9", ""}},
                                                           {"heightfield", {"#e69f00", ""}},
                                                           {"mls-proxy", {"#7f3fbf", ""}},
-                                                          {"mesh-proxy", {"#8c6d31", ""}},
+                                                          {"cloud-smooth", {"#8c6d31", ""}},
                                                           {"sphere-proxy", {"#222222", ""}},
+                                                          {"sdf-godobject", {"#0072b2", "(10,5)"}},
+                                                          {"penalty-grid", {"#d55e00", "(10,5)"}},
+                                                          {"vgraph", {"#009e73", "(10,5)"}},
+                                                          {"vector-field", {"#cc79a7", "(10,5)"}},
+                                                          {"stream-proxy", {"#56b4e9", "(10,5)"}},
                                                           {"heightfield-literal", {"#e69f00", "(10,5)"}},
                                                           {"mls-penalty", {"#7f3fbf", "(10,5)"}},
-                                                          {"penalty-grid", {"#d55e00", "(10,5)"}},
-                                                          {"stream-proxy", {"#56b4e9", "(10,5)"}},
-                                                          {"vector-field", {"#cc79a7", "(10,5)"}},
-                                                          {"vgraph", {"#009e73", "(10,5)"}}};
+                                                          {"mesh-proxy", {"#8c6d31", "(10,5)"}},
+                                                          {"depth-image", {"#222222", "(10,5)"}},
+                                                          {"cloud-vertices", {"#d55e00", "(3,4)"}},
+                                                          {"variable-proxy", {"#7f3fbf", "(3,4)"}}};
   return kKnown;
 }
 
 /// Styles left for other labels: the colours in dashes that no known renderer has.
-const std::vector<LineStyle>& other_styles() {
-  static const std::vector<LineStyle> kOthers = [] {
-    std::vector<LineStyle> all;
-    for (const char* dash : {"(10,5)", "(3,4)", "(12,4,3,4)", "(6,3,2,3,2,3)"})
-      for (const char* colour : {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf",
-                                 "#8c6d31", "#222222"})
-        if (std::none_of(known_styles().begin(), known_styles().end(), [&](const auto& known) {
-              return known.second.colour == colour && known.second.dash == dash;
-            }))
-          all.push_back({colour, dash});
-    return all;
-  }();
-  return kOthers;
+std::vector<LineStyle> other_styles() {
+  std::vector<LineStyle> all;
+  for (const auto& dash : kDashes)
+    for (const char* colour : kColours)
+      if (std::none_of(known_styles().begin(), known_styles().end(), [&](const auto& known) {
+            return known.second.colour == colour && known.second.dash == dash.first;
+          }))
+        all.push_back({colour, dash.first});
+  return all;
 }
 
 }  // namespace
 
 std::vector<LineStyle> line_styles_of(const std::vector<std::string>& labels) {
-  const auto& known = known_styles();
-  const std::vector<LineStyle>& others = other_styles();
-  // In the order of the labels' letters, so that theirs in the document changes nothing.
-  std::set<std::string> sorted;
+  std::map<std::string, LineStyle> given;
   for (const std::string& label : labels)
-    if (!known.contains(label)) sorted.insert(label);
-  std::map<std::string, LineStyle> given = known;
-  std::vector<bool> taken(others.size());
-  std::size_t left = others.size();
-  for (const std::string& label : sorted) {
-    if (left == 0) {  // more than there are styles: some are alike
-      taken.assign(others.size(), false);
-      left = others.size();
+    if (const auto known = known_styles().find(label); known != known_styles().end()) given.insert(*known);
+  // How many series have it, and how many its colour.
+  const auto shared = [&](const LineStyle& style) {
+    std::pair<int, int> count;
+    for (const auto& [label, other] : given) {
+      count.first += other.colour == style.colour && other.dash == style.dash ? 1 : 0;
+      count.second += other.colour == style.colour ? 1 : 0;
     }
+    return count;
+  };
+  const std::vector<LineStyle> others = other_styles();
+  // In the order of the labels' letters, so that theirs in the document changes nothing.
+  for (const std::string& label : std::set<std::string>(labels.begin(), labels.end())) {
+    if (given.contains(label)) continue;
     Hash64 hash;
     hash.bytes(std::as_bytes(std::span(label)));
-    std::size_t at = hash.value() % others.size();
-    while (taken[at]) at = (at + 1) % others.size();
-    taken[at] = true;
-    --left;
-    given[label] = others[at];
+    std::vector<LineStyle> own = others;  // beginning where most figures can give it the same
+    std::rotate(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(hash.value() % own.size()), own.end());
+    given[label] = *std::min_element(own.begin(), own.end(), [&](const LineStyle& a, const LineStyle& b) {
+      return shared(a) < shared(b);
+    });
   }
   std::vector<LineStyle> styles;
   for (const std::string& label : labels) styles.push_back(given.at(label));
   return styles;
-}
-
-double tic_step(double extent, double tics) {
-  constexpr double kTen = 10.0, kFive = 5.0;
-  if (!(extent > 0.0)) return 1.0;
-  const double raw = extent / tics, power = std::pow(kTen, std::floor(std::log10(raw)));
-  return raw / power < 2.0 ? 2.0 * power : raw / power < kFive ? kFive * power : kTen * power;
 }
 
 bool has_points(const Chart& chart) {

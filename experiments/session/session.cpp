@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include <cstddef>
+#include <mutex>
 #include <span>
 #include <utility>
 #include <vector>
@@ -138,6 +139,33 @@ int fail(const Error& error, int status, ProgressBar* progress) {
 int exit_status(const Result<int>& status, Context& context) {
   if (status) return *status;
   return fail(status.error(), context.working ? kExitFellShort : kExitBadInput, &context.progress);
+}
+
+namespace {
+
+std::mutex ending_mutex;
+const std::function<bool()>* ending = nullptr;  // of the one EndOnStop, if any
+int ended_by = 0;
+
+}  // namespace
+
+EndOnStop::EndOnStop(std::function<bool()> end) : end_(std::move(end)) {
+  const std::lock_guard lock(ending_mutex);
+  ending = &end_;
+  ended_by = 0;
+}
+
+int EndOnStop::over() {
+  const std::lock_guard lock(ending_mutex);
+  ending = nullptr;
+  return ended_by;
+}
+
+bool ends_on_stop(int signal) {
+  const std::lock_guard lock(ending_mutex);
+  if (ending == nullptr || ended_by != 0 || !(*ending)()) return false;
+  ended_by = signal;
+  return true;
 }
 
 RunKey::RunKey() {

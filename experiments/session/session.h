@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -85,6 +86,24 @@ int fail(const Error& error, int status, ProgressBar* progress = nullptr);
 
 /// A command's exit status. Its Error is told: kExitBadInput, or kExitFellShort once it was working.
 [[nodiscard]] int exit_status(const Result<int>& status, Context& context);
+
+/// While it is there, the first signal that would stop the program asks what is going on to end by itself
+/// instead, as if it were over. One at a time.
+class EndOnStop {
+ public:
+  /// `end` runs in another thread. False: it does not end in time, and the program is stopped.
+  explicit EndOnStop(std::function<bool()> end);
+  ~EndOnStop() { (void)over(); }
+  EndOnStop(const EndOnStop&) = delete;
+  EndOnStop& operator=(const EndOnStop&) = delete;
+  /// It is over: from here on a signal stops the program. The one that ended it; 0: none.
+  int over();
+
+ private:
+  std::function<bool()> end_;
+};
+/// For the thread that waits for signals: whether what is going on ends by itself.
+[[nodiscard]] bool ends_on_stop(int signal);
 
 /// Arguments of all commands that load a model.
 struct ModelArguments {

@@ -46,10 +46,6 @@ render::Frame TruthRenderer::answer(const Vec3& hip_mm) const noexcept {
   return frame;
 }
 
-std::string Bench::device_name() const {
-  return arm ? arm->name : device::admittance_model().name;
-}
-
 Result<Bench> bench_of(const std::string& device, const std::string& hand) {
   PALPATE_ASSIGN(device::SimulatedRig rig, device::simulated_rig(device, hand));
   Bench bench;

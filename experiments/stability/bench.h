@@ -56,7 +56,6 @@ struct Bench {
   double rate_hz = 1000.0, delay_s = 0.0, jitter_s = 0.0;
   double slew_n_per_s = 1000.0;
   [[nodiscard]] double period_s() const { return 1.0 / rate_hz; }
-  [[nodiscard]] std::string device_name() const;
 };
 
 /// Device "omni", .., "admittance", and a hand by name. Errors list the names.

@@ -1,5 +1,4 @@
 // Thin, sharp, open, touching and nested bodies.
-#include <cmath>
 
 #include "experiments/stress/setups.h"
 #include "experiments/stress/shapes.h"

@@ -1,9 +1,6 @@
 // Scale, offset, number of points, threads.
 #include <fmt/format.h>
 
-#include <cmath>
-#include <numbers>
-
 #include <palpate/result.h>
 #include "experiments/stress/setups.h"
 

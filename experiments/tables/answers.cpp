@@ -81,19 +81,7 @@ std::string taken_text(const std::vector<Answer>& answers) {
   return joined(parts);
 }
 
-}  // namespace
-
-std::vector<Headline> verdicts_of(const std::vector<Answer>& answers) {
-  std::vector<Headline> verdicts;
-  if (answers.empty()) return verdicts;
-  verdicts.push_back({"The thesis", reproduced_text(answers)});
-  if (const std::string taken = taken_text(answers); !taken.empty())
-    verdicts.push_back(
-        {"Take", taken + ": its contact is right, none is told to be more accurate, and of equals it is "
-                         "the fastest."});
-  return verdicts;
-}
-
+/// The first page's table.
 Table answers_table(const std::vector<Answer>& answers) {
   Table table;
   table.columns = {"table",  "what it says", "thesis",   "as printed, here", "made right, here",
@@ -117,6 +105,19 @@ Table answers_table(const std::vector<Answer>& answers) {
       "and "
       "of a mesh of the same points. A table's number leads to its page.";
   return table;
+}
+
+}  // namespace
+
+std::vector<Headline> verdicts_of(const std::vector<Answer>& answers) {
+  std::vector<Headline> verdicts;
+  if (answers.empty()) return verdicts;
+  verdicts.push_back({"The thesis", reproduced_text(answers)});
+  if (const std::string taken = taken_text(answers); !taken.empty())
+    verdicts.push_back(
+        {"Take", taken + ": its contact is right, none is told to be more accurate, and of equals it is "
+                         "the fastest."});
+  return verdicts;
 }
 
 Page page_of(const metrics::DocumentHead& head, const std::vector<Part>& parts) {

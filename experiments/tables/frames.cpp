@@ -1,8 +1,6 @@
 // Tables 7 to 10, 12 and 13: the printed frame times beside ours, each a study of its own.
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/messages.h"
 

@@ -299,12 +299,11 @@ Result<ModelScene> scene_of(const ManifestModel& model, Reproduction& r) {
   return ModelScene{std::move(stand_in), model.name + ": " + found.error().message()};
 }
 
-int reproduce(const ReproduceArguments& arguments, Context& context) {
-  Result<std::vector<Manifest>> manifests = manifests_for(arguments.tables);
-  if (!manifests) return fail(manifests.error(), kExitBadInput);
+Result<int> reproduce(const ReproduceArguments& arguments, Context& context) {
+  PALPATE_ASSIGN(std::vector<Manifest> manifests, manifests_for(arguments.tables));
   std::vector<Step> waiting;
   if (arguments.tables.empty() && !arguments.full)
-    std::erase_if(*manifests, [&](const Manifest& m) {
+    std::erase_if(manifests, [&](const Manifest& m) {
       if (on_first_page(m, arguments.quick)) return false;
       if (!arguments.quick)
         waiting.push_back(
@@ -316,12 +315,10 @@ int reproduce(const ReproduceArguments& arguments, Context& context) {
               false}});
       return true;
     });
-  if (const Status acts = check_mesh_arguments(arguments, *manifests, all_renderers()); !acts)
-    return fail(acts.error(), kExitBadInput);
+  PALPATE_TRY(check_mesh_arguments(arguments, manifests, all_renderers()));
   Suite suite(context);
-  Status begun = suite.open(arguments.out);
-  if (begun) begun = suite.begin(key_of(arguments));
-  if (!begun) return fail(begun.error(), kExitBadInput);
+  PALPATE_TRY(suite.open(arguments.out));
+  PALPATE_TRY(suite.begin(key_of(arguments)));
   if (arguments.no_cache) ::setenv("PALPATE_MESH_CACHE", "off", 1);  // also for the renderers
   Reproduction r{arguments,
                  context,
@@ -332,13 +329,13 @@ int reproduce(const ReproduceArguments& arguments, Context& context) {
                  new_head(context.command_line),
                  {}};
   std::size_t step = 0;
-  for (const Manifest& manifest : *manifests) {
+  for (const Manifest& manifest : manifests) {
     context.progress.set_prefix(
-        fmt::format("[{}/{}] {}: ", ++step, manifests->size(),
+        fmt::format("[{}/{}] {}: ", ++step, manifests.size(),
                     manifest.table > 0 ? fmt::format("table {}", manifest.table) : manifest.id()));
     do_step(r, manifest, [&] { reproduce_part(manifest, r); });
   }
-  if (suite.partial()) return exit_status(suite.leave(), context);
+  if (suite.partial()) return suite.leave();
   r.steps.insert(r.steps.end(), waiting.begin(), waiting.end());
   return finish(r);
 }

@@ -23,7 +23,7 @@ struct ReproduceArguments {
 };
 
 /// Runs the tables in order and writes their page. Returns the exit status.
-int reproduce(const ReproduceArguments& arguments, Context& context);
+[[nodiscard]] Result<int> reproduce(const ReproduceArguments& arguments, Context& context);
 
 enum class Judged { kNot, kYes, kNo };
 
@@ -107,8 +107,7 @@ inline constexpr const char* kReproductionTitle = "The thesis's tables, measured
 [[nodiscard]] Status draw_reproduction(const OutputFolder& folder);
 /// The whole report of these parts.
 [[nodiscard]] Page page_of(const metrics::DocumentHead& head, const std::vector<Part>& parts);
-/// The first page's table, and what follows: whether the thesis is reproduced, and whom to take.
-[[nodiscard]] Table answers_table(const std::vector<Answer>& answers);
+/// What follows from the lines: whether the thesis is reproduced, and whom to take.
 [[nodiscard]] std::vector<Headline> verdicts_of(const std::vector<Answer>& answers);
 
 /// Takes over warnings and notes, where there are any.

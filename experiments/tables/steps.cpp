@@ -1,11 +1,8 @@
 // Steps of `palpate reproduce`. Each is stored when complete, with its part of the report, and the report is
 // drawn again from storage.
-#include <fmt/format.h>
-
 #include <palpate/result.h>
 #include "experiments/driver/page_document.h"
 #include "experiments/tables/reproduction.h"
-#include "toolkit/core/files.h"
 
 namespace palpate::experiments {
 namespace {
@@ -66,21 +63,14 @@ std::string reproduction_json(const metrics::DocumentHead& head, const std::vect
 }
 
 Status draw_reproduction(const OutputFolder& folder) {
-  const std::string file = folder.file(kReproductionFile).string();
-  PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
-  try {
-    const nlohmann::json document = nlohmann::json::parse(text);
-    if (document.at("schema") != kSchema)
-      return Error{"is not of the schema " + std::string(kSchema), "run reproduce again", file};
+  return draw_again(folder, kReproductionFile, kSchema, [&](const nlohmann::json& document) -> Result<Page> {
     std::vector<Part> parts;
     for (const nlohmann::json& step : document.at("steps")) {
       PALPATE_ASSIGN(Part part, part_again(step, folder));
       parts.push_back(std::move(part));
     }
-    return write_page(page_of(head_from(document), parts), folder);
-  } catch (const nlohmann::json::exception& error) {
-    return Error{fmt::format("is not what reproduce writes: {}", error.what()), "run reproduce again", file};
-  }
+    return page_of(head_from(document), parts);
+  });
 }
 
 void do_step(Reproduction& r, const Manifest& manifest, const std::function<void()>& work) {

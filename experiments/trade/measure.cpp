@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include <palpate/result.h>
 #include "experiments/run/work.h"

@@ -1,7 +1,6 @@
 // Mouse, keys and dropped files of the window.
 #include <imgui.h>
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 

@@ -239,6 +239,31 @@ TEST_F(Interrupt, ReproduceKeepsItsTablesAndGoesOn) {
   EXPECT_FALSE(something_left_over());
 }
 
+TEST_F(Interrupt, ALiveSessionEndsAsIfItsTimeWereOver) {
+  const auto live = [&](const char* how) {
+    return words("live", kTinyWaves, "--renderers cloud --seconds 6000 --out @/out", how);
+  };
+  const auto felt = [&](const std::string& said) {
+    EXPECT_THAT(said, HasAll("palpate: stopped: the report", "warning: The session was stopped by a signal"));
+    expect_valid("live", text_in("out/live.json"));
+    EXPECT_GT(json_in("out/live.json")["ticks"], 0);
+    EXPECT_THAT(text_in("out/report.html"), HasSubstr("stopped by a signal"));
+    EXPECT_FALSE(something_left_over());
+  };
+  // It listens once it runs.
+  felt(stopped(live("--listen 0"),
+               [&] { return text_in("started.err").find("listening") != std::string::npos; }));
+  std::filesystem::remove_all(in("out"));
+  const auto recorded = [&] {
+    constexpr std::uintmax_t kSomeChunks = 50'000;
+    std::error_code code;
+    const auto bytes = std::filesystem::file_size(in("fast.palrec"), code);
+    return !code && bytes > kSomeChunks;
+  };
+  felt(stopped(live("--accelerated --record @/fast.palrec"), recorded, SIGTERM));
+  EXPECT_THAT(succeeds("info @/fast.palrec").out, HasSubstr("none lost"));
+}
+
 TEST_F(Interrupt, AClosedPipeEndsItWithoutAWord) {
   std::array<int, 2> pipe{};
   ASSERT_EQ(::pipe(pipe.data()), 0);

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
+#include <sstream>
 
 #include "experiments/report/figures.h"
 #include "experiments/report/findings.h"
@@ -390,9 +392,8 @@ TEST_F(Charts, WithoutAPointSaySo) {
   chart.log_y = true;
   chart.nothing = "No force is wrong.";
   chart.series = {{"exact", "#0072b2", {0, 1}, {std::nan(""), std::nan("")}}, {"failed", "#d55e00", {}, {}}};
-  const Figure figure = drawn(chart);
-  EXPECT_EQ(figure.caption, "No force is wrong.") << "not gnuplot's words for it";
-  EXPECT_TRUE(figure.svg.empty());
+  EXPECT_EQ(drawn(chart).caption, "No force is wrong.") << "not gnuplot's words for it";
+  EXPECT_TRUE(drawn(chart).svg.empty());
 }
 
 TEST_F(Charts, LogarithmicAxesWithinADecadeAreLabelled) {
@@ -453,18 +454,40 @@ TEST(Looks, NoTwoRenderersLookAlike) {
     EXPECT_TRUE(same_look(again[styles.size() - 1 - i], styles[i])) << labels[i];
 }
 
-TEST(Looks, StayTheSameBesideOthers) {
-  for (const char* label : {"cloud", "mls-proxy", "vgraph", "cloud-literal-bare", "bare"}) {
-    const LineStyle alone = line_styles_of({label})[0];
-    for (const std::vector<std::string>& others :
-         {std::vector<std::string>{"analytic", "mesh-godobject", label},
-          {label, "cloud-literal", "heightfield"},
-          {"penalty-grid", label, "penalty-grid-mended"}}) {
-      const auto at =
-          static_cast<std::size_t>(std::find(others.begin(), others.end(), label) - others.begin());
-      EXPECT_TRUE(same_look(line_styles_of(others)[at], alone)) << label;
-    }
+TEST(Looks, ARendererHasOneBesideAnyOther) {
+  std::vector<std::string> names = {"ab"};  // the first in the alphabet, and no renderer
+  for (const render::RendererInfo& info : all_renderers().all()) names.push_back(info.name);
+  const auto together = line_styles_of(names);
+  for (std::size_t i = 1; i < names.size(); ++i)
+    EXPECT_TRUE(same_look(line_styles_of({names[i]})[0], together[i])) << names[i];
+}
+
+TEST(Looks, NoColourIsSharedWhileThereAreOthers) {
+  std::vector<std::string> labels = {"cloud", "cloud-smooth", "cloud-literal", "mesh-godobject"};
+  for (const char* label : {"cloud-bare", "cloud-exact", "own", "own-faster", "bare"}) {
+    labels.emplace_back(label);
+    std::set<std::string> colours;
+    for (const LineStyle& style : line_styles_of(labels)) colours.insert(style.colour);
+    EXPECT_EQ(colours.size(), labels.size()) << label;
   }
+}
+
+TEST_F(Charts, MarksOfEveryStyleDiffer) {
+  Chart chart;
+  chart.name = "marks";
+  chart.style = Chart::Style::kMarks;
+  std::vector<std::string> labels;
+  for (int i = 0; i < 25; ++i) labels.push_back("setting-" + std::to_string(i));
+  for (const LineStyle& style : line_styles_of(labels))
+    chart.series.push_back({"a", style.colour, {1}, {1}, style.dash, false, {{1, 1, 1, 1}}});
+  ASSERT_TRUE(out_.begin("a").ok());
+  (void)drawn(chart);
+  std::set<std::string> looks;
+  std::istringstream script(file_text(in("out/marks.gp")));
+  for (std::string line; std::getline(script, line);)
+    if (const std::size_t at = line.find("xyerrorbars"); at != std::string::npos)
+      looks.insert(line.substr(at, line.find(" title") - at));
+  EXPECT_EQ(looks.size(), 25u);
 }
 
 TEST(FramesTable, StandsBesideTheThesis) {
