@@ -78,8 +78,8 @@ struct PrepareSurfaceReport {
 };
 
 /// Writes `path`, whole or not at all; the same bytes for any number of threads, and for any memory that
-/// holds a sixteenth of the points: with less the coarser surfaces are of fewer. A run that was stopped is
-/// gone on with. Scratch: 35 bytes a point. Errors: the memory does not hold a region or the join;
+/// holds a sixteenth of the points: with less the coarser surfaces are made by regions too. A run that was
+/// stopped is gone on with. Scratch: 35 bytes a point. Errors: the memory does not hold a region or the join;
 /// points too far apart for single precision; no surface.
 [[nodiscard]] Result<PrepareSurfaceReport> prepare_surface(const CellFile& cells,
                                                            const PrepareSurfaceOptions& options,

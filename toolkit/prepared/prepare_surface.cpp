@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -141,19 +143,30 @@ class ChunkTiles {
   std::map<std::size_t, Loaded> loaded_;
 };
 
+/// Chunks of the surface of every `step`th point.
+std::string chunk_path(const std::string& path, std::uint64_t step) {
+  return path + (step == 1 ? std::string(".chunks") : fmt::format(".chunks-{}", step));
+}
+
+/// The surface of every `step`th point, region by region.
 class SurfacePreparation {
  public:
   SurfacePreparation(const CellFile& cells, const PrepareSurfaceOptions& options, const std::string& path,
-                     Progress& progress)
-      : cells_(cells), options_(options), path_(path), progress_(progress) {
+                     std::uint64_t step, Progress& progress)
+      : cells_(cells), options_(options), path_(path), step_(step), progress_(progress) {
     const geometry::Aabb& box = cells.info().bounds_mm;
     origin_mm_ = 0.5 * (box.low_mm + box.high_mm);
+    std::uint64_t first = 0;
+    for (std::size_t cell = 0; cell < cells.size(); first += cells.entry(cell++).points)
+      firsts_.push_back(first);
   }
 
-  Result<PrepareSurfaceReport> run() {
-    PALPATE_TRY(decide());
+  /// Adds it to the writer, which it makes where there is none. `is_last`: the coarser ones too, since they
+  /// fit in memory.
+  Status add_to(std::optional<spline_sdf::SurfaceFileWriter>& writer, bool& is_last) {
+    PALPATE_TRY(decide(writer ? writer->sample() : nullptr));
     PALPATE_TRY(choose_regions());
-    PALPATE_ASSIGN(ChunkScratch scratch, ChunkScratch::open(path_ + ".chunks", key()));
+    PALPATE_ASSIGN(ChunkScratch scratch, ChunkScratch::open(chunk_path(path_, step_), key()));
     report_.resumed = scratch.chunks().size();
     for (std::size_t r = scratch.chunks().size(); r < regions_.size(); ++r) {
       if (progress_.cancelled()) return Error{"preparing was stopped", "run it again to go on"};
@@ -166,18 +179,20 @@ class SurfacePreparation {
       scratch.remove();
       return spline_sdf::no_surface();
     }
-    PALPATE_ASSIGN(spline_sdf::SurfaceFileWriter writer,
-                   spline_sdf::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
+    if (!writer) {
+      PALPATE_ASSIGN(writer,
+                     spline_sdf::SurfaceFileWriter::create(path_, cells_.info().points, frame_.sample));
+    }
     frame_.far.reset();
-    PALPATE_TRY(write_joined(scratch, writer));
-    const render::PrepareContext context{options_.threads, &progress_};
-    PALPATE_TRY(spline_sdf::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
-                                                 coarse_->size(), options_.build, context, writer));
-    PALPATE_TRY(writer.finish());
-    scratch.remove();
+    PALPATE_TRY(write_joined(scratch, *writer));
     report_.chunks = regions_.size();
-    return report_;
+    is_last = coarse_step_ == step_ * spline_sdf::kCoarserShare;
+    if (!is_last) return Done{};
+    const render::PrepareContext context{options_.threads, &progress_};
+    return spline_sdf::add_coarser_surfaces(*coarse_, MortonPoints(*coarse_, options_.threads),
+                                            coarse_->size(), options_.build, context, *writer);
   }
+  [[nodiscard]] const PrepareSurfaceReport& report() const noexcept { return report_; }
 
  private:
   /// Of all that chunks depend on: cells made again from the same scan are the same.
@@ -196,8 +211,10 @@ class SurfacePreparation {
     }
     for (const BrickRegion& region : regions_) hash.u64(spline_sdf::morton_code_of(region.low));
     hash.u64(coarse_->size());
+    hash.u64(step_);
     return hash.value();
   }
+  [[nodiscard]] std::uint64_t points() const noexcept { return cells_.info().points / step_; }
   /// Memory beside what is kept.
   [[nodiscard]] std::uint64_t work_bytes() const noexcept {
     const std::uint64_t fixed =
@@ -219,13 +236,14 @@ class SurfacePreparation {
     return {box.low_mm - origin_mm_, box.high_mm - origin_mm_};
   }
 
-  /// Adds the own points of a cell that `wanted(its number among all, place)` takes.
+  /// Adds every `step`th of all points, those in the cell that `wanted(place)` takes.
   template <class Wanted>
-  Status add_points(std::size_t cell, cloud::Cloud& into, Wanted&& wanted) {
+  Status add_points(std::size_t cell, std::uint64_t step, cloud::Cloud& into, Wanted&& wanted) {
     PALPATE_TRY(cells_.read_cell(cell, bytes_, read_));
     for (std::size_t i = 0; i < read_.own; ++i) {
+      if ((firsts_[cell] + i) % step != step / 2) continue;
       const Vec3 at = read_.points_mm[i] - origin_mm_;
-      if (!wanted(i, at)) continue;
+      if (!wanted(at)) continue;
       into.x_mm.push_back(static_cast<float>(at.x()));
       into.y_mm.push_back(static_cast<float>(at.y()));
       into.z_mm.push_back(static_cast<float>(at.z()));
@@ -241,21 +259,21 @@ class SurfacePreparation {
     cloud::Cloud out = empty_cloud();
     for (std::size_t cell = 0; cell < cells_.size(); ++cell)
       if (cell_box_mm(cell).overlaps(box))
-        PALPATE_TRY(add_points(cell, out, [&](std::size_t, const Vec3& at) { return box.contains(at); }));
+        PALPATE_TRY(add_points(cell, step_, out, [&](const Vec3& at) { return box.contains(at); }));
     return out;
   }
 
-  /// Measures what all regions share, and samples the points.
-  Status decide() {
+  /// Measures what all regions share, and samples the points. `sample`: the file's; null: not there yet.
+  Status decide(std::shared_ptr<const cloud::Cloud> sample) {
+    const auto all = [](const Vec3&) { return true; };
     const CellFileInfo& info = cells_.info();
-    if (std::min(info.points * kJoinBytesPerPoint, spline_sdf::kMostParts * kPartBytes) > work_bytes())
-      return over_memory_limit(fmt::format("joining the surface of {} points", format_count(info.points)),
+    if (std::min(points() * kJoinBytesPerPoint, spline_sdf::kMostParts * kPartBytes) > work_bytes())
+      return over_memory_limit(fmt::format("joining the surface of {} points", format_count(points())),
                                options_.memory_bytes);
     cloud::Cloud probe = empty_cloud();
-    const std::size_t run = std::max(cells_.size() / kProbeRuns, kCellsOfRun);
+    const std::size_t wide = kCellsOfRun * step_, run = std::max(cells_.size() / kProbeRuns, wide);
     for (std::size_t cell = 0; cell < cells_.size(); ++cell)
-      if (cell % run < kCellsOfRun)
-        PALPATE_TRY(add_points(cell, probe, [](std::size_t, const Vec3&) { return true; }));
+      if (cell % run < wide) PALPATE_TRY(add_points(cell, step_, probe, all));
     const MortonPoints probed(probe, options_.threads);
     spline_sdf::SplineSdfDecision& measured = frame_.measured;
     measured.spacing_mm = probed.spacing_mm();
@@ -278,22 +296,22 @@ class SurfacePreparation {
                    "prepare the scan in parts, or remove points far away", cells_.path()};
     report_.spacing_mm = measured.spacing_mm;
     report_.noise_mm = measured.noise_mm;
-    std::uint64_t step = spline_sdf::kCoarserShare;
     const std::uint64_t most_coarse =
         std::min(options_.most_chunk_points, work_bytes() / kSurfaceBytesPerPoint);
-    while (info.points / step > most_coarse) step *= spline_sdf::kCoarserShare;
+    coarse_step_ = step_;
+    do coarse_step_ *= spline_sdf::kCoarserShare;
+    while (info.points / coarse_step_ > most_coarse);
     auto coarse = std::make_shared<cloud::Cloud>(empty_cloud());
     for (auto* axis : {&coarse->x_mm, &coarse->y_mm, &coarse->z_mm})
-      axis->reserve(static_cast<std::size_t>(info.points / step + 1));
-    std::uint64_t first = 0;
-    for (std::size_t cell = 0; cell < cells_.size(); first += cells_.entry(cell++).points)
-      PALPATE_TRY(add_points(cell, *coarse,
-                             [&](std::size_t i, const Vec3&) { return (first + i) % step == step / 2; }));
+      axis->reserve(static_cast<std::size_t>(info.points / coarse_step_ + 1));
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell)
+      PALPATE_TRY(add_points(cell, coarse_step_, *coarse, all));
     coarse_ = std::move(coarse);
     const MortonPoints sorted(*coarse_, options_.threads);
-    frame_.sample = spline_sdf::thinned(sorted, *coarse_, spline_sdf::kSamplePoints);
+    frame_.sample = sample != nullptr ? std::move(sample)
+                                      : spline_sdf::thinned(sorted, *coarse_, spline_sdf::kSamplePoints);
     frame_.far = std::make_shared<const MortonPoints>(
-        *spline_sdf::thinned(sorted, *coarse_, static_cast<std::size_t>(info.points / kFarShare)),
+        *spline_sdf::thinned(sorted, *coarse_, static_cast<std::size_t>(points() / kFarShare)),
         options_.threads);
     return Done{};
   }
@@ -323,7 +341,7 @@ class SurfacePreparation {
       const geometry::Aabb of = cell_box_mm(cell);
       if (!of.overlaps(around)) continue;
       near.push_back(cell);
-      points += cells_.entry(cell).points;
+      points += (cells_.entry(cell).points + step_ - 1) / step_;
       any = any || of.overlaps(beside);
     }
     if (!any) return Done{};
@@ -374,10 +392,12 @@ class SurfacePreparation {
   const CellFile& cells_;
   const PrepareSurfaceOptions& options_;
   std::string path_;
+  std::uint64_t step_ = 1, coarse_step_ = 1;
   Progress& progress_;
+  std::vector<std::uint64_t> firsts_;  ///< number of each cell's first point
   Vec3 origin_mm_;
   spline_sdf::SurfaceFrame frame_;
-  std::shared_ptr<const cloud::Cloud> coarse_;  ///< a share of the points: of the next surface
+  std::shared_ptr<const cloud::Cloud> coarse_;  ///< every coarse_step_th point
   std::vector<BrickRegion> regions_;            ///< in Morton order
   PrepareSurfaceReport report_;
   std::vector<std::byte> bytes_;
@@ -388,7 +408,19 @@ class SurfacePreparation {
 
 Result<PrepareSurfaceReport> prepare_surface(const CellFile& cells, const PrepareSurfaceOptions& options,
                                              const std::string& path, Progress& progress) {
-  return SurfacePreparation(cells, options, path, progress).run();
+  std::optional<spline_sdf::SurfaceFileWriter> writer;
+  PrepareSurfaceReport report;
+  bool is_last = false;
+  for (std::uint64_t step = 1; !is_last; step *= spline_sdf::kCoarserShare) {
+    SurfacePreparation one(cells, options, path, step, progress);
+    PALPATE_TRY(one.add_to(writer, is_last));
+    if (step == 1) report = one.report();
+  }
+  PALPATE_TRY(writer->finish());
+  // Also what a run with less memory left.
+  for (std::uint64_t step = 1; step <= cells.info().points; step *= spline_sdf::kCoarserShare)
+    std::remove(chunk_path(path, step).c_str());
+  return report;
 }
 
 }  // namespace palpate::prepared

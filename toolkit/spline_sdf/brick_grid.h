@@ -88,7 +88,7 @@ struct BrickGrid {
   std::int64_t last_brick = 0;  ///< largest level-0 brick coordinate on any axis
   int levels = 1;
   std::array<Level, kMaxLevels> level;
-  LargePageVector<Brick> bricks;
+  LargePageUninitializedVector<Brick> bricks;
   geometry::Aabb box_mm;  ///< of the points
   /// Finds what is not in the tables, in a surface larger than memory; else null.
   const TileWindow* window = nullptr;

@@ -80,7 +80,8 @@ PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t 
     free_groups_.push_back(static_cast<std::uint32_t>(g));
   radius_ = kFirstRadius * grid_.cube_edge();
   const std::span<TileNode> nodes = window_.nodes();
-  locked_ = ::mlock(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick)) == 0 &&
+  // The loader's first write into a page brings it; to have all at once would take most of the opening.
+  locked_ = ::mlock2(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick), MLOCK_ONFAULT) == 0 &&
             ::mlock(nodes.data(), nodes.size_bytes()) == 0;
   loader_ = std::jthread([this](const std::stop_token& stop) { load_until(stop); });
 }

@@ -111,6 +111,8 @@ bool get_surface(ByteReader& from, std::uint64_t& tiles_at, std::uint64_t tiles_
   if (!get_geometry(from, out) || !get_pieces(from, grid)) return false;
   const std::uint32_t tiles = from.u32();
   if (from.left() / kTileRowBytes < tiles) return false;
+  out.keys.reserve(tiles);
+  out.places.reserve(tiles);
   std::uint64_t next = 0;
   for (std::uint32_t i = 0; i < tiles; ++i) {
     const TileKey key{from.u64(), from.i32()};

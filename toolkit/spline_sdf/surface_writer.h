@@ -56,6 +56,7 @@ class SurfaceFileWriter {
                            const SampleDistances& distances);
   /// At least one surface must have been added.
   [[nodiscard]] Status finish();
+  [[nodiscard]] const std::shared_ptr<const cloud::Cloud>& sample() const noexcept { return sample_; }
 
  private:
   SurfaceFileWriter(AtomicFile file, std::uint64_t points, std::shared_ptr<const cloud::Cloud> sample)
