@@ -3,6 +3,7 @@
 #if defined(__linux__)
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 #endif
 
 #include <cstdint>
@@ -40,6 +41,18 @@ void advise_large_pages(void* p, std::size_t bytes) noexcept {
 #if defined(__linux__) && defined(MADV_HUGEPAGE)
   // Fails without system support; pages then stay small.
   (void)::madvise(p, bytes, MADV_HUGEPAGE);
+#else
+  (void)p;
+  (void)bytes;
+#endif
+}
+
+void discard_pages(void* p, std::size_t bytes) noexcept {
+#if defined(__linux__)
+  const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+  const std::size_t before = (page - reinterpret_cast<std::uintptr_t>(p) % page) % page;
+  if (before < bytes)
+    (void)::madvise(static_cast<char*>(p) + before, (bytes - before) / page * page, MADV_DONTNEED);
 #else
   (void)p;
   (void)bytes;

@@ -40,6 +40,8 @@ constexpr std::size_t kMaxPatches = 64;
 /// meet are sampled for both, a few in a hundred; those of all bricks would take more memory than these.
 constexpr std::size_t kBricksAtOnce = std::size_t{1} << 15, kPartsOfLevel = 16;
 constexpr std::size_t kTileGrain = 128, kBrickGrain = 64;
+/// Bricks collected before what they were in is given back: 3 MB.
+constexpr std::size_t kBricksMoved = 4096;
 
 using Coordinate = BrickGrid::Coordinate;
 using TileValues = LargePageUninitializedVector<Tile>;
@@ -423,10 +425,14 @@ void SampledBricks::collect() {
   for (int l = 0; l < grid.levels; ++l) {
     const auto at = static_cast<std::size_t>(l);
     grid.level[at].brick.reserve(codes[at].size());
-    for (const BuiltBrick& one : made[at]) {
+    for (std::size_t i = 0; i < made[at].size(); ++i) {
+      const BuiltBrick& one = made[at][i];
       grid.level[at].brick.push_back(static_cast<std::uint32_t>(grid.bricks.size()) |
                                      (one.smaller ? BrickGrid::kRefined : 0u));
       grid.bricks.push_back(one.brick);
+      // Both copies of all bricks would be the most that is ever held.
+      if ((i + 1) % kBricksMoved == 0)
+        discard_pages(&made[at][i + 1 - kBricksMoved], kBricksMoved * sizeof(BuiltBrick));
     }
     release_memory(made[at]);
   }
