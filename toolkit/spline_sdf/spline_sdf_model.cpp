@@ -152,7 +152,8 @@ Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud
                                                        const PrepareContext& context, PrepareReport& report) {
   PreparePhases phases(report, context);
   phases.begin("sort and spacing");
-  const MortonPoints points(cloud, context.threads);
+  MortonPoints points(cloud, context.threads);
+  points.drop_order();
   phases.end();
   phases.begin("noise");
   const NoiseField noise(points, context.threads);
