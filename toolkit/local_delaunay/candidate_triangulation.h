@@ -95,9 +95,10 @@ struct CandidateTriangulation {
   bool both_sides = false;  ///< see BuildOptions
   /// The weights break ties on lattices (find_nearest.cpp).
   UninitializedVector<SortedPoint> point;
-  UninitializedVector<NearestPoints> near;  ///< nearest first; unused entries hold the point's own index
-  std::vector<Vec3f> normal;                ///< unit, either sign; zero if none
-  std::vector<std::uint8_t> welded;         ///< 1: (nearly) coincides with another point and has no star
+  UninitializedVector<NearestPoints> near;      ///< nearest first; unused entries hold the point's own index
+  UninitializedVector<std::uint32_t> farthest;  ///< the last of `near`, which is empty where this is not
+  std::vector<Vec3f> normal;                    ///< unit, either sign; zero if none
+  std::vector<std::uint8_t> welded;             ///< 1: (nearly) coincides with another point and has no star
   std::vector<std::uint8_t> sparse;    ///< 1: `near` holds the nearest in each direction, others lie between
   std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see PlanarLayout
   std::vector<std::uint8_t> crossed;   ///< 1: another sheet crosses here
@@ -124,13 +125,21 @@ void make_stars_of(CandidateTriangulation& candidate, std::span<const std::uint8
 /// Remakes stars that neighbours do not confirm, laid out in the plane of the confirmed part. Parallel.
 void repair_stars(CandidateTriangulation& candidate);
 
-/// Squared radius of the ball that holds a point's nearest.
-[[nodiscard]] inline double ball_sq(const CandidateTriangulation& candidate, std::uint32_t point) noexcept {
+/// The last of a point's nearest.
+[[nodiscard]] inline std::uint32_t farthest_of(const CandidateTriangulation& candidate,
+                                               std::uint32_t point) noexcept {
+  if (!candidate.farthest.empty()) return candidate.farthest[point];
   const NearestPoints& near = candidate.near[point];
   std::size_t last = kNearest - 1;
   while (last > 0 && near[last] == point) --last;
-  return (candidate.at(near[last]) - candidate.at(point)).squaredNorm();
+  return near[last];
 }
+/// Squared radius of the ball that holds a point's nearest.
+[[nodiscard]] inline double ball_sq(const CandidateTriangulation& candidate, std::uint32_t point) noexcept {
+  return (candidate.at(farthest_of(candidate, point)) - candidate.at(point)).squaredNorm();
+}
+/// Of the nearest points keeps the last, of which no step after repair_stars() asks for more. Parallel.
+void keep_farthest(CandidateTriangulation& candidate);
 /// Largest circle of a triangle, relative to that ball. For random points one circle in a million has a
 /// radius of 2.4 mean spacings; the ball's is 2.3.
 inline constexpr double kReachPerBall = 1.5;

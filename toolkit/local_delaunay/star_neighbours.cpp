@@ -315,6 +315,14 @@ void nearest_from_stars(CandidateTriangulation& candidate) {
   });
 }
 
+void keep_farthest(CandidateTriangulation& candidate) {
+  UninitializedVector<std::uint32_t> farthest(candidate.size());
+  parallel_each<std::uint32_t>(candidate.size(), kPointsPerChunk, candidate.threads,
+                               [&](std::uint32_t i) { farthest[i] = farthest_of(candidate, i); });
+  candidate.farthest = std::move(farthest);
+  release_memory(candidate.near);
+}
+
 double share_across(const CandidateTriangulation& candidate, std::uint32_t point) {
   return share_along(Surroundings(candidate, point).covariance.back(),
                      candidate.normal[point].cast<double>());
