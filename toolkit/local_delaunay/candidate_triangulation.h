@@ -8,6 +8,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -32,12 +33,13 @@ inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
 
 /// A star, as Shewchuk names it ("Star splaying", SCG 2005): the triangles around a point, by its ring of
 /// neighbours, counter-clockwise about its normal. Sector k lies between ring points k and k + 1. Ring points
-/// are distinct. Most reads touch one cache line.
-struct alignas(64) Star {
+/// are distinct. `kRing`: of these, the most.
+template <std::uint32_t kRing>
+struct alignas(kLineBytes) StarOf {
   std::uint32_t size = 0;
   std::uint32_t open = 0;    ///< bit k: sector k has no triangle
   std::uint32_t agreed = 0;  ///< bit k: the stars of both other corners have the triangle too
-  std::array<std::uint32_t, kMaxCorners> ring{};
+  std::array<std::uint32_t, kRing> ring{};
 
   [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
   [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
@@ -50,9 +52,10 @@ struct alignas(64) Star {
   /// The point's index in the ring, or size.
   [[nodiscard]] std::uint32_t find(std::uint32_t b) const noexcept {
     for (std::uint32_t first = 0; first < size; first += kFound) {
-      const unsigned same = same_in(first, b);
+      const std::uint32_t at = std::min(first, kRing - kFound);
+      const unsigned same = same_in(at, b);
       if (same == 0) continue;
-      const std::uint32_t k = first + static_cast<std::uint32_t>(__builtin_ctz(same));
+      const std::uint32_t k = at + static_cast<std::uint32_t>(__builtin_ctz(same));
       return k < size ? k : size;
     }
     return size;
@@ -68,7 +71,7 @@ struct alignas(64) Star {
 
  private:
   static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once
-  static_assert(kMaxCorners % kFound == 0 && kMaxCorners < 32);
+  static_assert(kRing >= kFound && kRing < 32);
   /// Bit k: ring point first + k (or memory past the ring's end) is b.
   [[nodiscard]] unsigned same_in(std::uint32_t first, std::uint32_t b) const noexcept {
 #if defined(__SSE2__)
@@ -90,6 +93,70 @@ struct alignas(64) Star {
   }
 };
 
+using Star = StarOf<kMaxCorners>;
+
+/// The stars of all points, each in one cache line. Some five of a million random points have a ring that
+/// does not fit; such rings are apart. Different stars may be written by several threads, and read while
+/// others' `agreed` is.
+class StarTable {
+ public:
+  using Line = StarOf<13>;
+  static_assert(sizeof(Line) == kLineBytes);
+
+  void resize(std::size_t points) { lines_.resize(points); }
+  [[nodiscard]] Star operator[](std::size_t i) const {
+    Star star = shape(i);
+    star.agreed = lines_[i].agreed;
+    return star;
+  }
+  void put(std::size_t i, const Star& star) {
+    Line& line = lines_[i];
+    line.size = star.size;
+    line.open = star.open;
+    line.agreed = star.agreed;
+    if (star.size <= line.ring.size()) [[likely]] {
+      std::copy_n(star.ring.begin(), line.ring.size(), line.ring.begin());
+      return;
+    }
+    const std::lock_guard lock(gate_);
+    line.ring[0] = static_cast<std::uint32_t>(apart_.size());
+    apart_.push_back(star.ring);
+  }
+  void set_agreed(std::size_t i, std::uint32_t agreed) noexcept { lines_[i].agreed = agreed; }
+  /// A star as it is held, which may be put back: rings apart stay.
+  [[nodiscard]] const Line& line(std::size_t i) const noexcept { return lines_[i]; }
+  void put_back(std::size_t i, const Line& line) noexcept { lines_[i] = line; }
+  /// As Star::find() and Star::holds(); `agreed` is not read.
+  [[nodiscard]] std::uint32_t find(std::size_t i, std::uint32_t b) const {
+    const Line& line = lines_[i];
+    return line.size <= line.ring.size() ? line.find(b) : shape(i).find(b);
+  }
+  [[nodiscard]] bool holds(std::size_t i, std::uint32_t k, std::uint32_t c) const {
+    const Line& line = lines_[i];
+    return line.size <= line.ring.size() ? line.holds(k, c) : shape(i).holds(k, c);
+  }
+
+ private:
+  /// Without `agreed`.
+  [[nodiscard]] Star shape(std::size_t i) const {
+    const Line& line = lines_[i];
+    Star star;
+    star.size = line.size;
+    star.open = line.open;
+    if (star.size <= line.ring.size()) [[likely]] {
+      std::copy(line.ring.begin(), line.ring.end(), star.ring.begin());
+    } else {
+      const std::lock_guard lock(gate_);
+      star.ring = apart_[line.ring[0]];
+    }
+    return star;
+  }
+
+  UninitializedVector<Line> lines_;
+  std::vector<std::array<std::uint32_t, kMaxCorners>> apart_;  ///< only ever longer
+  mutable std::mutex gate_;                                    ///< of `apart_`
+};
+
 struct CandidateTriangulation {
   int threads = 0;
   bool both_sides = false;  ///< see BuildOptions
@@ -103,7 +170,7 @@ struct CandidateTriangulation {
   std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see PlanarLayout
   std::vector<std::uint8_t> crossed;   ///< 1: another sheet crosses here
   std::vector<std::uint8_t> doubtful;  ///< 1: its star's triangles disagreed, see fill_holes()
-  UninitializedVector<Star> star;
+  StarTable star;
 
   [[nodiscard]] std::size_t size() const noexcept { return point.size(); }
   [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return point[i].at(); }

@@ -123,7 +123,7 @@ class LocalDelaunayMeshBuilder {
         counts.components_with_holes += mesh_.has_holes_.back();
       }
     LocalDelaunayMeshStorage::fill(
-        mesh_, candidate_.point, [this](std::uint32_t i) -> const Star& { return candidate_.star[i]; },
+        mesh_, candidate_.point, [this](std::uint32_t i) { return candidate_.star[i]; },
         [&](std::uint32_t i) { return pieces_.of[i] == kNoPoint ? kNoPlace : closed_number[pieces_.of[i]]; },
         [this](std::uint32_t i) { return candidate_.crossed[i] != 0; }, threads_);
     counts.unused -= counts.welded;

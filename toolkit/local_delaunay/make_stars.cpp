@@ -203,7 +203,7 @@ void four_stars_in_plane(CandidateTriangulation& candidate, std::span<const std:
   }
   const std::array<std::size_t, 4> cut = cut_four(candidate.point.data(), frames, cells);
   for (std::size_t k = 0; k < points.size(); ++k) {
-    candidate.star[points[k]] = making[k]->finish(cells[k], cut[k], {});
+    candidate.star.put(points[k], making[k]->finish(cells[k], cut[k], {}));
     if (making[k]->crossed()) candidate.crossed[points[k]] = 1;
   }
 }
@@ -222,12 +222,12 @@ Star star_in_plane(const CandidateTriangulation& candidate, std::uint32_t point,
 
 std::uint32_t agreed_sectors(const CandidateTriangulation& candidate, std::uint32_t point, const Star& star) {
   std::array<std::uint32_t, kMaxCorners> at;  // the point's index in its ring points' rings
-  for (std::uint32_t k = 0; k < star.size; ++k) at[k] = candidate.star[star.ring[k]].find(point);
+  for (std::uint32_t k = 0; k < star.size; ++k) at[k] = candidate.star.find(star.ring[k], point);
   std::uint32_t agreed = 0;
   for (std::uint32_t k = 0; k < star.size; ++k) {
     if (!star.has_sector(k)) continue;
     const std::uint32_t next = star.next(k), b = star.ring[k], c = star.ring[next];
-    if (b != c && candidate.star[b].holds(at[k], c) && candidate.star[c].holds(at[next], b))
+    if (b != c && candidate.star.holds(b, at[k], c) && candidate.star.holds(c, at[next], b))
       agreed |= 1u << k;
   }
   return agreed;
@@ -251,7 +251,7 @@ void make_stars_of(CandidateTriangulation& candidate, std::span<const std::uint8
     for (std::size_t k = begin; k < end; ++k) {
       if (!wanted.empty() && wanted[k] == 0) continue;
       if (candidate.welded[k] != 0)
-        candidate.star[k] = {};
+        candidate.star.put(k, {});
       else
         four[count++] = static_cast<std::uint32_t>(k);
       if (count < four.size()) continue;
@@ -264,7 +264,7 @@ void make_stars_of(CandidateTriangulation& candidate, std::span<const std::uint8
     for (std::size_t k = begin; k < end; ++k) {
       if (!asked.empty() && asked[k] == 0) continue;
       const auto i = static_cast<std::uint32_t>(k);
-      candidate.star[i].agreed = agreed_sectors(candidate, i, candidate.star[i]);
+      candidate.star.set_agreed(i, agreed_sectors(candidate, i, candidate.star[i]));
     }
   });
 }

@@ -99,7 +99,7 @@ class StarRepair {
   /// Agreement changes only where a star changed.
   void agree_again(const Points& changed) {
     chunks_of(changed, [&](std::uint32_t i) {
-      candidate_.star[i].agreed = agreed_sectors(candidate_, i, candidate_.star[i]);
+      candidate_.star.set_agreed(i, agreed_sectors(candidate_, i, candidate_.star[i]));
       if (!area_.empty()) area_[i] = area_of(i);
     });
   }
@@ -115,15 +115,15 @@ class StarRepair {
     const Points rough = rough_points();
     if (rough.empty()) return false;
     const std::vector<Vec3f> normal = smooth_normals(rough);
-    std::vector<Star> former(rough.size());
+    std::vector<StarTable::Line> former(rough.size());
     Points changed;
     for (std::size_t r = 0; r < rough.size(); ++r) {
-      former[r] = candidate_.star[rough[r]];
+      former[r] = candidate_.star.line(rough[r]);
       add_star(rough[r], changed);
     }
     chunks(rough.size(), [&](std::uint32_t r) {
-      candidate_.star[rough[r]] =
-          star_in_plane(candidate_, rough[r], {normal[r].cast<double>(), kRoughSteepest, false, true});
+      candidate_.star.put(rough[r], star_in_plane(candidate_, rough[r],
+                                                  {normal[r].cast<double>(), kRoughSteepest, false, true}));
     });
     for (const std::uint32_t i : rough) add_star(i, changed);
     make_unique(changed);
@@ -159,7 +159,7 @@ class StarRepair {
         candidate_.normal[rough[r]] = normal[r];
         candidate_.crossed[rough[r]] = 0;  // points on both sides were noise
       } else {
-        candidate_.star[rough[r]] = former[r];
+        candidate_.star.put_back(rough[r], former[r]);
       }
     }
     agree_again(changed);
@@ -243,7 +243,8 @@ class StarRepair {
       const Star& star = candidate_.star[i];
       for (std::uint32_t k = 0; k < star.size; ++k) {
         const std::uint32_t to = star.ring[k];
-        if (slot_[to] != kNoPoint && candidate_.star[to].find(i) == candidate_.star[to].size) use(slot_[to]);
+        if (slot_[to] != kNoPoint && candidate_.star.find(to, i) == candidate_.star.line(to).size)
+          use(slot_[to]);
       }
     };
     offers_begin_.assign(doubtful_.size() + 1, 0);
@@ -286,7 +287,7 @@ class StarRepair {
       if (is_new[d] == 0) continue;
       changed.push_back(doubtful_[d]);
       around(doubtful_[d]);
-      candidate_.star[doubtful_[d]] = repaired_[d];
+      candidate_.star.put(doubtful_[d], repaired_[d]);
       around(doubtful_[d]);
     }
     make_unique(changed);
