@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/local_delaunay/candidate_triangulation.h"
 
@@ -103,10 +104,10 @@ class StarRepair {
       if (!area_.empty()) area_[i] = area_of(i);
     });
   }
-  void add_star(std::uint32_t i, Points& points) const {
+  void mark_star(std::uint32_t i, std::vector<std::uint8_t>& marks) const {
     const Star& star = candidate_.star[i];
-    points.push_back(i);
-    points.insert(points.end(), star.ring.begin(), star.ring.begin() + star.size);
+    marks[i] = 1;
+    for (std::uint32_t k = 0; k < star.size; ++k) marks[star.ring[k]] = 1;
   }
 
   /// In noise: makes flat stars along smoothed planes and keeps those that raise the agreement around. False
@@ -116,17 +117,19 @@ class StarRepair {
     if (rough.empty()) return false;
     const std::vector<Vec3f> normal = smooth_normals(rough);
     std::vector<StarTable::Line> former(rough.size());
-    Points changed;
+    // A list of them, each often repeated, would take more memory than the stars.
+    std::vector<std::uint8_t> is_changed(candidate_.size(), 0);
     for (std::size_t r = 0; r < rough.size(); ++r) {
       former[r] = candidate_.star.line(rough[r]);
-      add_star(rough[r], changed);
+      mark_star(rough[r], is_changed);
     }
     chunks(rough.size(), [&](std::uint32_t r) {
       candidate_.star.put(rough[r], star_in_plane(candidate_, rough[r],
                                                   {normal[r].cast<double>(), kRoughSteepest, false, true}));
     });
-    for (const std::uint32_t i : rough) add_star(i, changed);
-    make_unique(changed);
+    for (const std::uint32_t i : rough) mark_star(i, is_changed);
+    const Points changed = those_of_all([&](std::uint32_t i) { return is_changed[i] != 0; });
+    release_memory(is_changed);
     std::vector<std::int32_t> gain(candidate_.size(), 0);
     const auto count = [&](std::int32_t sign) {
       chunks_of(changed, [&](std::uint32_t i) {
@@ -275,23 +278,17 @@ class StarRepair {
       if (opened(made) > opened(old)) return;
       made.agreed = agreed_sectors(candidate_, i, made);
       if (made.agreements() <= old.agreements()) return;
-      repaired_[d] = made;
+      repaired_.put(d, made);
       is_new[d] = 1;
     });
-    Points changed;
-    const auto around = [&](std::uint32_t i) {
-      const Star& star = candidate_.star[i];
-      changed.insert(changed.end(), star.ring.begin(), star.ring.begin() + star.size);
-    };
+    std::vector<std::uint8_t> is_changed(candidate_.size(), 0);
     for (std::uint32_t d = 0; d < doubtful_.size(); ++d) {
       if (is_new[d] == 0) continue;
-      changed.push_back(doubtful_[d]);
-      around(doubtful_[d]);
+      mark_star(doubtful_[d], is_changed);
       candidate_.star.put(doubtful_[d], repaired_[d]);
-      around(doubtful_[d]);
+      mark_star(doubtful_[d], is_changed);
     }
-    make_unique(changed);
-    return changed;
+    return those_of_all([&](std::uint32_t i) { return is_changed[i] != 0; });
   }
 
   CandidateTriangulation& candidate_;
@@ -300,7 +297,7 @@ class StarRepair {
   Points doubtful_;                          ///< ascending
   Points offers_begin_;                      ///< by slot
   Points offers_;
-  std::vector<Star> repaired_;  ///< by slot
+  StarTable repaired_;  ///< by slot
 };
 
 }  // namespace
