@@ -10,6 +10,10 @@
 #include <cstdlib>
 #include <string_view>
 
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
 #include <palpate/clock.h>
 #include "toolkit/core/simd.h"
 
@@ -56,6 +60,12 @@ void discard_pages(void* p, std::size_t bytes) noexcept {
 #else
   (void)p;
   (void)bytes;
+#endif
+}
+
+void return_freed_memory() noexcept {
+#if defined(__GLIBC__)
+  (void)::malloc_trim(0);
 #endif
 }
 
