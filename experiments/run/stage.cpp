@@ -12,6 +12,7 @@
 #include "experiments/run/choices.h"
 #include "experiments/run/ground_truth.h"
 #include "experiments/run/result_warnings.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::experiments {
@@ -270,11 +271,13 @@ Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> 
   }
 
   progress.report("finding neighbours", -1.0);
-  const search::NeighbourTable nearest = search::exact_knn(*model.cloud, request.threads);
+  search::NeighbourTable nearest = search::exact_knn(*model.cloud, request.threads);
   // The printed resolutions of rasters are those of the scanner's path.
   Result<search::NeighbourTable> raster =
       model.cloud->raster ? search::scanner_path(*model.cloud, request.threads) : Error{};
   stage.spacing = search::describe_spacing(*model.cloud, raster ? *raster : nearest);
+  raster = Error{};
+  if (choice == ReferenceChoice::kNone) release_memory(nearest.of);
 
   progress.report("making the path", -1.0);
   PALPATE_ASSIGN(const std::optional<cloud::Cloud> corners,
