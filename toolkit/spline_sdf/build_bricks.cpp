@@ -36,9 +36,9 @@ constexpr double kOneSurface = 1.0, kOneSurfaceNoise = 0.6;
 constexpr double kFarthestPoint = 4.0;
 /// Large cubes crossed by this many patches are left to smaller ones: their own field averages several.
 constexpr std::size_t kMaxPatches = 64;
-/// Bricks whose nodes are sampled at a time, some 40 MB, and parts of a level, at most. Nodes where two parts
-/// meet are sampled for both, a few in a hundred; those of all bricks would take more memory than these.
-constexpr std::size_t kBricksAtOnce = std::size_t{1} << 15, kPartsOfLevel = 16;
+/// Parts of a level, at most. Nodes where two parts meet are sampled for both, a few in a hundred; those of
+/// all bricks would take more memory than these.
+constexpr std::size_t kPartsOfLevel = 16;
 constexpr std::size_t kTileGrain = 128, kBrickGrain = 64;
 /// Bricks collected before what they were in is given back: 3 MB.
 constexpr std::size_t kBricksMoved = 4096;
@@ -76,7 +76,7 @@ class BrickBuilder {
       grid_.level[static_cast<std::size_t>(level_)].table.build(codes);
       std::vector<BuiltBrick>& made = made_[static_cast<std::size_t>(level_)];
       made.reserve(codes.size());
-      const std::size_t most = std::max(kBricksAtOnce, codes.size() / kPartsOfLevel);
+      const std::size_t most = std::max(build_.bricks_at_once, codes.size() / kPartsOfLevel);
       for (std::size_t first = 0; first < codes.size(); first += most) {
         const auto part =
             std::span<const std::uint64_t>(codes).subspan(first, std::min(most, codes.size() - first));
