@@ -8,6 +8,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <mutex>
 #include <span>
 #include <vector>
@@ -157,12 +158,61 @@ class StarTable {
   mutable std::mutex gate_;                                    ///< of `apart_`
 };
 
+/// The nearest of all points, as differences of places; where one is too far along the curve, as one in
+/// twenty points has in a cloud of some million, the row is apart. Different rows may be written by several
+/// threads.
+class NearTable {
+ public:
+  void resize(std::size_t points) { lines_.resize(points); }
+  [[nodiscard]] NearestPoints operator[](std::uint32_t i) const {
+    const Line& line = lines_[i];
+    NearestPoints near;
+    if (line[0] != kApart) [[likely]] {
+      for (std::size_t k = 0; k < kNearest; ++k)
+        near[k] = i + static_cast<std::uint32_t>(static_cast<std::int32_t>(line[k]));
+      return near;
+    }
+    const std::lock_guard lock(gate_);
+    return apart_[static_cast<std::uint32_t>(static_cast<std::uint16_t>(line[1])) |
+                  static_cast<std::uint32_t>(static_cast<std::uint16_t>(line[2])) << 16];
+  }
+  void put(std::uint32_t i, const NearestPoints& near) {
+    Line& line = lines_[i];
+    bool fits = true;
+    for (std::size_t k = 0; k < kNearest; ++k) {
+      const auto off = static_cast<std::int32_t>(near[k] - i);
+      fits = fits && std::abs(off) <= static_cast<std::int32_t>(kMaxPlaceOffset);
+      line[k] = static_cast<std::int16_t>(off);
+    }
+    if (fits) [[likely]]
+      return;
+    const std::lock_guard lock(gate_);
+    const auto at = static_cast<std::uint32_t>(apart_.size());
+    apart_.push_back(near);
+    line[0] = kApart;
+    line[1] = static_cast<std::int16_t>(at & 0xFFFFu);
+    line[2] = static_cast<std::int16_t>(at >> 16);
+  }
+  void release() noexcept {
+    release_memory(lines_);
+    release_memory(apart_);
+  }
+
+ private:
+  using Line = std::array<std::int16_t, kNearest>;
+  /// In place of a difference: beyond kMaxPlaceOffset.
+  static constexpr std::int16_t kApart = -0x8000;
+  UninitializedVector<Line> lines_;
+  std::vector<NearestPoints> apart_;  ///< only ever longer
+  mutable std::mutex gate_;           ///< of `apart_`
+};
+
 struct CandidateTriangulation {
   int threads = 0;
   bool both_sides = false;  ///< see BuildOptions
   /// The weights break ties on lattices (find_nearest.cpp).
   UninitializedVector<SortedPoint> point;
-  UninitializedVector<NearestPoints> near;      ///< nearest first; unused entries hold the point's own index
+  NearTable near;                               ///< nearest first; unused entries hold the point's own index
   UninitializedVector<std::uint32_t> farthest;  ///< the last of `near`, which is empty where this is not
   std::vector<Vec3f> normal;                    ///< unit, either sign; zero if none
   std::vector<std::uint8_t> welded;             ///< 1: (nearly) coincides with another point and has no star
@@ -196,7 +246,7 @@ void repair_stars(CandidateTriangulation& candidate);
 [[nodiscard]] inline std::uint32_t farthest_of(const CandidateTriangulation& candidate,
                                                std::uint32_t point) noexcept {
   if (!candidate.farthest.empty()) return candidate.farthest[point];
-  const NearestPoints& near = candidate.near[point];
+  const NearestPoints near = candidate.near[point];
   std::size_t last = kNearest - 1;
   while (last > 0 && near[last] == point) --last;
   return near[last];

@@ -82,6 +82,7 @@ class PlanarNeighbours {
   /// True if a neighbour on a crossing sheet was left out.
   [[nodiscard]] bool crossed() const noexcept { return crossed_; }
   [[nodiscard]] const Vec3& at() const noexcept { return p_; }
+  [[nodiscard]] const NearestPoints& near() const noexcept { return near_; }
 
  private:
   /// True if the sheet of `other`, at d, crosses this one: turned by more than 60 degrees, with this sheet's
@@ -106,7 +107,7 @@ class PlanarNeighbours {
   const CandidateTriangulation& candidate_;
   Vec3 normal_;
   double steepest_sq_;
-  const NearestPoints& near_;
+  NearestPoints near_;
   std::uint32_t point_;
   bool apart_;
   bool crossed_ = false;
@@ -143,7 +144,7 @@ bool cut_wider(const CandidateTriangulation& candidate, std::uint32_t point, Pla
   const double most_sq = 4.0 * cell.reach_sq();
   bool changed = false;
   for (std::size_t a = 0; a < count; ++a) {
-    const NearestPoints& near = candidate.near[around[a]];
+    const NearestPoints near = candidate.near[around[a]];
     for (unsigned left = points_between(candidate.point.data(), near.data(), flat.at(), known_sq, most_sq);
          left != 0; left &= left - 1) {
       const std::uint32_t other = near[static_cast<std::size_t>(std::countr_zero(left))];
@@ -171,7 +172,7 @@ class PlanarStarBuilder {
   [[nodiscard]] Star finish(PlanarVoronoiCell& cell, std::size_t cut,
                             std::span<const std::uint32_t> more) noexcept {
     if (!begun_) return {};
-    const NearestPoints& near = candidate_.near[point_];
+    const NearestPoints& near = flat_.near();
     for (std::size_t k = cut; k < kNearest && near[k] != point_; ++k) flat_.cut(cell, near[k]);
     for (const std::uint32_t other : more)
       if (!cell.has_side(other)) flat_.cut(cell, other);
