@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <mutex>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "toolkit/core/hardware.h"
@@ -34,13 +35,12 @@ inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
 
 /// A star, as Shewchuk names it ("Star splaying", SCG 2005): the triangles around a point, by its ring of
 /// neighbours, counter-clockwise about its normal. Sector k lies between ring points k and k + 1. Ring points
-/// are distinct. `kRing`: of these, the most.
-template <std::uint32_t kRing>
-struct alignas(kLineBytes) StarOf {
+/// are distinct. Most reads touch one cache line.
+struct alignas(64) Star {
   std::uint32_t size = 0;
   std::uint32_t open = 0;    ///< bit k: sector k has no triangle
   std::uint32_t agreed = 0;  ///< bit k: the stars of both other corners have the triangle too
-  std::array<std::uint32_t, kRing> ring{};
+  std::array<std::uint32_t, kMaxCorners> ring{};
 
   [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
   [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
@@ -53,10 +53,9 @@ struct alignas(kLineBytes) StarOf {
   /// The point's index in the ring, or size.
   [[nodiscard]] std::uint32_t find(std::uint32_t b) const noexcept {
     for (std::uint32_t first = 0; first < size; first += kFound) {
-      const std::uint32_t at = std::min(first, kRing - kFound);
-      const unsigned same = same_in(at, b);
+      const unsigned same = same_in(first, b);
       if (same == 0) continue;
-      const std::uint32_t k = at + static_cast<std::uint32_t>(__builtin_ctz(same));
+      const std::uint32_t k = first + static_cast<std::uint32_t>(__builtin_ctz(same));
       return k < size ? k : size;
     }
     return size;
@@ -72,7 +71,7 @@ struct alignas(kLineBytes) StarOf {
 
  private:
   static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once
-  static_assert(kRing >= kFound && kRing < 32);
+  static_assert(kMaxCorners % kFound == 0 && kMaxCorners < 32);
   /// Bit k: ring point first + k (or memory past the ring's end) is b.
   [[nodiscard]] unsigned same_in(std::uint32_t first, std::uint32_t b) const noexcept {
 #if defined(__SSE2__)
@@ -94,117 +93,205 @@ struct alignas(kLineBytes) StarOf {
   }
 };
 
-using Star = StarOf<kMaxCorners>;
-
-/// The stars of all points, each in one cache line. Some five of a million random points have a ring that
-/// does not fit; such rings are apart. Different stars may be written by several threads, and read while
-/// others' `agreed` is.
-class StarTable {
+/// Rows that do not fit beside the others. Several threads may add some, and read what was there before or is
+/// their own: nothing moves.
+template <class Row>
+class RowsApart {
  public:
-  using Line = StarOf<13>;
-  static_assert(sizeof(Line) == kLineBytes);
-
-  void resize(std::size_t points) { lines_.resize(points); }
-  [[nodiscard]] Star operator[](std::size_t i) const {
-    Star star = shape(i);
-    star.agreed = lines_[i].agreed;
-    return star;
-  }
-  void put(std::size_t i, const Star& star) {
-    Line& line = lines_[i];
-    line.size = star.size;
-    line.open = star.open;
-    line.agreed = star.agreed;
-    if (star.size <= line.ring.size()) [[likely]] {
-      std::copy_n(star.ring.begin(), line.ring.size(), line.ring.begin());
-      return;
-    }
+  std::uint32_t add(const Row& row) {
     const std::lock_guard lock(gate_);
-    line.ring[0] = static_cast<std::uint32_t>(apart_.size());
-    apart_.push_back(star.ring);
+    UninitializedVector<Row>& block = blocks_[block_of(size_)];
+    if (block.empty()) block.resize(kFirst << block_of(size_));
+    block[size_ - first_of(block_of(size_))] = row;
+    return size_++;
   }
-  void set_agreed(std::size_t i, std::uint32_t agreed) noexcept { lines_[i].agreed = agreed; }
-  /// A star as it is held, which may be put back: rings apart stay.
-  [[nodiscard]] const Line& line(std::size_t i) const noexcept { return lines_[i]; }
-  void put_back(std::size_t i, const Line& line) noexcept { lines_[i] = line; }
-  /// As Star::find() and Star::holds(); `agreed` is not read.
-  [[nodiscard]] std::uint32_t find(std::size_t i, std::uint32_t b) const {
-    const Line& line = lines_[i];
-    return line.size <= line.ring.size() ? line.find(b) : shape(i).find(b);
+  [[nodiscard]] Row& operator[](std::uint32_t i) noexcept {
+    return blocks_[block_of(i)][i - first_of(block_of(i))];
   }
-  [[nodiscard]] bool holds(std::size_t i, std::uint32_t k, std::uint32_t c) const {
-    const Line& line = lines_[i];
-    return line.size <= line.ring.size() ? line.holds(k, c) : shape(i).holds(k, c);
+  [[nodiscard]] const Row& operator[](std::uint32_t i) const noexcept {
+    return blocks_[block_of(i)][i - first_of(block_of(i))];
+  }
+  void release() noexcept {
+    for (UninitializedVector<Row>& block : blocks_) release_memory(block);
+    size_ = 0;
   }
 
  private:
-  /// Without `agreed`.
-  [[nodiscard]] Star shape(std::size_t i) const {
-    const Line& line = lines_[i];
+  /// Rows of the first block; each is twice as large as the one before.
+  static constexpr std::size_t kFirst = 1024;
+  [[nodiscard]] static std::size_t block_of(std::uint32_t i) noexcept {
+    return static_cast<std::size_t>(std::bit_width(i / kFirst + 1)) - 1;
+  }
+  [[nodiscard]] static std::size_t first_of(std::size_t block) noexcept {
+    return ((std::size_t{1} << block) - 1) * kFirst;
+  }
+  std::array<UninitializedVector<Row>, 23> blocks_;
+  std::uint32_t size_ = 0;
+  std::mutex gate_;  ///< of adding
+};
+
+/// A difference of places where it fits beside others: at most kMaxPlaceOffset.
+[[nodiscard]] inline bool is_near_along(std::uint32_t place, std::uint32_t other) noexcept {
+  const auto off = static_cast<std::int32_t>(other - place);
+  return std::abs(off) <= static_cast<std::int32_t>(kMaxPlaceOffset);
+}
+[[nodiscard]] inline std::int16_t offset_along(std::uint32_t place, std::uint32_t other) noexcept {
+  return static_cast<std::int16_t>(static_cast<std::int32_t>(other - place));
+}
+[[nodiscard]] inline std::uint32_t place_along(std::uint32_t place, std::int16_t offset) noexcept {
+  return place + static_cast<std::uint32_t>(static_cast<std::int32_t>(offset));
+}
+/// A number as two offsets, for the place of a row apart.
+[[nodiscard]] inline std::uint32_t number_of(std::int16_t low, std::int16_t high) noexcept {
+  return static_cast<std::uint32_t>(static_cast<std::uint16_t>(low)) |
+         static_cast<std::uint32_t>(static_cast<std::uint16_t>(high)) << 16;
+}
+
+/// The stars of all points, as differences of places in half a cache line each, as in the stored mesh. Apart
+/// are those of a longer ring, some five of a million random points, and those that reach farther along the
+/// curve, one in fifty of some million points. Several threads may write different stars, and read
+/// others while only their `agreed` is written.
+class StarTable {
+ public:
+  struct alignas(32) Line {
+    std::uint16_t size;  ///< kApart: see `off`
+    std::uint16_t open, agreed;
+    std::array<std::int16_t, 13> off;  ///< of the ring's places, or the number of the star apart
+  };
+  static_assert(sizeof(Line) == 32);
+
+  void resize(std::size_t points) { lines_.resize(points); }
+  [[nodiscard]] Star operator[](std::size_t i) const noexcept { return star_of(i, lines_[i]); }
+  void put(std::size_t i, const Star& star) { lines_[i] = line_of(i, star); }
+  /// A star as point i would hold it.
+  [[nodiscard]] Line line_of(std::size_t i, const Star& star) {
+    const auto place = static_cast<std::uint32_t>(i);
+    Line line;
+    bool fits = star.size <= line.off.size();
+    for (std::uint32_t k = 0; k < line.off.size(); ++k) {
+      fits = fits && (k >= star.size || is_near_along(place, star.ring[k]));
+      line.off[k] = offset_along(place, star.ring[k]);
+    }
+    line.size = fits ? static_cast<std::uint16_t>(star.size) : kApart;
+    line.open = static_cast<std::uint16_t>(star.open);
+    line.agreed = static_cast<std::uint16_t>(star.agreed);
+    if (fits) [[likely]]
+      return line;
+    const std::uint32_t number = apart_.add(star);
+    line.off[0] = static_cast<std::int16_t>(number & 0xFFFFu);
+    line.off[1] = static_cast<std::int16_t>(number >> 16);
+    return line;
+  }
+  void set_agreed(std::size_t i, std::uint32_t agreed) noexcept {
+    Line& line = lines_[i];
+    if (line.size == kApart)
+      apart_[number_of(line.off[0], line.off[1])].agreed = agreed;
+    else
+      line.agreed = static_cast<std::uint16_t>(agreed);
+  }
+  /// A star as it is held, which may be put back: stars apart stay.
+  [[nodiscard]] const Line& line(std::size_t i) const noexcept { return lines_[i]; }
+  void put_back(std::size_t i, const Line& line) noexcept { lines_[i] = line; }
+  [[nodiscard]] Star star_of(std::size_t i, const Line& line) const noexcept {
+    if (line.size == kApart) [[unlikely]]
+      return apart(line);
     Star star;
     star.size = line.size;
     star.open = line.open;
-    if (star.size <= line.ring.size()) [[likely]] {
-      std::copy(line.ring.begin(), line.ring.end(), star.ring.begin());
-    } else {
-      const std::lock_guard lock(gate_);
-      star.ring = apart_[line.ring[0]];
-    }
+    star.agreed = line.agreed;
+    for (std::uint32_t k = 0; k < line.off.size(); ++k)
+      star.ring[k] = place_along(static_cast<std::uint32_t>(i), line.off[k]);
     return star;
+  }
+  [[nodiscard]] std::uint32_t size(std::size_t i) const noexcept {
+    const Line& line = lines_[i];
+    return line.size == kApart ? apart(line).size : line.size;
+  }
+  /// As Star::find() and Star::holds(); `agreed` is not read.
+  [[nodiscard]] std::uint32_t find(std::uint32_t i, std::uint32_t b) const noexcept {
+    const Line& line = lines_[i];
+    if (line.size == kApart) [[unlikely]]
+      return apart(line).find(b);
+    const std::uint32_t found = is_near_along(i, b) ? same_in(line, offset_along(i, b)) : 0u;
+    return found != 0 ? static_cast<std::uint32_t>(std::countr_zero(found)) : line.size;
+  }
+  [[nodiscard]] bool holds(std::uint32_t i, std::uint32_t k, std::uint32_t c) const noexcept {
+    const Line& line = lines_[i];
+    if (line.size == kApart) [[unlikely]]
+      return apart(line).holds(k, c);
+    if (k == line.size || !is_near_along(i, c)) return false;
+    const std::int16_t off = offset_along(i, c);
+    const std::uint32_t next = k + 1 == line.size ? 0 : k + 1, before = (k == 0 ? line.size : k) - 1u;
+    return (line.off[next] == off && (line.open >> k & 1) == 0) ||
+           (line.off[before] == off && (line.open >> before & 1) == 0);
+  }
+
+ private:
+  static constexpr std::uint16_t kApart = 0xFFFF;
+  [[nodiscard]] const Star& apart(const Line& line) const noexcept {
+    return apart_[number_of(line.off[0], line.off[1])];
+  }
+  /// Bit k: ring point k is at that offset.
+  [[nodiscard]] static std::uint32_t same_in(const Line& line, std::int16_t off) noexcept {
+    std::uint32_t same = 0;
+#if defined(__SSE2__)
+    const __m128i wanted = _mm_set1_epi16(off);
+    const auto eight = [&](std::size_t at) {
+      const __m128i these = _mm_loadu_si128(reinterpret_cast<const __m128i*>(&line.off[at]));  // NOLINT
+      return _mm_cmpeq_epi16(these, wanted);
+    };
+    // The second eight are the last, of which the first three are among the first.
+    constexpr std::size_t kLast = std::tuple_size_v<decltype(Line::off)> - 8;
+    const auto both = static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(eight(0), eight(kLast))));
+    same = (both & 0xFFu) | (both >> 8) << kLast;
+#else
+    for (std::uint32_t k = 0; k < line.off.size(); ++k)
+      same |= static_cast<std::uint32_t>(line.off[k] == off) << k;
+#endif
+    return same & ((1u << line.size) - 1u);
   }
 
   UninitializedVector<Line> lines_;
-  std::vector<std::array<std::uint32_t, kMaxCorners>> apart_;  ///< only ever longer
-  mutable std::mutex gate_;                                    ///< of `apart_`
+  RowsApart<Star> apart_;
 };
 
-/// The nearest of all points, as differences of places; where one is too far along the curve, as one in
-/// twenty points has in a cloud of some million, the row is apart. Different rows may be written by several
-/// threads.
+/// The nearest of all points, as differences of places too. Several threads may write different rows.
 class NearTable {
  public:
   void resize(std::size_t points) { lines_.resize(points); }
-  [[nodiscard]] NearestPoints operator[](std::uint32_t i) const {
+  [[nodiscard]] NearestPoints operator[](std::uint32_t i) const noexcept {
     const Line& line = lines_[i];
+    if (line[0] == kApart) [[unlikely]]
+      return apart_[number_of(line[1], line[2])];
     NearestPoints near;
-    if (line[0] != kApart) [[likely]] {
-      for (std::size_t k = 0; k < kNearest; ++k)
-        near[k] = i + static_cast<std::uint32_t>(static_cast<std::int32_t>(line[k]));
-      return near;
-    }
-    const std::lock_guard lock(gate_);
-    return apart_[static_cast<std::uint32_t>(static_cast<std::uint16_t>(line[1])) |
-                  static_cast<std::uint32_t>(static_cast<std::uint16_t>(line[2])) << 16];
+    for (std::size_t k = 0; k < kNearest; ++k) near[k] = place_along(i, line[k]);
+    return near;
   }
   void put(std::uint32_t i, const NearestPoints& near) {
     Line& line = lines_[i];
     bool fits = true;
     for (std::size_t k = 0; k < kNearest; ++k) {
-      const auto off = static_cast<std::int32_t>(near[k] - i);
-      fits = fits && std::abs(off) <= static_cast<std::int32_t>(kMaxPlaceOffset);
-      line[k] = static_cast<std::int16_t>(off);
+      fits = fits && is_near_along(i, near[k]);
+      line[k] = offset_along(i, near[k]);
     }
     if (fits) [[likely]]
       return;
-    const std::lock_guard lock(gate_);
-    const auto at = static_cast<std::uint32_t>(apart_.size());
-    apart_.push_back(near);
+    const std::uint32_t number = apart_.add(near);
     line[0] = kApart;
-    line[1] = static_cast<std::int16_t>(at & 0xFFFFu);
-    line[2] = static_cast<std::int16_t>(at >> 16);
+    line[1] = static_cast<std::int16_t>(number & 0xFFFFu);
+    line[2] = static_cast<std::int16_t>(number >> 16);
   }
   void release() noexcept {
     release_memory(lines_);
-    release_memory(apart_);
+    apart_.release();
   }
 
  private:
   using Line = std::array<std::int16_t, kNearest>;
-  /// In place of a difference: beyond kMaxPlaceOffset.
+  /// In place of a difference, beyond kMaxPlaceOffset: the next two are the number of the row apart.
   static constexpr std::int16_t kApart = -0x8000;
   UninitializedVector<Line> lines_;
-  std::vector<NearestPoints> apart_;  ///< only ever longer
-  mutable std::mutex gate_;           ///< of `apart_`
+  RowsApart<NearestPoints> apart_;
 };
 
 struct CandidateTriangulation {

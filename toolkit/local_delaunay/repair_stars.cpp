@@ -138,7 +138,7 @@ class StarRepair {
     };
     count(-1);
     for (std::size_t r = 0; r < rough.size(); ++r)  // agreement of the new stars is not known yet
-      gain[rough[r]] = -static_cast<std::int32_t>(former[r].agreements());
+      gain[rough[r]] = -static_cast<std::int32_t>(candidate_.star.star_of(rough[r], former[r]).agreements());
     agree_again(changed);
     count(1);
     // Sums over neighbours of neighbours: noise covers more than one place.
@@ -246,8 +246,7 @@ class StarRepair {
       const Star& star = candidate_.star[i];
       for (std::uint32_t k = 0; k < star.size; ++k) {
         const std::uint32_t to = star.ring[k];
-        if (slot_[to] != kNoPoint && candidate_.star.find(to, i) == candidate_.star.line(to).size)
-          use(slot_[to]);
+        if (slot_[to] != kNoPoint && candidate_.star.find(to, i) == candidate_.star.size(to)) use(slot_[to]);
       }
     };
     offers_begin_.assign(doubtful_.size() + 1, 0);
@@ -278,14 +277,14 @@ class StarRepair {
       if (opened(made) > opened(old)) return;
       made.agreed = agreed_sectors(candidate_, i, made);
       if (made.agreements() <= old.agreements()) return;
-      repaired_.put(d, made);
+      repaired_[d] = candidate_.star.line_of(i, made);
       is_new[d] = 1;
     });
     std::vector<std::uint8_t> is_changed(candidate_.size(), 0);
     for (std::uint32_t d = 0; d < doubtful_.size(); ++d) {
       if (is_new[d] == 0) continue;
       mark_star(doubtful_[d], is_changed);
-      candidate_.star.put(doubtful_[d], repaired_[d]);
+      candidate_.star.put_back(doubtful_[d], repaired_[d]);
       mark_star(doubtful_[d], is_changed);
     }
     return those_of_all([&](std::uint32_t i) { return is_changed[i] != 0; });
@@ -297,7 +296,7 @@ class StarRepair {
   Points doubtful_;                          ///< ascending
   Points offers_begin_;                      ///< by slot
   Points offers_;
-  StarTable repaired_;  ///< by slot
+  std::vector<StarTable::Line> repaired_;  ///< by slot
 };
 
 }  // namespace
