@@ -12,6 +12,7 @@
 #include "experiments/run/choices.h"
 #include "experiments/run/ground_truth.h"
 #include "experiments/run/result_warnings.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/search/knn.h"
 
 namespace palpate::experiments {
@@ -270,11 +271,20 @@ Result<Stage> set_up(scene::LoadedScene loaded, std::optional<trace::ProbePath> 
   }
 
   progress.report("finding neighbours", -1.0);
-  const search::NeighbourTable nearest = search::exact_knn(*model.cloud, request.threads);
   // The printed resolutions of rasters are those of the scanner's path.
-  Result<search::NeighbourTable> raster =
-      model.cloud->raster ? search::scanner_path(*model.cloud, request.threads) : Error{};
-  stage.spacing = search::describe_spacing(*model.cloud, raster ? *raster : nearest);
+  bool has_spacing = false;
+  if (model.cloud->raster) {
+    if (const auto along = search::scanner_path(*model.cloud, request.threads)) {
+      stage.spacing = search::describe_spacing(*model.cloud, *along);
+      has_spacing = true;
+    }
+  }
+  // A table takes more memory than the points: none is held that is not asked for.
+  search::NeighbourTable nearest;
+  if (!has_spacing || choice != ReferenceChoice::kNone)
+    nearest = search::exact_knn(*model.cloud, request.threads);
+  if (!has_spacing) stage.spacing = search::describe_spacing(*model.cloud, nearest);
+  if (choice == ReferenceChoice::kNone) release_memory(nearest.of);
 
   progress.report("making the path", -1.0);
   PALPATE_ASSIGN(const std::optional<cloud::Cloud> corners,

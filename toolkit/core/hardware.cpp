@@ -3,11 +3,16 @@
 #if defined(__linux__)
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 #endif
 
 #include <cstdint>
 #include <cstdlib>
 #include <string_view>
+
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
 
 #include <palpate/clock.h>
 #include "toolkit/core/simd.h"
@@ -43,6 +48,24 @@ void advise_large_pages(void* p, std::size_t bytes) noexcept {
 #else
   (void)p;
   (void)bytes;
+#endif
+}
+
+void discard_pages(void* p, std::size_t bytes) noexcept {
+#if defined(__linux__)
+  const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+  const std::size_t before = (page - reinterpret_cast<std::uintptr_t>(p) % page) % page;
+  if (before < bytes)
+    (void)::madvise(static_cast<char*>(p) + before, (bytes - before) / page * page, MADV_DONTNEED);
+#else
+  (void)p;
+  (void)bytes;
+#endif
+}
+
+void return_freed_memory() noexcept {
+#if defined(__GLIBC__)
+  (void)::malloc_trim(0);
 #endif
 }
 

@@ -12,6 +12,12 @@ namespace palpate {
 
 /// Advises the system to back [p, p + bytes) with large pages; nothing depends on it.
 void advise_large_pages(void* p, std::size_t bytes) noexcept;
+/// Gives whole pages of [p, p + bytes) back to the system, where it can: for what is done with of an array
+/// that is still being read. Reading there gives any value afterwards.
+void discard_pages(void* p, std::size_t bytes) noexcept;
+/// Gives what is freed, but held by the allocator, back to the system where it can: threads free many vectors
+/// that are too small to go back by themselves. Some milliseconds.
+void return_freed_memory() noexcept;
 
 /// An allocator for arrays that frames read at scattered places. The address cache holds some 1500 pages of 4
 /// kB (6 MB), and a model of a million points has 48 MB. Large arrays are aligned to 2 MB with large pages

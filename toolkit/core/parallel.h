@@ -56,9 +56,15 @@ template <class Part, class Body>
 template <class Item, class Body>
 [[nodiscard]] std::vector<Item> parallel_list(std::size_t count, std::size_t grain, int threads,
                                               const Body& body) {
+  auto parts = parallel_parts<std::vector<Item>>(count, grain, threads, body);
+  std::size_t size = 0;
+  for (const std::vector<Item>& part : parts) size += part.size();
   std::vector<Item> items;
-  for (const std::vector<Item>& part : parallel_parts<std::vector<Item>>(count, grain, threads, body))
+  items.reserve(size);
+  for (std::vector<Item>& part : parts) {
     items.insert(items.end(), part.begin(), part.end());
+    std::vector<Item>().swap(part);
+  }
   return items;
 }
 

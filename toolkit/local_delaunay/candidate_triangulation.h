@@ -8,7 +8,10 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
+#include <mutex>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "toolkit/core/hardware.h"
@@ -90,19 +93,221 @@ struct alignas(64) Star {
   }
 };
 
+/// Rows that do not fit beside the others. Several threads may add some, and read what was there before or is
+/// their own: nothing moves.
+template <class Row>
+class RowsApart {
+ public:
+  std::uint32_t add(const Row& row) {
+    const std::lock_guard lock(gate_);
+    UninitializedVector<Row>& block = blocks_[block_of(size_)];
+    if (block.empty()) block.resize(kFirst << block_of(size_));
+    block[size_ - first_of(block_of(size_))] = row;
+    return size_++;
+  }
+  [[nodiscard]] Row& operator[](std::uint32_t i) noexcept {
+    return blocks_[block_of(i)][i - first_of(block_of(i))];
+  }
+  [[nodiscard]] const Row& operator[](std::uint32_t i) const noexcept {
+    return blocks_[block_of(i)][i - first_of(block_of(i))];
+  }
+  void release() noexcept {
+    for (UninitializedVector<Row>& block : blocks_) release_memory(block);
+    size_ = 0;
+  }
+
+ private:
+  /// Rows of the first block; each is twice as large as the one before.
+  static constexpr std::size_t kFirst = 1024;
+  [[nodiscard]] static std::size_t block_of(std::uint32_t i) noexcept {
+    return static_cast<std::size_t>(std::bit_width(i / kFirst + 1)) - 1;
+  }
+  [[nodiscard]] static std::size_t first_of(std::size_t block) noexcept {
+    return ((std::size_t{1} << block) - 1) * kFirst;
+  }
+  std::array<UninitializedVector<Row>, 23> blocks_;
+  std::uint32_t size_ = 0;
+  std::mutex gate_;  ///< of adding
+};
+
+/// A difference of places where it fits beside others: at most kMaxPlaceOffset.
+[[nodiscard]] inline bool is_near_along(std::uint32_t place, std::uint32_t other) noexcept {
+  const auto off = static_cast<std::int32_t>(other - place);
+  return std::abs(off) <= static_cast<std::int32_t>(kMaxPlaceOffset);
+}
+[[nodiscard]] inline std::int16_t offset_along(std::uint32_t place, std::uint32_t other) noexcept {
+  return static_cast<std::int16_t>(static_cast<std::int32_t>(other - place));
+}
+[[nodiscard]] inline std::uint32_t place_along(std::uint32_t place, std::int16_t offset) noexcept {
+  return place + static_cast<std::uint32_t>(static_cast<std::int32_t>(offset));
+}
+/// A number as two offsets, for the place of a row apart.
+[[nodiscard]] inline std::uint32_t number_of(std::int16_t low, std::int16_t high) noexcept {
+  return static_cast<std::uint32_t>(static_cast<std::uint16_t>(low)) |
+         static_cast<std::uint32_t>(static_cast<std::uint16_t>(high)) << 16;
+}
+
+/// The stars of all points, as differences of places in half a cache line each, as in the stored mesh. Apart
+/// are those of a longer ring, some five of a million random points, and those that reach farther along the
+/// curve, one in fifty of some million points. Several threads may write different stars, and read
+/// others while only their `agreed` is written.
+class StarTable {
+ public:
+  struct alignas(32) Line {
+    std::uint16_t size;  ///< kApart: see `off`
+    std::uint16_t open, agreed;
+    std::array<std::int16_t, 13> off;  ///< of the ring's places, or the number of the star apart
+  };
+  static_assert(sizeof(Line) == 32);
+
+  void resize(std::size_t points) { lines_.resize(points); }
+  [[nodiscard]] Star operator[](std::size_t i) const noexcept { return star_of(i, lines_[i]); }
+  void put(std::size_t i, const Star& star) { lines_[i] = line_of(i, star); }
+  /// A star as point i would hold it.
+  [[nodiscard]] Line line_of(std::size_t i, const Star& star) {
+    const auto place = static_cast<std::uint32_t>(i);
+    Line line;
+    bool fits = star.size <= line.off.size();
+    for (std::uint32_t k = 0; k < line.off.size(); ++k) {
+      fits = fits && (k >= star.size || is_near_along(place, star.ring[k]));
+      line.off[k] = offset_along(place, star.ring[k]);
+    }
+    line.size = fits ? static_cast<std::uint16_t>(star.size) : kApart;
+    line.open = static_cast<std::uint16_t>(star.open);
+    line.agreed = static_cast<std::uint16_t>(star.agreed);
+    if (fits) [[likely]]
+      return line;
+    const std::uint32_t number = apart_.add(star);
+    line.off[0] = static_cast<std::int16_t>(number & 0xFFFFu);
+    line.off[1] = static_cast<std::int16_t>(number >> 16);
+    return line;
+  }
+  void set_agreed(std::size_t i, std::uint32_t agreed) noexcept {
+    Line& line = lines_[i];
+    if (line.size == kApart)
+      apart_[number_of(line.off[0], line.off[1])].agreed = agreed;
+    else
+      line.agreed = static_cast<std::uint16_t>(agreed);
+  }
+  /// A star as it is held, which may be put back: stars apart stay.
+  [[nodiscard]] const Line& line(std::size_t i) const noexcept { return lines_[i]; }
+  void put_back(std::size_t i, const Line& line) noexcept { lines_[i] = line; }
+  [[nodiscard]] Star star_of(std::size_t i, const Line& line) const noexcept {
+    if (line.size == kApart) [[unlikely]]
+      return apart(line);
+    Star star;
+    star.size = line.size;
+    star.open = line.open;
+    star.agreed = line.agreed;
+    for (std::uint32_t k = 0; k < line.off.size(); ++k)
+      star.ring[k] = place_along(static_cast<std::uint32_t>(i), line.off[k]);
+    return star;
+  }
+  [[nodiscard]] std::uint32_t size(std::size_t i) const noexcept {
+    const Line& line = lines_[i];
+    return line.size == kApart ? apart(line).size : line.size;
+  }
+  /// As Star::find() and Star::holds(); `agreed` is not read.
+  [[nodiscard]] std::uint32_t find(std::uint32_t i, std::uint32_t b) const noexcept {
+    const Line& line = lines_[i];
+    if (line.size == kApart) [[unlikely]]
+      return apart(line).find(b);
+    const std::uint32_t found = is_near_along(i, b) ? same_in(line, offset_along(i, b)) : 0u;
+    return found != 0 ? static_cast<std::uint32_t>(std::countr_zero(found)) : line.size;
+  }
+  [[nodiscard]] bool holds(std::uint32_t i, std::uint32_t k, std::uint32_t c) const noexcept {
+    const Line& line = lines_[i];
+    if (line.size == kApart) [[unlikely]]
+      return apart(line).holds(k, c);
+    if (k == line.size || !is_near_along(i, c)) return false;
+    const std::int16_t off = offset_along(i, c);
+    const std::uint32_t next = k + 1 == line.size ? 0 : k + 1, before = (k == 0 ? line.size : k) - 1u;
+    return (line.off[next] == off && (line.open >> k & 1) == 0) ||
+           (line.off[before] == off && (line.open >> before & 1) == 0);
+  }
+
+ private:
+  static constexpr std::uint16_t kApart = 0xFFFF;
+  [[nodiscard]] const Star& apart(const Line& line) const noexcept {
+    return apart_[number_of(line.off[0], line.off[1])];
+  }
+  /// Bit k: ring point k is at that offset.
+  [[nodiscard]] static std::uint32_t same_in(const Line& line, std::int16_t off) noexcept {
+    std::uint32_t same = 0;
+#if defined(__SSE2__)
+    const __m128i wanted = _mm_set1_epi16(off);
+    const auto eight = [&](std::size_t at) {
+      const __m128i these = _mm_loadu_si128(reinterpret_cast<const __m128i*>(&line.off[at]));  // NOLINT
+      return _mm_cmpeq_epi16(these, wanted);
+    };
+    // The second eight are the last, of which the first three are among the first.
+    constexpr std::size_t kLast = std::tuple_size_v<decltype(Line::off)> - 8;
+    const auto both = static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(eight(0), eight(kLast))));
+    same = (both & 0xFFu) | (both >> 8) << kLast;
+#else
+    for (std::uint32_t k = 0; k < line.off.size(); ++k)
+      same |= static_cast<std::uint32_t>(line.off[k] == off) << k;
+#endif
+    return same & ((1u << line.size) - 1u);
+  }
+
+  UninitializedVector<Line> lines_;
+  RowsApart<Star> apart_;
+};
+
+/// The nearest of all points, as differences of places too. Several threads may write different rows.
+class NearTable {
+ public:
+  void resize(std::size_t points) { lines_.resize(points); }
+  [[nodiscard]] NearestPoints operator[](std::uint32_t i) const noexcept {
+    const Line& line = lines_[i];
+    if (line[0] == kApart) [[unlikely]]
+      return apart_[number_of(line[1], line[2])];
+    NearestPoints near;
+    for (std::size_t k = 0; k < kNearest; ++k) near[k] = place_along(i, line[k]);
+    return near;
+  }
+  void put(std::uint32_t i, const NearestPoints& near) {
+    Line& line = lines_[i];
+    bool fits = true;
+    for (std::size_t k = 0; k < kNearest; ++k) {
+      fits = fits && is_near_along(i, near[k]);
+      line[k] = offset_along(i, near[k]);
+    }
+    if (fits) [[likely]]
+      return;
+    const std::uint32_t number = apart_.add(near);
+    line[0] = kApart;
+    line[1] = static_cast<std::int16_t>(number & 0xFFFFu);
+    line[2] = static_cast<std::int16_t>(number >> 16);
+  }
+  void release() noexcept {
+    release_memory(lines_);
+    apart_.release();
+  }
+
+ private:
+  using Line = std::array<std::int16_t, kNearest>;
+  /// In place of a difference, beyond kMaxPlaceOffset: the next two are the number of the row apart.
+  static constexpr std::int16_t kApart = -0x8000;
+  UninitializedVector<Line> lines_;
+  RowsApart<NearestPoints> apart_;
+};
+
 struct CandidateTriangulation {
   int threads = 0;
   bool both_sides = false;  ///< see BuildOptions
   /// The weights break ties on lattices (find_nearest.cpp).
   UninitializedVector<SortedPoint> point;
-  UninitializedVector<NearestPoints> near;  ///< nearest first; unused entries hold the point's own index
-  std::vector<Vec3f> normal;                ///< unit, either sign; zero if none
-  std::vector<std::uint8_t> welded;         ///< 1: (nearly) coincides with another point and has no star
+  NearTable near;                               ///< nearest first; unused entries hold the point's own index
+  UninitializedVector<std::uint32_t> farthest;  ///< the last of `near`, which is empty where this is not
+  std::vector<Vec3f> normal;                    ///< unit, either sign; zero if none
+  std::vector<std::uint8_t> welded;             ///< 1: (nearly) coincides with another point and has no star
   std::vector<std::uint8_t> sparse;    ///< 1: `near` holds the nearest in each direction, others lie between
   std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see PlanarLayout
   std::vector<std::uint8_t> crossed;   ///< 1: another sheet crosses here
   std::vector<std::uint8_t> doubtful;  ///< 1: its star's triangles disagreed, see fill_holes()
-  UninitializedVector<Star> star;
+  StarTable star;
 
   [[nodiscard]] std::size_t size() const noexcept { return point.size(); }
   [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return point[i].at(); }
@@ -124,13 +329,21 @@ void make_stars_of(CandidateTriangulation& candidate, std::span<const std::uint8
 /// Remakes stars that neighbours do not confirm, laid out in the plane of the confirmed part. Parallel.
 void repair_stars(CandidateTriangulation& candidate);
 
-/// Squared radius of the ball that holds a point's nearest.
-[[nodiscard]] inline double ball_sq(const CandidateTriangulation& candidate, std::uint32_t point) noexcept {
-  const NearestPoints& near = candidate.near[point];
+/// The last of a point's nearest.
+[[nodiscard]] inline std::uint32_t farthest_of(const CandidateTriangulation& candidate,
+                                               std::uint32_t point) noexcept {
+  if (!candidate.farthest.empty()) return candidate.farthest[point];
+  const NearestPoints near = candidate.near[point];
   std::size_t last = kNearest - 1;
   while (last > 0 && near[last] == point) --last;
-  return (candidate.at(near[last]) - candidate.at(point)).squaredNorm();
+  return near[last];
 }
+/// Squared radius of the ball that holds a point's nearest.
+[[nodiscard]] inline double ball_sq(const CandidateTriangulation& candidate, std::uint32_t point) noexcept {
+  return (candidate.at(farthest_of(candidate, point)) - candidate.at(point)).squaredNorm();
+}
+/// Of the nearest points keeps the last, of which no step after repair_stars() asks for more. Parallel.
+void keep_farthest(CandidateTriangulation& candidate);
 /// Largest circle of a triangle, relative to that ball. For random points one circle in a million has a
 /// radius of 2.4 mean spacings; the ball's is 2.3.
 inline constexpr double kReachPerBall = 1.5;

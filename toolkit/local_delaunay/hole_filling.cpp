@@ -159,7 +159,7 @@ class HoleFiller {
   }
   void write_stars() {
     for (std::size_t l = 0; l < links_.size(); ++l)
-      candidate_.star[points_[l]] = star_of(points_[l], links_[l]);
+      candidate_.star.put(points_[l], star_of(points_[l], links_[l]));
   }
   /// Points with separate fans. Layers folded behind the surface hang on them, and no loop passes them.
   [[nodiscard]] std::vector<std::uint32_t> those_pinched() {

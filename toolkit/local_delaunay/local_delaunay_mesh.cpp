@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/local_delaunay/candidate_triangulation.h"
 #include "toolkit/local_delaunay/raster_stars.h"
@@ -53,14 +54,18 @@ class LocalDelaunayMeshBuilder {
     if (raster_) {
       step("stars");
       mesh_.counts_.raster_points = raster_->fill(candidate_);
+      raster_.reset();
     } else {
       step("neighbours");
       find_nearest(candidate_, doubled_);
       step("stars");
       make_stars(candidate_);
     }
+    release_memory(doubled_);
     step("mend");
     repair_stars(candidate_);
+    keep_farthest(candidate_);
+    release_memory(candidate_.sparse);
   }
   /// Resolves disagreement and orients each piece.
   void settle() {
@@ -92,6 +97,9 @@ class LocalDelaunayMeshBuilder {
     counts.unorientable = pieces_.unorientable.size();
     counts.pieces = pieces_.closed.size();
     counts.min_enclosed = pieces_.min_enclosed;
+    release_memory(candidate_.farthest);
+    release_memory(candidate_.normal);
+    for (auto* marks : {&candidate_.welded, &candidate_.rough, &candidate_.doubtful}) release_memory(*marks);
     step("store");
   }
   void step(std::string_view name) const {
@@ -115,7 +123,7 @@ class LocalDelaunayMeshBuilder {
         counts.components_with_holes += mesh_.has_holes_.back();
       }
     LocalDelaunayMeshStorage::fill(
-        mesh_, candidate_.point, [this](std::uint32_t i) -> const Star& { return candidate_.star[i]; },
+        mesh_, candidate_.point, [this](std::uint32_t i) { return candidate_.star[i]; },
         [&](std::uint32_t i) { return pieces_.of[i] == kNoPoint ? kNoPlace : closed_number[pieces_.of[i]]; },
         [this](std::uint32_t i) { return candidate_.crossed[i] != 0; }, threads_);
     counts.unused -= counts.welded;

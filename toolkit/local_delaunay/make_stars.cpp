@@ -82,6 +82,7 @@ class PlanarNeighbours {
   /// True if a neighbour on a crossing sheet was left out.
   [[nodiscard]] bool crossed() const noexcept { return crossed_; }
   [[nodiscard]] const Vec3& at() const noexcept { return p_; }
+  [[nodiscard]] const NearestPoints& near() const noexcept { return near_; }
 
  private:
   /// True if the sheet of `other`, at d, crosses this one: turned by more than 60 degrees, with this sheet's
@@ -106,7 +107,7 @@ class PlanarNeighbours {
   const CandidateTriangulation& candidate_;
   Vec3 normal_;
   double steepest_sq_;
-  const NearestPoints& near_;
+  NearestPoints near_;
   std::uint32_t point_;
   bool apart_;
   bool crossed_ = false;
@@ -143,7 +144,7 @@ bool cut_wider(const CandidateTriangulation& candidate, std::uint32_t point, Pla
   const double most_sq = 4.0 * cell.reach_sq();
   bool changed = false;
   for (std::size_t a = 0; a < count; ++a) {
-    const NearestPoints& near = candidate.near[around[a]];
+    const NearestPoints near = candidate.near[around[a]];
     for (unsigned left = points_between(candidate.point.data(), near.data(), flat.at(), known_sq, most_sq);
          left != 0; left &= left - 1) {
       const std::uint32_t other = near[static_cast<std::size_t>(std::countr_zero(left))];
@@ -171,7 +172,7 @@ class PlanarStarBuilder {
   [[nodiscard]] Star finish(PlanarVoronoiCell& cell, std::size_t cut,
                             std::span<const std::uint32_t> more) noexcept {
     if (!begun_) return {};
-    const NearestPoints& near = candidate_.near[point_];
+    const NearestPoints& near = flat_.near();
     for (std::size_t k = cut; k < kNearest && near[k] != point_; ++k) flat_.cut(cell, near[k]);
     for (const std::uint32_t other : more)
       if (!cell.has_side(other)) flat_.cut(cell, other);
@@ -203,7 +204,7 @@ void four_stars_in_plane(CandidateTriangulation& candidate, std::span<const std:
   }
   const std::array<std::size_t, 4> cut = cut_four(candidate.point.data(), frames, cells);
   for (std::size_t k = 0; k < points.size(); ++k) {
-    candidate.star[points[k]] = making[k]->finish(cells[k], cut[k], {});
+    candidate.star.put(points[k], making[k]->finish(cells[k], cut[k], {}));
     if (making[k]->crossed()) candidate.crossed[points[k]] = 1;
   }
 }
@@ -222,12 +223,12 @@ Star star_in_plane(const CandidateTriangulation& candidate, std::uint32_t point,
 
 std::uint32_t agreed_sectors(const CandidateTriangulation& candidate, std::uint32_t point, const Star& star) {
   std::array<std::uint32_t, kMaxCorners> at;  // the point's index in its ring points' rings
-  for (std::uint32_t k = 0; k < star.size; ++k) at[k] = candidate.star[star.ring[k]].find(point);
+  for (std::uint32_t k = 0; k < star.size; ++k) at[k] = candidate.star.find(star.ring[k], point);
   std::uint32_t agreed = 0;
   for (std::uint32_t k = 0; k < star.size; ++k) {
     if (!star.has_sector(k)) continue;
     const std::uint32_t next = star.next(k), b = star.ring[k], c = star.ring[next];
-    if (b != c && candidate.star[b].holds(at[k], c) && candidate.star[c].holds(at[next], b))
+    if (b != c && candidate.star.holds(b, at[k], c) && candidate.star.holds(c, at[next], b))
       agreed |= 1u << k;
   }
   return agreed;
@@ -251,7 +252,7 @@ void make_stars_of(CandidateTriangulation& candidate, std::span<const std::uint8
     for (std::size_t k = begin; k < end; ++k) {
       if (!wanted.empty() && wanted[k] == 0) continue;
       if (candidate.welded[k] != 0)
-        candidate.star[k] = {};
+        candidate.star.put(k, {});
       else
         four[count++] = static_cast<std::uint32_t>(k);
       if (count < four.size()) continue;
@@ -264,7 +265,7 @@ void make_stars_of(CandidateTriangulation& candidate, std::span<const std::uint8
     for (std::size_t k = begin; k < end; ++k) {
       if (!asked.empty() && asked[k] == 0) continue;
       const auto i = static_cast<std::uint32_t>(k);
-      candidate.star[i].agreed = agreed_sectors(candidate, i, candidate.star[i]);
+      candidate.star.set_agreed(i, agreed_sectors(candidate, i, candidate.star[i]));
     }
   });
 }

@@ -139,6 +139,11 @@ class StarOrienter {
     }
     return last.agrees;
   }
+  void turn(std::uint32_t i) {
+    Star star = candidate_.star[i];
+    reverse(star);
+    candidate_.star.put(i, star);
+  }
   static std::uint8_t state_of(const Star& star) noexcept {
     return static_cast<std::uint8_t>((star.has_sectors() ? kHasSectors : 0) |
                                      (star.open != 0 ? kHasBorder : 0));
@@ -176,8 +181,10 @@ class StarOrienter {
       for (const Triple& t : part.unsure) join(t, unorientable);
     for (const Triple& t : unorientable)
       for (std::size_t k = 0; k < 3; ++k) {
-        open_sector(candidate_.star[t[k]], t[(k + 1) % 3], t[(k + 2) % 3]);
-        state_[t[k]] = state_of(candidate_.star[t[k]]);
+        Star star = candidate_.star[t[k]];
+        open_sector(star, t[(k + 1) % 3], t[(k + 2) % 3]);
+        candidate_.star.put(t[k], star);
+        state_[t[k]] = state_of(star);
       }
     pieces_.unorientable = std::move(unorientable);
   }
@@ -216,7 +223,7 @@ class StarOrienter {
     chunks([&](std::size_t, std::uint32_t i) {
       const bool has_sectors = (state_[i] & kHasSectors) != 0;
       pieces_.of[i] = has_sectors ? piece_of_root[sides_.settled(i).set] : kNoPoint;
-      if (has_sectors && sides_.settled(i).flipped != 0) reverse(candidate_.star[i]);
+      if (has_sectors && sides_.settled(i).flipped != 0) turn(i);
     });
   }
 
@@ -296,7 +303,7 @@ class StarOrienter {
       if (volume[piece] < 0.0) inward_[piece] = 1;
     if (std::find(inward_.begin(), inward_.end(), 1) == inward_.end()) return;
     chunks([&](std::size_t, std::uint32_t i) {
-      if (pieces_.of[i] != kNoPoint && inward_[pieces_.of[i]] != 0) reverse(candidate_.star[i]);
+      if (pieces_.of[i] != kNoPoint && inward_[pieces_.of[i]] != 0) turn(i);
     });
   }
 

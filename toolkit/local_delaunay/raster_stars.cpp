@@ -239,7 +239,7 @@ std::uint64_t RasterStars::fill(CandidateTriangulation& candidate) const {
     const auto i = static_cast<std::uint32_t>(k);
     asked[i] = state_[slot_of_[i]];
     wanted[i] = static_cast<std::uint8_t>(asked[i] == kLaidOut);
-    candidate.star[i] = wanted[i] == 0 ? star(i) : Star{};
+    candidate.star.put(i, wanted[i] == 0 ? star(i) : Star{});
     candidate.normal[i] = normal(i);
   });
   nearest_from_stars(candidate);

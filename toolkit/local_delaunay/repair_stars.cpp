@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/local_delaunay/candidate_triangulation.h"
 
@@ -99,14 +100,14 @@ class StarRepair {
   /// Agreement changes only where a star changed.
   void agree_again(const Points& changed) {
     chunks_of(changed, [&](std::uint32_t i) {
-      candidate_.star[i].agreed = agreed_sectors(candidate_, i, candidate_.star[i]);
+      candidate_.star.set_agreed(i, agreed_sectors(candidate_, i, candidate_.star[i]));
       if (!area_.empty()) area_[i] = area_of(i);
     });
   }
-  void add_star(std::uint32_t i, Points& points) const {
+  void mark_star(std::uint32_t i, std::vector<std::uint8_t>& marks) const {
     const Star& star = candidate_.star[i];
-    points.push_back(i);
-    points.insert(points.end(), star.ring.begin(), star.ring.begin() + star.size);
+    marks[i] = 1;
+    for (std::uint32_t k = 0; k < star.size; ++k) marks[star.ring[k]] = 1;
   }
 
   /// In noise: makes flat stars along smoothed planes and keeps those that raise the agreement around. False
@@ -115,18 +116,20 @@ class StarRepair {
     const Points rough = rough_points();
     if (rough.empty()) return false;
     const std::vector<Vec3f> normal = smooth_normals(rough);
-    std::vector<Star> former(rough.size());
-    Points changed;
+    std::vector<StarTable::Line> former(rough.size());
+    // A list of them, each often repeated, would take more memory than the stars.
+    std::vector<std::uint8_t> is_changed(candidate_.size(), 0);
     for (std::size_t r = 0; r < rough.size(); ++r) {
-      former[r] = candidate_.star[rough[r]];
-      add_star(rough[r], changed);
+      former[r] = candidate_.star.line(rough[r]);
+      mark_star(rough[r], is_changed);
     }
     chunks(rough.size(), [&](std::uint32_t r) {
-      candidate_.star[rough[r]] =
-          star_in_plane(candidate_, rough[r], {normal[r].cast<double>(), kRoughSteepest, false, true});
+      candidate_.star.put(rough[r], star_in_plane(candidate_, rough[r],
+                                                  {normal[r].cast<double>(), kRoughSteepest, false, true}));
     });
-    for (const std::uint32_t i : rough) add_star(i, changed);
-    make_unique(changed);
+    for (const std::uint32_t i : rough) mark_star(i, is_changed);
+    const Points changed = those_of_all([&](std::uint32_t i) { return is_changed[i] != 0; });
+    release_memory(is_changed);
     std::vector<std::int32_t> gain(candidate_.size(), 0);
     const auto count = [&](std::int32_t sign) {
       chunks_of(changed, [&](std::uint32_t i) {
@@ -135,7 +138,7 @@ class StarRepair {
     };
     count(-1);
     for (std::size_t r = 0; r < rough.size(); ++r)  // agreement of the new stars is not known yet
-      gain[rough[r]] = -static_cast<std::int32_t>(former[r].agreements());
+      gain[rough[r]] = -static_cast<std::int32_t>(candidate_.star.star_of(rough[r], former[r]).agreements());
     agree_again(changed);
     count(1);
     // Sums over neighbours of neighbours: noise covers more than one place.
@@ -159,7 +162,7 @@ class StarRepair {
         candidate_.normal[rough[r]] = normal[r];
         candidate_.crossed[rough[r]] = 0;  // points on both sides were noise
       } else {
-        candidate_.star[rough[r]] = former[r];
+        candidate_.star.put_back(rough[r], former[r]);
       }
     }
     agree_again(changed);
@@ -243,7 +246,7 @@ class StarRepair {
       const Star& star = candidate_.star[i];
       for (std::uint32_t k = 0; k < star.size; ++k) {
         const std::uint32_t to = star.ring[k];
-        if (slot_[to] != kNoPoint && candidate_.star[to].find(i) == candidate_.star[to].size) use(slot_[to]);
+        if (slot_[to] != kNoPoint && candidate_.star.find(to, i) == candidate_.star.size(to)) use(slot_[to]);
       }
     };
     offers_begin_.assign(doubtful_.size() + 1, 0);
@@ -274,23 +277,17 @@ class StarRepair {
       if (opened(made) > opened(old)) return;
       made.agreed = agreed_sectors(candidate_, i, made);
       if (made.agreements() <= old.agreements()) return;
-      repaired_[d] = made;
+      repaired_[d] = candidate_.star.line_of(i, made);
       is_new[d] = 1;
     });
-    Points changed;
-    const auto around = [&](std::uint32_t i) {
-      const Star& star = candidate_.star[i];
-      changed.insert(changed.end(), star.ring.begin(), star.ring.begin() + star.size);
-    };
+    std::vector<std::uint8_t> is_changed(candidate_.size(), 0);
     for (std::uint32_t d = 0; d < doubtful_.size(); ++d) {
       if (is_new[d] == 0) continue;
-      changed.push_back(doubtful_[d]);
-      around(doubtful_[d]);
-      candidate_.star[doubtful_[d]] = repaired_[d];
-      around(doubtful_[d]);
+      mark_star(doubtful_[d], is_changed);
+      candidate_.star.put_back(doubtful_[d], repaired_[d]);
+      mark_star(doubtful_[d], is_changed);
     }
-    make_unique(changed);
-    return changed;
+    return those_of_all([&](std::uint32_t i) { return is_changed[i] != 0; });
   }
 
   CandidateTriangulation& candidate_;
@@ -299,7 +296,7 @@ class StarRepair {
   Points doubtful_;                          ///< ascending
   Points offers_begin_;                      ///< by slot
   Points offers_;
-  std::vector<Star> repaired_;  ///< by slot
+  std::vector<StarTable::Line> repaired_;  ///< by slot
 };
 
 }  // namespace

@@ -99,9 +99,9 @@ Vec3 normal_of_most(const CandidateTriangulation& candidate, std::uint32_t i,
   constexpr double kInPlane = 0.08;   // height over distance: 5 degrees
   constexpr double kLeastSine = 0.3;  // least sine of the angle that spans a plane
   std::array<Vec3, kNearest> at;
+  const NearestPoints near = candidate.near[i];
   std::size_t size = 0;
-  for (; size < kNearest && candidate.near[i][size] != i; ++size)
-    at[size] = candidate.at(candidate.near[i][size]) - candidate.at(i);
+  for (; size < kNearest && near[size] != i; ++size) at[size] = candidate.at(near[size]) - candidate.at(i);
   Vec3 best = otherwise;
   std::size_t most = kEnough - 1;
   double least = HUGE_VAL;
@@ -133,7 +133,7 @@ struct Surroundings {
 
   Surroundings(const CandidateTriangulation& candidate, std::uint32_t i) noexcept {
     const Vec3 p = candidate.at(i);
-    const NearestPoints& near = candidate.near[i];
+    const NearestPoints near = candidate.near[i];
     Moments moments;
     std::size_t size = 0;
     for (std::size_t k = 0; k < kPlaneSizes.size(); ++k) {
@@ -169,12 +169,13 @@ class BlockPlanes {
 
   void add(std::uint32_t place) noexcept {
     // With fewer than twelve the entries repeat the place itself, so it is fitted alone.
-    if (!wide_ || candidate_.near[place][kPlaneNear - 1] == place) {
+    NearestPoints& row = row_[count_] = candidate_.near[place];
+    if (!wide_ || row[kPlaneNear - 1] == place) {
       settle(place);
       return;
     }
     place_[count_] = place;
-    near_[count_++] = candidate_.near[place].data();
+    near_[count_++] = row.data();
     if (count_ == place_.size()) finish();
   }
   void finish() noexcept {
@@ -213,6 +214,7 @@ class BlockPlanes {
   bool any_line_ = false;
   std::size_t count_ = 0;
   std::array<std::uint32_t, 4> place_{};
+  std::array<NearestPoints, 4> row_{};
   std::array<const std::uint32_t*, 4> near_{};
 };
 
@@ -247,7 +249,10 @@ void find_nearest(CandidateTriangulation& candidate, const std::vector<std::uint
   candidate.normal.resize(candidate.size());
   parallel_each(candidate.size(), kPointsPerChunk, candidate.threads, [&](std::size_t i) {
     candidate.normal[i] = Vec3f::Zero();
-    if (duplicate[i] != 0) candidate.near[i].fill(static_cast<std::uint32_t>(i));  // nothing searches them
+    if (duplicate[i] == 0) return;
+    NearestPoints none;  // nothing searches them
+    none.fill(static_cast<std::uint32_t>(i));
+    candidate.near.put(static_cast<std::uint32_t>(i), none);
   });
   find_nearest_of(candidate, duplicate, {});
 }
@@ -258,9 +263,10 @@ void find_nearest_of(CandidateTriangulation& candidate, const std::vector<std::u
   candidate.sparse.assign(candidate.size(), 0);
   const BlockKnn places(candidate.point, duplicate, candidate.threads);
   const auto keep = [&candidate](std::uint32_t self, const KnnResult& nearby) {
-    NearestPoints& near = candidate.near[self];
+    NearestPoints near;
+    near.fill(self);
     std::copy_n(nearby.place.begin(), nearby.size, near.begin());
-    std::fill(near.begin() + static_cast<std::ptrdiff_t>(nearby.size), near.end(), self);
+    candidate.near.put(self, near);
   };
   std::atomic<bool> any_line = false;
   const std::uint32_t scale = scale_bits(candidate.point);
@@ -289,7 +295,9 @@ void find_nearest_of(CandidateTriangulation& candidate, const std::vector<std::u
                for (; bits != 0; bits &= bits - 1) {
                  const auto k = static_cast<std::uint32_t>(std::countr_zero(bits));
                  const std::uint32_t i = first + k;
-                 keep_directions(candidate, i, {found[k].place.data(), found[k].size}, candidate.near[i]);
+                 NearestPoints near = candidate.near[i];
+                 keep_directions(candidate, i, {found[k].place.data(), found[k].size}, near);
+                 candidate.near.put(i, near);
                  candidate.normal[i] = Surroundings(candidate, i).normal(candidate, i).cast<float>();
                }
              });
@@ -306,13 +314,22 @@ void nearest_from_stars(CandidateTriangulation& candidate) {
       found[j] = {static_cast<float>((candidate.at(other) - candidate.at(i)).squaredNorm()), other};
     }
     std::sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(size));
-    NearestPoints& near = candidate.near[i];
+    NearestPoints near;
     near.fill(i);
     for (std::size_t j = 0; j < size; ++j) near[j] = found[j].second;
+    candidate.near.put(i, near);
     if (size == 0) return;
     const float scale_sq = found[std::min(kScaleRank, size - 1)].first;
     candidate.point[i].weight = kTieShare * scale_sq * tie_weight(candidate.point[i], scale);
   });
+}
+
+void keep_farthest(CandidateTriangulation& candidate) {
+  UninitializedVector<std::uint32_t> farthest(candidate.size());
+  parallel_each<std::uint32_t>(candidate.size(), kPointsPerChunk, candidate.threads,
+                               [&](std::uint32_t i) { farthest[i] = farthest_of(candidate, i); });
+  candidate.farthest = std::move(farthest);
+  candidate.near.release();
 }
 
 double share_across(const CandidateTriangulation& candidate, std::uint32_t point) {

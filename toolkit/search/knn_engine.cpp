@@ -8,6 +8,7 @@
 #include <nanoflann.hpp>
 #include <numeric>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/simd.h"
 #include "toolkit/search/morton_order.h"
@@ -248,6 +249,7 @@ void KnnEngine::copy_places() {
     places_.z[place] = cloud_.z_mm[i];
     places_.index[place] = i;
   });
+  release_memory(sorted_.order);
 }
 
 namespace {
@@ -368,7 +370,7 @@ std::array<std::uint64_t, 3> KnnEngine::run(const NeighbourChooser& choose, Neig
   std::vector<std::uint8_t> pending;
   if (!wanted.empty()) {
     pending.resize(n);
-    for (std::size_t place = 0; place < n; ++place) pending[place] = wanted[sorted_.order[place]];
+    for (std::size_t place = 0; place < n; ++place) pending[place] = wanted[places_.index[place]];
   }
   for (int step = 0; step < kGridLevels; ++step) {
     const int level = search_level_ + step;
@@ -401,7 +403,7 @@ void KnnEngine::run_tree(const NeighbourChooser& choose, NeighbourTable& table, 
     KnnScratch scratch;
     std::vector<std::pair<std::uint32_t, double>> hits;
     for (std::size_t r = begin; r < end; ++r) {
-      const std::uint32_t self = sorted_.order[pass.rejected[r]];
+      const std::uint32_t self = places_.index[pass.rejected[r]];
       const Vec3 p = cloud_.local_mm(self);
       // The eighth other point bounds every builder's first radius; later ones double it.
       std::array<std::uint32_t, kSamePlace> near{};

@@ -63,7 +63,7 @@ class KnnEngine {
   int threads_;
   double mean_spacing_mm_ = 1.0;
   search::Lattice lattice_;
-  search::MortonOrder sorted_;
+  search::MortonOrder sorted_;           ///< its order is places_.index, once that is there
   Candidates places_;                    ///< all points in sorted order
   std::vector<std::uint8_t> candidate_;  ///< by place: 0 for the tenth and later coincident points; or empty
   int search_level_ = 0;

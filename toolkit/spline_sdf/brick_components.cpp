@@ -19,6 +19,7 @@ namespace {
 constexpr double kMargin = 1.0;
 /// Share of the area that is sampled more coarsely than the spacing of the largest bricks.
 constexpr double kCoarseArea = 0.5;
+constexpr std::size_t kTilesPerChunk = 1024;
 
 }  // namespace
 
@@ -27,6 +28,45 @@ void sort_unique(std::vector<std::uint64_t>& codes, int threads) {
   for (const std::uint64_t code : codes) bits |= code;
   radix_sort(codes, static_cast<int>(std::bit_width(bits)), threads, [](std::uint64_t code) { return code; });
   codes.erase(std::unique(codes.begin(), codes.end()), codes.end());
+}
+
+std::vector<std::uint64_t> tiles_of(std::span<const std::uint64_t> bricks, int threads) {
+  std::vector<std::uint64_t> tiles;
+  tiles.reserve(bricks.size() * 8);
+  for (const std::uint64_t brick : bricks) {
+    const BrickGrid::Coordinate c = search::coordinate_of_code(brick);
+    for (int k = 0; k < 8; ++k)
+      tiles.push_back(morton_code_of({c[0] + k / 4, c[1] + k / 2 % 2, c[2] + k % 2}));
+  }
+  sort_unique(tiles, threads);
+  return tiles;
+}
+
+void add_tiles_beside(const search::MortonCellTable& bricks, int threads, std::vector<std::uint64_t>& tiles) {
+  search::MortonCellTable known;
+  known.build(tiles);
+  const auto exists = [&](const BrickGrid::Coordinate& tile) {
+    for (int k = 0; k < 8; ++k) {
+      const BrickGrid::Coordinate c{tile[0] - k / 4, tile[1] - k / 2 % 2, tile[2] - k % 2};
+      if (*std::min_element(c.begin(), c.end()) >= 0 &&
+          bricks.find(morton_code_of(c)) != search::MortonCellTable::kNone)
+        return true;
+    }
+    return false;
+  };
+  const auto visit = [&](std::size_t i, std::vector<std::uint64_t>& found) {
+    const BrickGrid::Coordinate tile = search::coordinate_of_code(tiles[i]);
+    for (std::size_t k = 0; k < 6; ++k) {
+      BrickGrid::Coordinate to = tile;
+      to[k / 2] += k % 2 == 0 ? -1 : 1;
+      if (to[k / 2] < 0) continue;
+      const std::uint64_t code = morton_code_of(to);
+      if (known.find(code) == search::MortonCellTable::kNone && exists(to)) found.push_back(code);
+    }
+  };
+  const auto beside = parallel_list<std::uint64_t>(tiles.size(), kTilesPerChunk, threads, visit);
+  tiles.insert(tiles.end(), beside.begin(), beside.end());
+  sort_unique(tiles, threads);
 }
 
 int coarser_levels(const MortonPoints& points, std::span<const PointPatches> of_points) {

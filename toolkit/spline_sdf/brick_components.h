@@ -79,6 +79,11 @@ using VisitSummary = std::function<void(const BrickSummary& brick, int level)>;
 /// Ascending, without repetition.
 void sort_unique(std::vector<std::uint64_t>& codes, int threads);
 
+/// The tiles that hold the nodes of some bricks, ascending. O(bricks).
+[[nodiscard]] std::vector<std::uint64_t> tiles_of(std::span<const std::uint64_t> bricks, int threads);
+/// Adds the tiles of other bricks that share a face with one of these; `bricks`: all of the level. O(tiles).
+void add_tiles_beside(const search::MortonCellTable& bricks, int threads, std::vector<std::uint64_t>& tiles);
+
 /// Halvings from the spacing that half the surface's area exceeds to that of most points; 0 if equal. O(n log
 /// n).
 [[nodiscard]] int coarser_levels(const MortonPoints& points, std::span<const PointPatches> of_points);

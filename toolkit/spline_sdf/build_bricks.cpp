@@ -36,9 +36,15 @@ constexpr double kOneSurface = 1.0, kOneSurfaceNoise = 0.6;
 constexpr double kFarthestPoint = 4.0;
 /// Large cubes crossed by this many patches are left to smaller ones: their own field averages several.
 constexpr std::size_t kMaxPatches = 64;
+/// Parts of a level, at most. Nodes where two parts meet are sampled for both, a few in a hundred; those of
+/// all bricks would take more memory than these.
+constexpr std::size_t kPartsOfLevel = 16;
 constexpr std::size_t kTileGrain = 128, kBrickGrain = 64;
+/// Bricks collected before what they were in is given back: 3 MB.
+constexpr std::size_t kBricksMoved = 4096;
 
 using Coordinate = BrickGrid::Coordinate;
+using TileValues = LargePageUninitializedVector<Tile>;
 
 class BrickBuilder {
  public:
@@ -68,8 +74,16 @@ class BrickBuilder {
       if (codes.empty()) break;
       grid_.levels = level_ + 1;
       grid_.level[static_cast<std::size_t>(level_)].table.build(codes);
-      sample_tiles(codes);
-      make_bricks(codes);
+      std::vector<BuiltBrick>& made = made_[static_cast<std::size_t>(level_)];
+      made.reserve(codes.size());
+      const std::size_t most = std::max(build_.bricks_at_once, codes.size() / kPartsOfLevel);
+      for (std::size_t first = 0; first < codes.size(); first += most) {
+        const auto part =
+            std::span<const std::uint64_t>(codes).subspan(first, std::min(most, codes.size() - first));
+        sample_tiles(part, part.size() == codes.size());
+        made.resize(first + part.size());
+        make_bricks(part, std::span(made).subspan(first));
+      }
     }
   }
 
@@ -105,22 +119,16 @@ class BrickBuilder {
     return codes;
   }
 
-  /// Samples the field at the nodes of all bricks and computes coefficients. Adjacent bricks share nodes:
-  /// tile (x, y, z) holds the nodes from 4 (x, y, z) - 1 on, once.
-  void sample_tiles(const std::vector<std::uint64_t>& bricks) {
-    std::vector<std::uint64_t> codes;
-    codes.reserve(bricks.size() * 8);
-    for (const std::uint64_t brick : bricks) {
-      const Coordinate c = search::coordinate_of_code(brick);
-      for (int k = 0; k < 8; ++k)
-        codes.push_back(morton_code_of({c[0] + k / 4, c[1] + k / 2 % 2, c[2] + k % 2}));
-    }
-    sort_unique(codes, threads_);
-    release_memory(tiles_);  // the last level's
+  /// Samples the field at the nodes of some bricks of the level, or all, and computes coefficients. Adjacent
+  /// bricks share nodes: tile (x, y, z) holds the nodes from 4 (x, y, z) - 1 on, once.
+  void sample_tiles(std::span<const std::uint64_t> bricks, bool all) {
+    release_memory(tiles_);  // the last bricks'
     near_ = {};
+    std::vector<std::uint64_t> codes = tiles_of(bricks, threads_);
+    if (!all) add_tiles_beside(grid_.level[static_cast<std::size_t>(level_)].table, threads_, codes);
     tile_table_ = search::MortonCellTable();
     tile_table_.build(codes);
-    LargePageVector<Tile> values(codes.size());
+    TileValues values(codes.size());
     plain_.assign(codes.size(), 0);
     near_ = TilePatches(patches_, grid_, tile_table_, codes, voxel_mm_, threads_);
     const double agreed = std::max(kOneSurface * build_.tolerance_mm, kOneSurfaceNoise * build_.noise_mm);
@@ -136,7 +144,7 @@ class BrickBuilder {
           sample(middle, field, values[i]);
       }
     });
-    tiles_ = LargePageVector<Tile>(codes.size());
+    tiles_ = TileValues(codes.size());
     parallel_each(codes.size(), kTileGrain, threads_,
                   [&](std::size_t i) { sharpen(search::coordinate_of_code(codes[i]), values, i); });
   }
@@ -165,7 +173,7 @@ class BrickBuilder {
     }
   }
   /// Corrects a node for the spline's blur.
-  void sharpen(const Coordinate& tile, const LargePageVector<Tile>& values, std::size_t own) {
+  void sharpen(const Coordinate& tile, const TileValues& values, std::size_t own) {
     constexpr std::array<std::size_t, 3> kStep{16, 4, 1};
     std::array<std::array<const Tile*, 2>, 3> beside{};
     for (std::size_t a = 0; a < 3; ++a)
@@ -194,9 +202,7 @@ class BrickBuilder {
     }
   }
 
-  void make_bricks(const std::vector<std::uint64_t>& codes) {
-    std::vector<BuiltBrick>& made = made_[static_cast<std::size_t>(level_)];
-    made.resize(codes.size());
+  void make_bricks(std::span<const std::uint64_t> codes, std::span<BuiltBrick> made) {
     parallel_chunks(codes.size(), kBrickGrain, threads_, [&](std::size_t begin, std::size_t end) {
       PatchDistanceField field(points_, patches_, of_);
       InteriorTest around;
@@ -371,7 +377,7 @@ class BrickBuilder {
   LevelCodes& codes_;
   BuiltBricks& made_;
   search::MortonCellTable tile_table_;
-  LargePageVector<Tile> tiles_;
+  TileValues tiles_;  ///< of those at a part's border only what its bricks read is right
   TilePatches near_;
   std::vector<std::uint8_t> plain_;  ///< per tile: its patches agree
 };
@@ -419,10 +425,14 @@ void SampledBricks::collect() {
   for (int l = 0; l < grid.levels; ++l) {
     const auto at = static_cast<std::size_t>(l);
     grid.level[at].brick.reserve(codes[at].size());
-    for (const BuiltBrick& one : made[at]) {
+    for (std::size_t i = 0; i < made[at].size(); ++i) {
+      const BuiltBrick& one = made[at][i];
       grid.level[at].brick.push_back(static_cast<std::uint32_t>(grid.bricks.size()) |
                                      (one.smaller ? BrickGrid::kRefined : 0u));
       grid.bricks.push_back(one.brick);
+      // Both copies of all bricks would be the most that is ever held.
+      if ((i + 1) % kBricksMoved == 0)
+        discard_pages(&made[at][i + 1 - kBricksMoved], kBricksMoved * sizeof(BuiltBrick));
     }
     release_memory(made[at]);
   }

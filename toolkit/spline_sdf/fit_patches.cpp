@@ -7,6 +7,7 @@
 #include <numbers>
 #include <span>
 
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/spline_sdf/point_noise.h"
 
@@ -371,8 +372,12 @@ FittedPatches fit_patches(const MortonPoints& points, const PatchFitOptions& rul
     if (is_wanted(b)) BlockPatchFitter(points, rule, blocks[b], blocks[b + 1]).run(found[b], left[b]);
   });
   FittedPatches out;
+  std::size_t patches = 0;
+  for (const std::vector<QuadricPatch>& of : found) patches += of.size();
+  out.patches.reserve(patches);
   for (std::size_t b = 0; b < count; ++b) {
     out.patches.insert(out.patches.end(), found[b].begin(), found[b].end());
+    release_memory(found[b]);
     out.isolated_points += left[b];
   }
   return out;

@@ -125,7 +125,11 @@ void MortonPoints::build_levels(const std::vector<std::uint64_t>& codes, int bit
     Level& level = levels_[l];
     level.bits = bits + static_cast<int>(l);
     level.cell_mm = std::ldexp(lattice_.unit_mm, level.bits);
+    std::size_t count = n;
+    for (std::size_t b = 0; b <= static_cast<std::size_t>(level.bits); ++b) count -= begins[b];
     std::vector<std::uint64_t> cells;
+    cells.reserve(count);
+    level.begin.reserve(count + 1);
     for (std::size_t i = 0; i < n; ++i) {
       const std::uint64_t code = codes[i] >> (3 * level.bits);
       if (!cells.empty() && cells.back() == code) continue;

@@ -12,6 +12,7 @@
 #include <palpate/cloud.h>
 #include <palpate/geometry.h>
 #include <palpate/vec.h>
+#include "toolkit/core/hardware.h"
 #include "toolkit/search/morton_order.h"
 
 namespace palpate::spline_sdf {
@@ -24,7 +25,7 @@ struct PointFrame {
   double block_spacings = 32;  ///< edge of a block, at least; less than twice as much
 };
 
-/// Immutable; thread-safe. Lengths in mm, relative to the cloud's origin.
+/// Immutable but for drop_order(); thread-safe. Lengths in mm, relative to the cloud's origin.
 class MortonPoints {
  public:
   /// Points of a block: about 64 spacings square, several of the largest patches.
@@ -38,8 +39,9 @@ class MortonPoints {
 
   [[nodiscard]] std::size_t size() const noexcept { return at_.size(); }
   [[nodiscard]] Vec3 operator[](std::size_t i) const noexcept { return at_[i].cast<double>(); }
-  /// Index in the cloud.
+  /// Index in the cloud, until drop_order().
   [[nodiscard]] std::uint32_t index(std::size_t i) const noexcept { return order_[i]; }
+  void drop_order() noexcept { release_memory(order_); }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return box_mm_; }
   /// First points of the blocks that patches are fitted in, each without regard to the others, and the number
   /// of points. A frame's blocks are the same in every part that holds them.

@@ -11,6 +11,7 @@
 
 #include <Eigen/Geometry>
 #include "toolkit/core/disjoint_sets.h"
+#include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::spline_sdf {
@@ -191,10 +192,17 @@ Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patch
       for (const auto& m : mine) found.on.push_back(m.second);
     }
   };
+  std::vector<Links> parts = parallel_parts<Links>(patches.size(), kGrain, threads, visit);
   Links links;
-  for (const Links& f : parallel_parts<Links>(patches.size(), kGrain, threads, visit)) {
-    links.on.insert(links.on.end(), f.on.begin(), f.on.end());
-    links.across.insert(links.across.end(), f.across.begin(), f.across.end());
+  std::size_t on = 0, across = 0;
+  for (const Links& found : parts) on += found.on.size(), across += found.across.size();
+  links.on.reserve(on + across);  // orient_outwards() joins both
+  links.across.reserve(across);
+  for (Links& found : parts) {
+    links.on.insert(links.on.end(), found.on.begin(), found.on.end());
+    links.across.insert(links.across.end(), found.across.begin(), found.across.end());
+    release_memory(found.on);
+    release_memory(found.across);
   }
   return links;
 }

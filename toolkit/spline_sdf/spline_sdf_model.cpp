@@ -152,7 +152,8 @@ Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud
                                                        const PrepareContext& context, PrepareReport& report) {
   PreparePhases phases(report, context);
   phases.begin("sort and spacing");
-  const MortonPoints points(cloud, context.threads);
+  MortonPoints points(cloud, context.threads);
+  points.drop_order();
   phases.end();
   phases.begin("noise");
   const NoiseField noise(points, context.threads);
@@ -174,6 +175,7 @@ Result<std::shared_ptr<const SplineSdf>> build_surface(const cloud::Cloud& cloud
   out->patches = cover.patches.size();
   phases.end();
   phases.begin("bricks");
+  return_freed_memory();  // of patches and links; most is held from here on
   std::vector<PointPatches> of_points = assign_patches(points, cover.patches, context.threads);
   out->grid = build_bricks(points, cover.patches, piece, std::move(of_points), brick_options(measured, build),
                            context.threads);

@@ -74,7 +74,8 @@ SurfaceChunk build_surface_chunk(cloud::Cloud cloud, const BrickRegion& region, 
   SampledBricks sampled;
   OrientedPieces pieces;
   {
-    const MortonPoints points(cloud, &frame.points, threads);
+    MortonPoints points(cloud, &frame.points, threads);
+    points.drop_order();
     cloud = {};
     const NoiseField noise(points, frame.measured.noise_mm, threads);
     const BrickGrid lattice = frame.lattice();

@@ -80,9 +80,13 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
   using Pair = std::pair<std::uint32_t, std::uint32_t>;  // tile, patch
   const double per = 1.0 / voxel_mm;
   std::vector<std::uint64_t> block_codes;
-  for (const std::uint64_t code : codes)
+  geometry::Aabb all;  // of the tiles' coordinates: of part of a level most patches are elsewhere
+  for (const std::uint64_t code : codes) {
+    const BrickGrid::Coordinate c = search::coordinate_of_code(code);
+    all.add(Vec3(c[0], c[1], c[2]));
     if (block_codes.empty() || block_codes.back() != code >> (3 * kTileBlockBits))
       block_codes.push_back(code >> (3 * kTileBlockBits));
+  }
   search::MortonCellTable blocks;
   blocks.build(block_codes);
   const auto scatter = [&](std::size_t k, std::vector<Pair>& mine) {
@@ -94,8 +98,9 @@ TilePatches::TilePatches(std::span<const QuadricPatch> patches, const BrickGrid&
       const double n = p.quadric.n[a];
       const double extent = reach * std::sqrt(std::max(1.0 - n * n, 0.0)) + high * std::abs(n);
       // The middle of tile t is at 4 t + 0.5.
-      low[a] = std::max(std::ceil((at[a] - extent - 0.5) / kTileNodes), 0.0);
-      past[a] = std::floor((at[a] + extent - 0.5) / kTileNodes);
+      low[a] = std::max(std::ceil((at[a] - extent - 0.5) / kTileNodes), all.low_mm[a]);
+      past[a] = std::min(std::floor((at[a] + extent - 0.5) / kTileNodes), all.high_mm[a]);
+      if (low[a] > past[a]) return;
     }
     const auto reaches = [&](const Vec3& tile) {
       const Vec3 d = tile * kTileNodes + Vec3::Constant(0.5) - at;

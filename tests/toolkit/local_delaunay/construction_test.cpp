@@ -14,6 +14,7 @@
 
 #include "toolkit/core/simd.h"
 #include "toolkit/local_delaunay/avx2_kernels.h"
+#include "toolkit/local_delaunay/candidate_triangulation.h"
 #include "toolkit/local_delaunay/local_delaunay_mesh.h"
 #include "toolkit/local_delaunay/spatial_sort.h"
 
@@ -303,6 +304,55 @@ TEST(Refined, IsTheSameForAnyNumberOfThreads) {
     ASSERT_EQ(one.at(i), many.at(i));
     const Ring a = one.ring(i), b = many.ring(i);
     ASSERT_TRUE(std::equal(a.of, a.of + a.size, b.of, b.of + b.size) && a.open == b.open);
+  }
+}
+
+/// A place at most `reach` along the curve from another.
+std::uint32_t place_beside(std::uint32_t place, std::uint32_t reach, std::uint32_t count, Random& random) {
+  const auto low = place < reach ? 0u : place - reach, high = std::min(place + reach, count - 1);
+  return low + static_cast<std::uint32_t>(random.below(high - low + 1));
+}
+
+// Short and long stars, with places so near and so far that they are stored in either way.
+TEST(StarTable, HoldsStarsAndNearestPointsAsTheyAre) {
+  constexpr std::uint32_t kCount = 200000;
+  Random random(73);
+  StarTable stars;
+  NearTable nearest;
+  stars.resize(kCount);
+  nearest.resize(kCount);
+  for (int round = 0; round < 20000; ++round) {
+    const auto place = static_cast<std::uint32_t>(random.below(kCount));
+    const std::array<std::uint32_t, 4> reaches{40, kMaxPlaceOffset, kMaxPlaceOffset + 2, kCount};
+    const std::uint32_t reach = reaches[random.below(4)];
+    Star star;
+    for (const auto size = random.below(kMaxCorners + 1); star.size < size;) {
+      const std::uint32_t other = place_beside(place, reach, kCount, random);
+      if (other != place && star.find(other) == star.size) star.ring[star.size++] = other;
+    }
+    star.open = static_cast<std::uint32_t>(random.below(std::uint64_t{1} << star.size));
+    NearestPoints near;
+    for (std::uint32_t& other : near) other = place_beside(place, reach, kCount, random);
+    stars.put(place, star);
+    nearest.put(place, near);
+    EXPECT_EQ(nearest[place], near);
+    star.agreed = static_cast<std::uint32_t>(random.below(std::uint64_t{1} << star.size));
+    stars.set_agreed(place, star.agreed);
+    const Star held = stars[place];
+    ASSERT_EQ(stars.size(place), star.size);
+    ASSERT_TRUE(held.size == star.size && held.open == star.open && held.agreed == star.agreed);
+    ASSERT_TRUE(std::equal(star.ring.begin(), star.ring.begin() + star.size, held.ring.begin()));
+    for (std::uint32_t k = 0; k <= star.size; ++k) {
+      const std::uint32_t b = k < star.size ? star.ring[k] : place_beside(place, reach, kCount, random);
+      ASSERT_EQ(stars.find(place, b), star.find(b));
+      for (std::uint32_t j = 0; j < star.size; ++j)
+        ASSERT_EQ(stars.holds(place, k, star.ring[j]), star.holds(k, star.ring[j]));
+    }
+    const StarTable::Line before = stars.line(place);
+    stars.put(place, {});
+    ASSERT_EQ(stars.size(place), 0u);
+    stars.put_back(place, before);
+    ASSERT_EQ(stars[place].ring[0], held.ring[0]);
   }
 }
 

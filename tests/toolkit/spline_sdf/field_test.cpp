@@ -37,8 +37,10 @@ struct Prepared {
     of_points = assign_patches(points, patches, threads);
   }
   [[nodiscard]] Vec3 place(std::size_t patch) const { return cloud->origin_mm + patches[patch].quadric.at; }
-  [[nodiscard]] BrickGrid bricks(int threads) const {
+  [[nodiscard]] BrickGrid bricks(int threads,
+                                 std::size_t at_once = BrickBuildOptions{}.bricks_at_once) const {
     BrickBuildOptions build;
+    build.bricks_at_once = at_once;
     build.voxel_mm = SplineSdfOptions{}.voxel_spacings * points.spacing_mm();
     build.tolerance_mm = 0.05 * points.spacing_mm();
     return build_bricks(points, patches, piece, of_points, build, threads);
@@ -263,6 +265,22 @@ TEST(FieldBricks, FollowTheSpacingWhereItIsUneven) {
   const auto place_at = [&](const Vec3& at) { return grid.find(grid.in_voxels(at - made.cloud->origin_mm)); };
   EXPECT_LT(place_at(Vec3(-7.0, 6.0, 0.0)).level, grid.coarser - 2);
   EXPECT_GE(place_at(Vec3(0.3, 0.0, 0.2)).level, grid.coarser - 1);
+}
+
+// The bricks of a level are made in parts, whose borders leave no trace.
+TEST(FieldBricks, AreTheSameInParts) {
+  const Prepared made(box_points(Vec3(6.0, 5.0, 4.0), 20000, 0.01));
+  const BrickGrid whole = made.bricks(2), parts = made.bricks(2, 40);
+  ASSERT_GT(whole.bricks.size(), 400u);
+  ASSERT_GT(whole.levels, 1);
+  ASSERT_EQ(whole.bricks.size(), parts.bricks.size());
+  ASSERT_EQ(whole.levels, parts.levels);
+  for (std::size_t l = 0; l < whole.level.size(); ++l) EXPECT_EQ(whole.level[l].brick, parts.level[l].brick);
+  for (std::size_t i = 0; i < whole.bricks.size(); ++i) {
+    ASSERT_EQ(whole.bricks[i].distance, parts.bricks[i].distance) << i;
+    ASSERT_EQ(whole.bricks[i].piece, parts.bricks[i].piece) << i;
+    ASSERT_EQ(whole.bricks[i].mask, parts.bricks[i].mask) << i;
+  }
 }
 
 // Faces need one brick in seven spacings, edges smaller ones; every brick is found where it stands.
