@@ -456,7 +456,8 @@ TEST(Looks, NoTwoRenderersLookAlike) {
 
 TEST(Looks, ARendererHasOneBesideAnyOther) {
   std::vector<std::string> names = {"ab"};  // the first in the alphabet, and no renderer
-  for (const render::RendererInfo& info : all_renderers().all()) names.push_back(info.name);
+  const render::Registry registry = all_renderers();
+  for (const render::RendererInfo& info : registry.all()) names.push_back(info.name);
   const auto together = line_styles_of(names);
   for (std::size_t i = 1; i < names.size(); ++i)
     EXPECT_TRUE(same_look(line_styles_of({names[i]})[0], together[i])) << names[i];
