@@ -209,7 +209,7 @@ std::string help_text(const Subcommand& subcommand, bool all, const std::vector<
     for (const std::string& name : option_names(app)) {
       if (app.get_option(name)->get_group() == kRare) names += (names.empty() ? "" : ", ") + name;
     }
-    text += entry_text("--help-all", "shows " + names + " too");
+    text += entry_text("--help-all", "shows " + names);
   }
   if (!kinds.empty()) text += "kinds:\n";
   for (const Subcommand& kind : kinds)

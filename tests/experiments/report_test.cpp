@@ -448,8 +448,7 @@ TEST(Looks, NoTwoRenderersLookAlike) {
     for (std::size_t k = 0; k < i; ++k)
       EXPECT_FALSE(same_look(styles[i], styles[k])) << labels[i] << " and " << labels[k];
   EXPECT_EQ(line_styles_of({"cloud"})[0].dash, "");
-  // Whatever the order, a label has one look.
-  const std::vector<LineStyle> again = line_styles_of({labels.rbegin(), labels.rend()});
+  const std::vector<LineStyle> again = line_styles_of({labels.rbegin(), labels.rend()});  // in another order
   for (std::size_t i = 0; i < styles.size(); ++i)
     EXPECT_TRUE(same_look(again[styles.size() - 1 - i], styles[i])) << labels[i];
 }
