@@ -220,8 +220,9 @@ Result<int> run_large_surface(const PrepareArguments& arguments, Context& contex
   if (!made) return made.error();
   stop_callback.drop();
   if (made->contradicted > kDoubtfulSeams)
-    phases.warn(fmt::format("Along {:.2g} % of the seams the outer side is not certain.",
-                            100.0 * made->contradicted));
+    phases.warn(fmt::format(
+        "Along {:.2g} % of the seams between regions the surface changes sides: contact is lost there.",
+        100.0 * made->contradicted));
   PALPATE_ASSIGN(const std::shared_ptr<const spline_sdf::SurfaceFile> written,
                  spline_sdf::SurfaceFile::open(arguments.out));
   context.progress.clear();

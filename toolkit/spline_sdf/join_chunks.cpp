@@ -11,35 +11,41 @@
 namespace palpate::spline_sdf {
 namespace {
 
-/// Numbers of groups and pieces over all chunks.
+/// Numbers of groups and pieces over all chunks. A piece that visibility has oriented is a group of its own:
+/// a part of an open sheet may be seen from the other side than the part beside it.
 class ChunkNumbers {
  public:
-  explicit ChunkNumbers(const std::vector<SurfaceChunk>& chunks) : chunks_(chunks) {
+  explicit ChunkNumbers(const std::vector<SurfaceChunk>& chunks) {
     for (const SurfaceChunk& chunk : chunks) {
-      first_piece_.push_back(pieces_);
-      first_group_.push_back(groups_);
-      pieces_ += static_cast<std::uint32_t>(chunk.groups.size());
+      first_piece_.push_back(static_cast<std::uint32_t>(group_.size()));
       std::uint32_t groups = 0;
       for (const std::uint32_t group : chunk.groups)
         if (group != OrientedPieces::kOutward) groups = std::max(groups, group + 1);
+      const std::uint32_t first = groups_;
       groups_ += groups;
+      for (const std::uint32_t group : chunk.groups) {
+        const bool outward = group == OrientedPieces::kOutward;
+        group_.push_back(outward ? groups_++ : first + group);
+        outward_.push_back(outward);
+      }
     }
   }
   [[nodiscard]] std::uint32_t piece(std::size_t chunk, std::uint32_t piece) const {
     return first_piece_[chunk] + piece;
   }
-  /// Groups that visibility has oriented are one.
-  [[nodiscard]] std::uint32_t group(std::size_t chunk, std::uint32_t piece) const {
-    const std::uint32_t group = chunks_[chunk].groups[piece];
-    return group == OrientedPieces::kOutward ? outward() : first_group_[chunk] + group;
+  [[nodiscard]] std::uint32_t group(std::size_t chunk, std::uint32_t of) const {
+    return group_[piece(chunk, of)];
   }
-  [[nodiscard]] std::uint32_t outward() const { return groups_; }
-  [[nodiscard]] std::uint32_t pieces() const { return pieces_; }
+  [[nodiscard]] bool is_outward(std::size_t chunk, std::uint32_t of) const {
+    return outward_[piece(chunk, of)];
+  }
+  [[nodiscard]] std::uint32_t groups() const { return groups_; }
+  [[nodiscard]] std::uint32_t pieces() const { return static_cast<std::uint32_t>(group_.size()); }
 
  private:
-  const std::vector<SurfaceChunk>& chunks_;
-  std::vector<std::uint32_t> first_piece_, first_group_;
-  std::uint32_t pieces_ = 0, groups_ = 0;
+  std::vector<std::uint32_t> first_piece_, group_;  ///< by chunk; by piece
+  std::vector<bool> outward_;                       ///< by piece
+  std::uint32_t groups_ = 0;
 };
 
 /// The chunk that has a brick, and the brick in it; null where none has.
@@ -108,7 +114,7 @@ void JoinedPiece::put(Brick& brick) const noexcept {
 Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bool both_sides, int threads) {
   const std::vector<SurfaceChunk>& chunks = stored.chunks();
   const ChunkNumbers number(chunks);
-  OrientedDisjointSets groups(number.outward() + 1), pieces(number.pieces());
+  OrientedDisjointSets groups(number.groups()), pieces(number.pieces());
   std::map<std::pair<std::uint32_t, std::uint32_t>, double> sums;
   grid.levels = 1;
   for (std::size_t c = 0; c < chunks.size(); ++c)
@@ -124,7 +130,9 @@ Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bo
   std::stable_sort(votes.begin(), votes.end(),
                    [](const SeamVote& x, const SeamVote& y) { return std::abs(x.sum) > std::abs(y.sum); });
   for (const SeamVote& vote : votes) groups.join(vote.a, vote.b, vote.sum < 0.0 ? 1 : 0);
-  std::vector<Vec3> areas(number.outward() + 1, Vec3::Zero());  // by root
+  // By root: the area, and how much of it visibility has oriented one way or the other.
+  std::vector<Vec3> areas(number.groups(), Vec3::Zero());
+  std::vector<double> outward(number.groups(), 0.0);
   constexpr std::uint32_t kUnmet = 0xffffffffu;
   std::vector<std::uint32_t> dense(number.pieces(), kUnmet);
   std::uint32_t count = 0;
@@ -132,14 +140,17 @@ Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bo
     std::uint32_t& met = dense[pieces.find(number.piece(c, brick.summary.piece)).set];
     if (met == kUnmet) met = count++;
     const auto in = groups.find(number.group(c, brick.summary.piece));
-    if (!brick.summary.smaller)
-      areas[in.set] += (in.flipped != 0 ? -1.0 : 1.0) * brick.summary.part.area.cast<double>();
+    if (brick.summary.smaller) return;
+    const double way = in.flipped != 0 ? -1.0 : 1.0;
+    const Vec3 area = brick.summary.part.area.cast<double>();
+    areas[in.set] += way * area;
+    if (number.is_outward(c, brick.summary.piece)) outward[in.set] += way * area.norm();
   };
   PALPATE_TRY(each_own(stored, grid.levels, note));
-  const auto outward = groups.find(number.outward());
-  const auto is_flipped = [&](std::size_t c, std::uint32_t piece) {
+  const auto is_flipped = [&](std::size_t c, std::uint32_t piece, bool closed) {
     const auto in = groups.find(number.group(c, piece));
-    return (in.flipped != 0) != (in.set == outward.set ? outward.flipped != 0 : looks_down(areas[in.set]));
+    const double seen = closed ? outward[in.set] : 0.0;
+    return (in.flipped != 0) != (seen != 0.0 ? seen < 0.0 : looks_down(areas[in.set]));
   };
   Status read = Done{};
   const std::vector<PieceClass> classes = find_closed_components(
@@ -147,7 +158,7 @@ Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bo
       [&](const VisitSummary& visit) {
         read = each_own(stored, grid.levels, [&](std::size_t c, const ChunkBrick& brick) {
           BrickSummary one = brick.summary;
-          if (is_flipped(c, one.piece)) one.part.area = -one.part.area;
+          if (is_flipped(c, one.piece, true)) one.part.area = -one.part.area;
           one.piece = dense[pieces.find(number.piece(c, one.piece)).set];
           visit(one, brick.level);
         });
@@ -158,15 +169,14 @@ Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bo
   for (std::size_t c = 0; c < chunks.size(); ++c) {
     std::vector<JoinedPiece>& of = out.pieces.emplace_back(chunks[c].groups.size());
     for (std::uint32_t p = 0; p < of.size(); ++p) {
-      of[p].flipped = is_flipped(c, p);
       const std::uint32_t met = dense[pieces.find(number.piece(c, p)).set];
       if (met != kUnmet) of[p].felt = classes[met];
+      of[p].flipped = is_flipped(c, p, of[p].felt.number != 0);
     }
   }
   double all = 0.0, against = 0.0;
   each_seam(chunks, [&](std::size_t c, const BrickSummary& a, std::size_t owner, const BrickSummary& b) {
     const JoinedPiece &one = out.pieces[c][a.piece], &other = out.pieces[owner][b.piece];
-    if (one.felt.number == 0) return;
     const double agreement = agreement_of(a, b);
     all += std::abs(agreement);
     if ((one.flipped != other.flipped) != (agreement < 0.0)) against += std::abs(agreement);

@@ -64,8 +64,8 @@ struct JoinedPiece {
 
 struct JoinedChunks {
   std::vector<std::vector<JoinedPiece>> pieces;  ///< by chunk and piece
-  /// Area on seams of closed pieces where two parts contradict what was decided, as a share of all on theirs:
-  /// an open sheet is felt alike from both sides.
+  /// Area on seams where two parts contradict what was decided, as a share of all on seams: there a god
+  /// object is lost.
   double contradicted = 0.0;
 };
 
@@ -85,9 +85,9 @@ class StoredChunks {
 };
 
 /// Puts the closed pieces and the number of levels in `grid`. Groups are joined by the sum of the agreement
-/// of their bricks, best supported first, as faces are within a part. Pieces that are not joined to a group
-/// oriented by visibility are oriented by looks_down(). Reads all own bricks twice, a level of a chunk at a
-/// time. Errors of reading. O(bricks).
+/// of their bricks, best supported first, as faces are within a part; then most of the area that visibility
+/// has oriented says which side is outside, and looks_down() where there is none, or the piece is open. Reads
+/// all own bricks twice, a level of a chunk at a time. Errors of reading. O(bricks).
 [[nodiscard]] Result<JoinedChunks> join_chunks(const StoredChunks& stored, BrickGrid& grid, bool both_sides,
                                                int threads);
 

@@ -31,6 +31,17 @@ std::vector<Vec3> strip(double scale) {
   return points;
 }
 
+/// The same over a crest and a trough: from one most ways are free above, from the other below.
+std::vector<Vec3> crest_and_trough(double scale) {
+  Random random(7);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 64000; ++i) {
+    const double x = random.uniform(0.0, 1600.0), y = random.uniform(0.0, 40.0);
+    points.push_back(scale * Vec3(x, y, 200.0 * std::sin(x / 250.0) + 0.1 * random.normal()));
+  }
+  return points;
+}
+
 /// The same, so long that a sixteenth of the points is more than kMostPoints.
 std::vector<Vec3> ribbon() {
   Random random(6);
@@ -102,6 +113,7 @@ TEST_F(PreparedSurface, DivisionLeavesNoTrace) {
     std::uint64_t most;
     std::size_t closed;
   } kinds[] = {{strip, 1.0, kMostPoints, 0},
+               {crest_and_trough, 1.0, kMostPoints, 0},
                {pipe, 1e-3, kMostPoints, 1},
                {plank, 250.0, kMostPoints + kMostPoints / 2, 1}};
   for (const auto& kind : kinds) {
