@@ -59,7 +59,7 @@ struct PrepareCellsReport {
                                                        const std::string& path,
                                                        Progress& progress = no_progress());
 
-/// Bytes that building a surface needs a point, at most, in all.
+/// Bytes that building a surface in memory takes a point of an even scan; of merged views four times as much.
 inline constexpr std::uint64_t kSurfaceBytesPerPoint = 160;
 
 struct PrepareSurfaceOptions {

@@ -38,6 +38,12 @@ constexpr std::uint64_t kCoarseBytes = 12, kFarBytes = 50;
 constexpr std::uint64_t kPartBytes = 2 * sizeof(geometry::AreaElement), kJoinBytesPerPoint = 2;
 /// Runs of adjacent cells that tell spacing and noise, and cells of a run: a run's rim is a fiftieth of it.
 constexpr std::size_t kProbeRuns = 16, kCellsOfRun = 16;
+/// The first cells of a run, a quarter, are made into a surface to see what that takes.
+constexpr std::size_t kBuiltOfRun = 4;
+/// Most bytes at once of a region's points and patches, and of its bricks with what makes them: fitted to
+/// terrain (85 bytes a point, a brick for 25), merged range scans (430 and 690; .43 bricks) and a scan of
+/// trees (1,350; 1.5 bricks), and a tenth more.
+constexpr double kBytesWithoutBricks = 64.0, kBytesPerBrick = 1600.0;
 /// Largest rounding of a coordinate, in spacings: what a clean fit calls exact is five times as much.
 constexpr double kMostRounding = 0.01;
 /// Points for rays: a 64th of all, of eight times the spacing.
@@ -222,11 +228,15 @@ class SurfacePreparation {
         static_cast<std::uint64_t>(static_cast<double>(cells_.info().points) * kKeptBytesPerPoint);
     return options_.memory_bytes > fixed ? options_.memory_bytes - fixed : 0;
   }
+  /// Points whose surface can be made in so much memory.
+  [[nodiscard]] std::uint64_t fitting(std::uint64_t bytes) const noexcept {
+    return static_cast<std::uint64_t>(static_cast<double>(bytes) / bytes_per_point_);
+  }
   /// Points of a region and around it.
   [[nodiscard]] std::uint64_t most_points() const noexcept {
     const std::uint64_t kept = coarse_->size() * kCoarseBytes + frame_.far->size() * kFarBytes;
     const std::uint64_t work = work_bytes() > kept ? work_bytes() - kept : 0;
-    return std::min(options_.most_chunk_points, work / kSurfaceBytesPerPoint);
+    return std::min(options_.most_chunk_points, fitting(work));
   }
   [[nodiscard]] geometry::Aabb region_mm(const BrickRegion& region) const {
     return region.cubes_mm(frame_.lattice());
@@ -263,6 +273,19 @@ class SurfacePreparation {
     return out;
   }
 
+  /// Bricks a point differ from scan to scan by a factor of forty: a region is as large as the worst part
+  /// allows.
+  Status count_bricks(const cloud::Cloud& part) {
+    if (part.empty()) return Done{};
+    render::PrepareReport unread;
+    render::PrepareContext context;
+    context.threads = options_.threads;
+    PALPATE_ASSIGN(const auto built, spline_sdf::build_spline_sdf(part, options_.build, context, unread));
+    const double a_point = static_cast<double>(built->grid.bricks.size()) / static_cast<double>(part.size());
+    bytes_per_point_ = std::max(bytes_per_point_, kBytesWithoutBricks + kBytesPerBrick * a_point);
+    return Done{};
+  }
+
   /// Measures what all regions share, and samples the points. `sample`: the file's; null: not there yet.
   Status decide(std::shared_ptr<const cloud::Cloud> sample) {
     const auto all = [](const Vec3&) { return true; };
@@ -270,10 +293,17 @@ class SurfacePreparation {
     if (std::min(points() * kJoinBytesPerPoint, spline_sdf::kMostParts * kPartBytes) > work_bytes())
       return over_memory_limit(fmt::format("joining the surface of {} points", format_count(points())),
                                options_.memory_bytes);
-    cloud::Cloud probe = empty_cloud();
+    cloud::Cloud probe = empty_cloud(), part = empty_cloud();
     const std::size_t wide = kCellsOfRun * step_, run = std::max(cells_.size() / kProbeRuns, wide);
-    for (std::size_t cell = 0; cell < cells_.size(); ++cell)
-      if (cell % run < wide) PALPATE_TRY(add_points(cell, step_, probe, all));
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell) {
+      const std::size_t at = cell % run;
+      if (at < wide) PALPATE_TRY(add_points(cell, step_, probe, all));
+      if (at < wide / kBuiltOfRun) PALPATE_TRY(add_points(cell, step_, part, all));
+      if (at + 1 != wide / kBuiltOfRun) continue;
+      PALPATE_TRY(count_bricks(part));
+      part = empty_cloud();
+    }
+    PALPATE_TRY(count_bricks(part));
     const MortonPoints probed(probe, options_.threads);
     spline_sdf::SplineSdfDecision& measured = frame_.measured;
     measured.spacing_mm = probed.spacing_mm();
@@ -296,8 +326,7 @@ class SurfacePreparation {
                    "prepare the scan in parts, or remove points far away", cells_.path()};
     report_.spacing_mm = measured.spacing_mm;
     report_.noise_mm = measured.noise_mm;
-    const std::uint64_t most_coarse =
-        std::min(options_.most_chunk_points, work_bytes() / kSurfaceBytesPerPoint);
+    const std::uint64_t most_coarse = std::min(options_.most_chunk_points, fitting(work_bytes()));
     coarse_step_ = step_;
     do coarse_step_ *= spline_sdf::kCoarserShare;
     while (info.points / coarse_step_ > most_coarse);
@@ -393,6 +422,7 @@ class SurfacePreparation {
   const PrepareSurfaceOptions& options_;
   std::string path_;
   std::uint64_t step_ = 1, coarse_step_ = 1;
+  double bytes_per_point_ = kBytesWithoutBricks;  ///< to make the surface, at most
   Progress& progress_;
   std::vector<std::uint64_t> firsts_;  ///< number of each cell's first point
   Vec3 origin_mm_;
