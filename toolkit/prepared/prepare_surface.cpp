@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -230,13 +231,13 @@ class SurfacePreparation {
   }
   /// Points whose surface can be made in so much memory.
   [[nodiscard]] std::uint64_t fitting(std::uint64_t bytes) const noexcept {
-    return static_cast<std::uint64_t>(static_cast<double>(bytes) / bytes_per_point_);
+    return std::min(options_.most_chunk_points,
+                    static_cast<std::uint64_t>(static_cast<double>(bytes) / bytes_per_point_));
   }
-  /// Points of a region and around it.
-  [[nodiscard]] std::uint64_t most_points() const noexcept {
+  /// Memory for a region and what is around it.
+  [[nodiscard]] double region_bytes() const noexcept {
     const std::uint64_t kept = coarse_->size() * kCoarseBytes + frame_.far->size() * kFarBytes;
-    const std::uint64_t work = work_bytes() > kept ? work_bytes() - kept : 0;
-    return std::min(options_.most_chunk_points, fitting(work));
+    return static_cast<double>(work_bytes() > kept ? work_bytes() - kept : 0);
   }
   [[nodiscard]] geometry::Aabb region_mm(const BrickRegion& region) const {
     return region.cubes_mm(frame_.lattice());
@@ -273,16 +274,39 @@ class SurfacePreparation {
     return out;
   }
 
-  /// Bricks a point differ from scan to scan by a factor of forty: a region is as large as the worst part
-  /// allows.
-  Status count_bricks(const cloud::Cloud& part) {
-    if (part.empty()) return Done{};
-    render::PrepareReport unread;
-    render::PrepareContext context;
-    context.threads = options_.threads;
-    PALPATE_ASSIGN(const auto built, spline_sdf::build_spline_sdf(part, options_.build, context, unread));
-    const double a_point = static_cast<double>(built->grid.bricks.size()) / static_cast<double>(part.size());
-    bytes_per_point_ = std::max(bytes_per_point_, kBytesWithoutBricks + kBytesPerBrick * a_point);
+  /// Bricks a point differ from scan to scan, and in one, by a factor of forty. `parts`: by run.
+  void count_bricks(std::vector<cloud::Cloud> parts) {
+    const BrickGrid lattice = frame_.lattice();
+    for (cloud::Cloud& part : parts) {
+      bytes_of_run_.push_back(kSurfaceBytesPerPoint);
+      if (part.empty()) continue;
+      geometry::Aabb box;
+      for (std::size_t i = 0; i < part.size(); ++i) box.add(part.local_mm(i));
+      const auto cube_of = [&](const Vec3& at_mm) {
+        const Vec3 cube = (lattice.in_voxels(at_mm) / lattice.cube_edge()).array().floor();
+        return BrickGrid::Coordinate{static_cast<std::int32_t>(cube.x()), static_cast<std::int32_t>(cube.y()),
+                                     static_cast<std::int32_t>(cube.z())};
+      };
+      BrickRegion region{frame_.points.box_mm, frame_.coarser, cube_of(box.low_mm), cube_of(box.high_mm)};
+      region = region.grown(1);
+      const auto points = static_cast<double>(part.size());
+      const auto made = spline_sdf::build_surface_chunk(std::move(part), region, frame_, options_.threads);
+      bytes_of_run_.back() =
+          kBytesWithoutBricks + kBytesPerBrick * static_cast<double>(made.own.size()) / points;
+    }
+    bytes_per_point_ = std::accumulate(bytes_of_run_.begin(), bytes_of_run_.end(), 0.0) /
+                       static_cast<double>(bytes_of_run_.size());
+  }
+  /// Takes every coarse_step_th point: so many that their surface fits.
+  Status sample_coarse() {
+    while (coarse_step_ == step_ || cells_.info().points / coarse_step_ > fitting(work_bytes()))
+      coarse_step_ *= spline_sdf::kCoarserShare;
+    auto coarse = std::make_shared<cloud::Cloud>(empty_cloud());
+    for (auto* axis : {&coarse->x_mm, &coarse->y_mm, &coarse->z_mm})
+      axis->reserve(static_cast<std::size_t>(cells_.info().points / coarse_step_ + 1));
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell)
+      PALPATE_TRY(add_points(cell, coarse_step_, *coarse, [](const Vec3&) { return true; }));
+    coarse_ = std::move(coarse);
     return Done{};
   }
 
@@ -293,17 +317,16 @@ class SurfacePreparation {
     if (std::min(points() * kJoinBytesPerPoint, spline_sdf::kMostParts * kPartBytes) > work_bytes())
       return over_memory_limit(fmt::format("joining the surface of {} points", format_count(points())),
                                options_.memory_bytes);
-    cloud::Cloud probe = empty_cloud(), part = empty_cloud();
-    const std::size_t wide = kCellsOfRun * step_, run = std::max(cells_.size() / kProbeRuns, wide);
+    cloud::Cloud probe = empty_cloud();
+    std::vector<cloud::Cloud> parts;
+    const std::size_t wide = kCellsOfRun * step_;
+    run_ = std::max(cells_.size() / kProbeRuns, wide);
     for (std::size_t cell = 0; cell < cells_.size(); ++cell) {
-      const std::size_t at = cell % run;
+      const std::size_t at = cell % run_;
       if (at < wide) PALPATE_TRY(add_points(cell, step_, probe, all));
-      if (at < wide / kBuiltOfRun) PALPATE_TRY(add_points(cell, step_, part, all));
-      if (at + 1 != wide / kBuiltOfRun) continue;
-      PALPATE_TRY(count_bricks(part));
-      part = empty_cloud();
+      if (at == 0) parts.push_back(empty_cloud());
+      if (at < wide / kBuiltOfRun) PALPATE_TRY(add_points(cell, step_, parts.back(), all));
     }
-    PALPATE_TRY(count_bricks(part));
     const MortonPoints probed(probe, options_.threads);
     spline_sdf::SplineSdfDecision& measured = frame_.measured;
     measured.spacing_mm = probed.spacing_mm();
@@ -326,23 +349,16 @@ class SurfacePreparation {
                    "prepare the scan in parts, or remove points far away", cells_.path()};
     report_.spacing_mm = measured.spacing_mm;
     report_.noise_mm = measured.noise_mm;
-    const std::uint64_t most_coarse = std::min(options_.most_chunk_points, fitting(work_bytes()));
     coarse_step_ = step_;
-    do coarse_step_ *= spline_sdf::kCoarserShare;
-    while (info.points / coarse_step_ > most_coarse);
-    auto coarse = std::make_shared<cloud::Cloud>(empty_cloud());
-    for (auto* axis : {&coarse->x_mm, &coarse->y_mm, &coarse->z_mm})
-      axis->reserve(static_cast<std::size_t>(info.points / coarse_step_ + 1));
-    for (std::size_t cell = 0; cell < cells_.size(); ++cell)
-      PALPATE_TRY(add_points(cell, coarse_step_, *coarse, all));
-    coarse_ = std::move(coarse);
+    PALPATE_TRY(sample_coarse());
     const MortonPoints sorted(*coarse_, options_.threads);
     frame_.sample = sample != nullptr ? std::move(sample)
                                       : spline_sdf::thinned(sorted, *coarse_, spline_sdf::kSamplePoints);
     frame_.far = std::make_shared<const MortonPoints>(
         *spline_sdf::thinned(sorted, *coarse_, static_cast<std::size_t>(points() / kFarShare)),
         options_.threads);
-    return Done{};
+    count_bricks(std::move(parts));
+    return coarse_->size() > fitting(work_bytes()) ? sample_coarse() : Done{};
   }
 
   /// Halves the lattice's cube along its Morton curve until each part and what is around it fits.
@@ -365,16 +381,19 @@ class SurfacePreparation {
                          around = box.grown(frame_.margin_mm());
     std::vector<std::size_t> near;
     std::uint64_t points = 0;
+    double bytes = 0.0;
     bool any = false;
     for (const std::size_t cell : among) {
       const geometry::Aabb of = cell_box_mm(cell);
       if (!of.overlaps(around)) continue;
       near.push_back(cell);
-      points += (cells_.entry(cell).points + step_ - 1) / step_;
+      const std::uint64_t own = (cells_.entry(cell).points + step_ - 1) / step_;
+      points += own;
+      bytes += static_cast<double>(own) * bytes_of_run_[cell / run_];
       any = any || of.overlaps(beside);
     }
     if (!any) return Done{};
-    if (points <= most_points()) {
+    if (points <= options_.most_chunk_points && bytes <= region_bytes()) {
       regions_.push_back(region);
       return Done{};
     }
@@ -422,7 +441,9 @@ class SurfacePreparation {
   const PrepareSurfaceOptions& options_;
   std::string path_;
   std::uint64_t step_ = 1, coarse_step_ = 1;
-  double bytes_per_point_ = kBytesWithoutBricks;  ///< to make the surface, at most
+  std::size_t run_ = 1;               ///< cells of a run
+  std::vector<double> bytes_of_run_;  ///< a point, to make the surface
+  double bytes_per_point_ = kSurfaceBytesPerPoint;
   Progress& progress_;
   std::vector<std::uint64_t> firsts_;  ///< number of each cell's first point
   Vec3 origin_mm_;
