@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <mutex>
 #include <span>
@@ -203,18 +204,20 @@ RunKey& RunKey::add_file(const std::string& path) {
   Result<InputFile> file = InputFile::open(path);
   if (!file) return *this;
   std::vector<std::byte> piece(std::size_t{1} << 20);
+  const std::vector<std::byte> first = first_bytes(path);
+  if (prepared::CellFile::begins_as_one(first) || spline_sdf::SurfaceFile::begins_as_one(first)) {
+    // Its ends have a checksum of its table, which has one of each part. All may be 25 GB.
+    const std::uint64_t size = file->size();
+    piece.resize(static_cast<std::size_t>(std::min<std::uint64_t>(size, piece.size())));
+    add(size);
+    for (const std::uint64_t at : {std::uint64_t{0}, size - piece.size()})
+      if (file->read_at(at, piece)) hash_.bytes(piece);
+    return *this;
+  }
   for (;;) {
     const Result<std::size_t> got = file->read(piece);
     if (!got || *got == 0) return *this;
-    const auto bytes = std::span(piece).first(*got);
-    hash_.bytes(bytes);
-    // A prepared file's ends have a checksum of its table, which has one of each part. All may be 25 GB.
-    const std::uint64_t size = file->size();
-    if (size <= 2 * piece.size()) continue;
-    if (!prepared::CellFile::begins_as_one(bytes) && !spline_sdf::SurfaceFile::begins_as_one(bytes)) continue;
-    add(size);
-    if (file->read_at(size - piece.size(), piece)) hash_.bytes(piece);
-    return *this;
+    hash_.bytes(std::span(piece).first(*got));
   }
 }
 

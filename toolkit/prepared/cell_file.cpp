@@ -240,53 +240,6 @@ Result<CellPoints> CellFile::read_cell(std::size_t cell) const {
   return points;
 }
 
-namespace {
-
-class CellPointStream final : public io::PointStream {
- public:
-  explicit CellPointStream(std::shared_ptr<const CellFile> file) : file_(std::move(file)) {
-    header_.format = fmt::format("prepared cells, version {}", kCellFileVersion);
-    header_.points = file_->info().points;
-    header_.unit = io::Unit::kMillimetre;
-    if (!file_->info().bounds_mm.empty()) header_.bounds = file_->info().bounds_mm;
-  }
-  const io::StreamHeader& header() const noexcept override { return header_; }
-  Result<std::size_t> read(std::span<Vec3> out) override {
-    std::size_t have = 0;
-    while (have < out.size()) {
-      if (given_ == cell_.own) {
-        if (next_ == file_->size()) break;
-        given_ = cell_.own = 0;
-        PALPATE_TRY(file_->read_cell(next_, bytes_, cell_));
-        ++next_;
-      }
-      const std::size_t n = std::min(out.size() - have, cell_.own - given_);
-      std::copy_n(cell_.points_mm.begin() + static_cast<std::ptrdiff_t>(given_), n,
-                  out.begin() + static_cast<std::ptrdiff_t>(have));
-      have += n;
-      given_ += n;
-    }
-    return have;
-  }
-  Status rewind() override {
-    next_ = given_ = cell_.own = 0;
-    return Done{};
-  }
-
- private:
-  std::shared_ptr<const CellFile> file_;
-  io::StreamHeader header_;
-  std::vector<std::byte> bytes_;
-  CellPoints cell_;
-  std::size_t next_ = 0, given_ = 0;
-};
-
-}  // namespace
-
-std::unique_ptr<io::PointStream> stream_cells(std::shared_ptr<const CellFile> file) {
-  return std::make_unique<CellPointStream>(std::move(file));
-}
-
 Result<cloud::Cloud> read_cloud(const CellFile& file, const std::optional<geometry::Aabb>& within_mm,
                                 std::uint64_t max_bytes, Progress& progress) {
   // A point as three doubles, and as three floats.

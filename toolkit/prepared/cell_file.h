@@ -8,7 +8,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -20,7 +19,6 @@
 #include <palpate/result.h>
 #include "toolkit/core/bytes.h"
 #include "toolkit/core/files.h"
-#include "toolkit/io/point_stream.h"
 #include "toolkit/prepared/cell_lattice.h"
 
 namespace palpate::prepared {
@@ -117,12 +115,9 @@ class CellFile {
   std::vector<CellEntry> entries_;
 };
 
-/// The own points of all cells, in mm, in Morton order.
-[[nodiscard]] std::unique_ptr<io::PointStream> stream_cells(std::shared_ptr<const CellFile> file);
-
-/// The same as a cloud, or those in a closed box: of the cells that it overlaps, and no other is read.
-/// Errors: a damaged cell, a box without points, cells to read that take more than `max_bytes` or than there
-/// is.
+/// The own points of all cells, in Morton order, or those in a closed box: of the cells that it overlaps, and
+/// no other is read. Errors: a damaged cell, a box without points, cells to read that take more than
+/// `max_bytes` or than there is.
 [[nodiscard]] Result<cloud::Cloud> read_cloud(const CellFile& file,
                                               const std::optional<geometry::Aabb>& within_mm,
                                               std::uint64_t max_bytes, Progress& progress);
