@@ -111,7 +111,7 @@ if(PROJECT_IS_TOP_LEVEL)
     set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
     # What find_package(palpate) always asks for; components that bring more find it among what is recommended.
     set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
-      "libeigen3-dev, libtbb-dev, libfmt-dev, zlib1g-dev, liblzma-dev, libpugixml-dev, nettle-dev")
+      "libeigen3-dev, libtbb-dev, libfmt-dev, zlib1g-dev, liblzma-dev, libzstd-dev, libpugixml-dev, nettle-dev")
     file(STRINGS "${PROJECT_SOURCE_DIR}/cmake/packages.txt" recommended REGEX "^[a-z0-9.+-]+-dev +run ")
     list(TRANSFORM recommended REPLACE " .*" "")
     list(JOIN recommended ", " CPACK_DEBIAN_DEV_PACKAGE_RECOMMENDS)

@@ -434,7 +434,8 @@ class SurfacePreparation {
       return Done{};
     };
     return writer.add(
-        surface, [&](const spline_sdf::TileSink& sink) { return tiles.cut(sink); }, brick, distances);
+        surface, [&](const spline_sdf::TileSink& sink) { return tiles.cut(sink); }, brick, distances,
+        options_.threads);
   }
 
   const CellFile& cells_;

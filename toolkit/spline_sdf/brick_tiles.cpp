@@ -1,9 +1,6 @@
 #include "toolkit/spline_sdf/brick_tiles.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 namespace palpate::spline_sdf {
@@ -63,41 +60,6 @@ class TileCutter {
   const TileSink& sink_;
 };
 
-/// Walks an image's tree: each group after the one that leads to it, so that it ends.
-class TileChecker {
- public:
-  TileChecker(std::span<const std::byte> nodes, TileSize size, const BrickGrid& grid)
-      : nodes_(nodes), size_(size), grid_(grid), brick_seen_(size.bricks), group_seen_(size.groups) {}
-
-  bool node(std::size_t at, int depth) {
-    const TileNode here = read_stored_node(nodes_.subspan(at * kStoredNodeBytes));
-    if (here.brick != BrickGrid::kNone) {
-      if (depth < depth_of_level(grid_, 0) || here.brick >= size_.bricks || brick_seen_[here.brick])
-        return false;
-      brick_seen_[here.brick] = true;
-      ++bricks_;
-    }
-    if (here.children == 0) return true;
-    const std::uint32_t group = here.children;
-    if (depth >= search::kMortonBits || group >= size_.groups || group_seen_[group]) return false;
-    // Below a largest brick's place only bricks lead on.
-    if (depth >= depth_of_level(grid_, 0) && here.brick == BrickGrid::kNone) return false;
-    group_seen_[group] = true;
-    ++groups_;
-    for (std::size_t k = 0; k < kGroupNodes; ++k)
-      if (!node(std::size_t{group} * kGroupNodes + k, depth + 1)) return false;
-    return true;
-  }
-  [[nodiscard]] bool all_seen() const { return bricks_ == size_.bricks && groups_ + 1 == size_.groups; }
-
- private:
-  std::span<const std::byte> nodes_;
-  TileSize size_;
-  const BrickGrid& grid_;
-  std::vector<bool> brick_seen_, group_seen_;
-  std::uint32_t bricks_ = 0, groups_ = 0;
-};
-
 }  // namespace
 
 void sort_placed(std::vector<PlacedBrick>& bricks) {
@@ -136,63 +98,11 @@ void write_stored_brick(const Brick& brick, ByteWriter& to) noexcept {
   to.u64(brick.mask);
 }
 
-Result<std::vector<std::byte>> tile_image(const BrickTile& tile, const BrickSource& bricks) {
-  std::vector<std::byte> image(kTileHeadBytes + tile.nodes.size() * kStoredNodeBytes +
-                               tile.bricks.size() * kStoredBrickBytes);
-  ByteWriter to{std::span(image)};
-  to.u32(static_cast<std::uint32_t>(tile.nodes.size() / kGroupNodes));
-  to.u32(static_cast<std::uint32_t>(tile.bricks.size()));
-  for (const TileNode& node : tile.nodes) {
-    to.u32(node.brick);
-    to.u32(node.children);
-  }
-  Brick brick;
-  for (const std::uint32_t number : tile.bricks) {
-    PALPATE_TRY(bricks(number, brick));
-    write_stored_brick(brick, to);
-  }
-  return image;
-}
-
-Result<TileSize> check_tile_image(std::span<const std::byte> image, TileKey key, const BrickGrid& grid) {
-  const auto damaged = [&](const char* what) {
-    return Error{fmt::format("tile {} of depth {} is damaged: {}", key.code, key.depth, what),
-                 "prepare the scan again"};
-  };
-  if (image.size() < kTileHeadBytes) return damaged("it has no head");
-  ByteReader from(image);
-  TileSize size;
-  size.groups = from.u32();
-  size.bricks = from.u32();
-  if (size.bricks == 0 || size.bricks > kTileBricks) return damaged("its number of bricks");
-  const std::uint64_t nodes = std::uint64_t{size.groups} * kGroupNodes;
-  if (size.groups == 0 ||
-      kTileHeadBytes + nodes * kStoredNodeBytes + size.bricks * kStoredBrickBytes != image.size())
-    return damaged("its size is not that of its groups and bricks");
-  TileChecker checker(image.subspan(kTileHeadBytes, static_cast<std::size_t>(nodes) * kStoredNodeBytes), size,
-                      grid);
-  if (!checker.node(0, key.depth) || !checker.all_seen()) return damaged("its tree leads astray");
-  const std::size_t first = kTileHeadBytes + static_cast<std::size_t>(nodes) * kStoredNodeBytes;
-  for (std::uint32_t b = 0; b < size.bricks; ++b) {
-    ByteReader piece(image.subspan(first + b * kStoredBrickBytes + kBrickCoefficients * 2, 2));
-    if (piece.u16() > grid.closed_components.size()) return damaged("a brick is of no piece");
-  }
-  return size;
-}
-
 void read_stored_brick(std::span<const std::byte> from, Brick& out) noexcept {
   ByteReader reader(from.first(kStoredBrickBytes));
   for (std::int16_t& distance : out.distance) distance = static_cast<std::int16_t>(reader.u16());
   out.piece = reader.u16();
   out.mask = reader.u64();
-}
-
-TileNode read_stored_node(std::span<const std::byte> from) noexcept {
-  ByteReader reader(from.first(kStoredNodeBytes));
-  TileNode node;
-  node.brick = reader.u32();
-  node.children = reader.u32();
-  return node;
 }
 
 }  // namespace palpate::spline_sdf

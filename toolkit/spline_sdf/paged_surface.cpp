@@ -223,8 +223,7 @@ void PagedSurface::choose_wanted() {
     wanted_.clear();
     collect({}, 0, window_.keys().size());
     double bricks = 0.0;
-    for (const Wanted& one : wanted_)
-      bricks += static_cast<double>(stored().places[one.tile].bytes) / static_cast<double>(kStoredBrickBytes);
+    for (const Wanted& one : wanted_) bricks += stored().places[one.tile].size.bricks;
     // The radius follows the memory, a step at a time; far too large it is made smaller at once.
     if (bricks > kWantedShare * all && wanted_.size() > 1) {
       radius_ /= kGrow;
@@ -279,9 +278,15 @@ bool PagedSurface::load(std::uint32_t tile, double distance) {
     held.bricks.assign(free_bricks_.end() - size.bricks, free_bricks_.end());
     free_groups_.resize(free_groups_.size() - held.groups.size());
     free_bricks_.resize(free_bricks_.size() - held.bricks.size());
-    unpack_tile(
-        image_, window_.nodes(), grid_.bricks, [&](std::uint32_t group) { return held.groups[group]; },
-        [&](std::uint32_t brick) { return held.bricks[brick]; });
+    const UnpackedTile& unpacked = buffer_.tile;
+    for (std::size_t i = 0; i < unpacked.nodes.size(); ++i) {
+      TileNode node = unpacked.nodes[i];
+      if (node.brick != BrickGrid::kNone) node.brick = held.bricks[node.brick];
+      if (node.children != 0) node.children = held.groups[node.children];
+      window_.nodes()[std::size_t{held.groups[i / kGroupNodes]} * kGroupNodes + i % kGroupNodes] = node;
+    }
+    for (std::size_t b = 0; b < unpacked.bricks.size(); ++b)
+      grid_.bricks[held.bricks[b]] = unpacked.bricks[b];
     root = held.groups.front();
   }
   static_cast<void>(window_.news.push({tile, root}));  // it is not full
@@ -291,11 +296,11 @@ bool PagedSurface::load(std::uint32_t tile, double distance) {
   return true;
 }
 
-/// Reads a tile's image; false where it is damaged. Memory that cannot be had is damage too: the thread goes
+/// Reads a tile; false where it is damaged. Memory that cannot be had is damage too: the thread goes
 /// on.
 bool PagedSurface::read(std::uint32_t tile) {
   try {
-    return file_->read_tile(surface_, tile, image_).ok();
+    return file_->read_tile(surface_, tile, buffer_).ok();
   } catch (const std::exception&) {
     return false;
   }

@@ -98,7 +98,7 @@ class PagedSurface {
   bool chosen_ = false;
   double radius_ = 0.0;
   std::size_t leaving_ = 0, wanted_at_ = 0;
-  std::vector<std::byte> image_;
+  SurfaceFile::TileBuffer buffer_;
 
   std::jthread loader_;  ///< last: it uses all above
 };

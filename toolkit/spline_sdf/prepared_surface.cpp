@@ -61,7 +61,7 @@ Status add_coarser_surfaces(const cloud::Cloud& cloud, const MortonPoints& point
     PrepareReport unread;
     PALPATE_ASSIGN(const std::shared_ptr<const SplineSdf> coarse,
                    build_spline_sdf(*thinned(points, cloud, count), build, context, unread));
-    PALPATE_TRY(writer.add(*coarse));
+    PALPATE_TRY(writer.add(*coarse, context.threads));
     if (coarse->grid.bytes() <= kSmallSurfaceBytes || count <= kLeastPoints) return Done{};
   }
 }
@@ -75,7 +75,7 @@ Status prepare_surface_file(const std::shared_ptr<const cloud::Cloud>& cloud, co
                  SurfaceFileWriter::create(path, cloud->size(), thinned(points, *cloud, kSamplePoints)));
   PreparePhases phases(report, context);
   phases.begin("write");
-  PALPATE_TRY(writer.add(*surface));
+  PALPATE_TRY(writer.add(*surface, context.threads));
   surface.reset();
   phases.end();
   phases.begin("coarser surfaces");

@@ -116,23 +116,21 @@ bool get_surface(ByteReader& from, std::uint64_t& tiles_at, std::uint64_t tiles_
   std::uint64_t next = 0;
   for (std::uint32_t i = 0; i < tiles; ++i) {
     const TileKey key{from.u64(), from.i32()};
-    static_cast<void>(from.u32());
     StoredSurface::Place place;
+    place.size.groups = from.u32();
     place.offset = from.u64();
     place.checksum = from.u64();
     place.bytes = from.u32();
     place.size.bricks = from.u32();
-    const std::uint64_t tree = kTileHeadBytes + std::uint64_t{place.size.bricks} * kStoredBrickBytes;
-    if (place.size.bricks == 0 || place.size.bricks > kTileBricks || place.bytes <= tree) return false;
-    place.size.groups = static_cast<std::uint32_t>((place.bytes - tree) / (kGroupNodes * kStoredNodeBytes));
+    if (place.size.bricks == 0 || place.size.bricks > kTileBricks || place.size.groups == 0 ||
+        place.size.groups > most_groups(place.size.bricks))
+      return false;
     if (key.depth < 0 || key.depth > search::kMortonBits || key.code >> (3 * key.depth) != 0) return false;
     if (i > 0 && key.first_code() < next) return false;  // tiles overlap
     next = TileKey{key.code + 1, key.depth}.first_code();
     // Tiles stand back to back, so that none is counted twice.
     if (place.offset != tiles_at || place.bytes > tiles_end - tiles_at) return false;
     tiles_at += place.bytes;
-    // A brick's way from the root needs a group a depth; the root has one of its own.
-    if (place.size.groups > place.size.bricks * std::uint32_t{search::kMortonBits} + 1) return false;
     out.keys.push_back(key);
     out.places.push_back(place);
     out.tile_bytes += place.bytes;
@@ -230,19 +228,18 @@ Status SurfaceFile::read_index() {
   return Done{};
 }
 
-Result<TileSize> SurfaceFile::read_tile(std::size_t surface, std::size_t tile,
-                                        std::vector<std::byte>& buffer) const {
+Status SurfaceFile::read_tile(std::size_t surface, std::size_t tile, TileBuffer& buffer) const {
   const StoredSurface& of = surfaces_[surface];
   const StoredSurface::Place& place = of.places[tile];
-  buffer.resize(place.bytes);
-  PALPATE_TRY(file_.read_at(place.offset, buffer));
-  if (!is_right(checksum_of(buffer), place.checksum))
+  buffer.image.resize(place.bytes);
+  PALPATE_TRY(file_.read_at(place.offset, buffer.image));
+  if (!is_right(checksum_of(buffer.image), place.checksum))
     return damaged(path(), fmt::format("tile {} of surface {} has another checksum", tile, surface));
-  Result<TileSize> size = check_tile_image(buffer, of.keys[tile], of.surface.grid);
-  if (size && (size->bricks != place.size.bricks || size->groups != place.size.groups))
+  const Status whole = buffer.coder.unpack(buffer.image, of.keys[tile], of.surface.grid, buffer.tile);
+  if (!whole) return damaged(path(), whole.error().what);
+  if (buffer.tile.size() != place.size)
     return damaged(path(), fmt::format("tile {} of surface {} has another size", tile, surface));
-  if (!size) return damaged(path(), size.error().what);
-  return size;
+  return Done{};
 }
 
 Result<std::shared_ptr<const SplineSdf>> SurfaceFile::load(std::size_t surface) const {
@@ -257,17 +254,14 @@ Result<std::shared_ptr<const SplineSdf>> SurfaceFile::load(std::size_t surface) 
       bricks.push_back(
           {{codes[cell], depth_of_level(grid, l)}, level.brick[cell] & ~BrickGrid::kRefined, true});
   }
-  std::vector<std::byte> image;
-  std::vector<TileNode> nodes;
+  TileBuffer buffer;
   for (std::size_t tile = 0; tile < of.keys.size(); ++tile) {
-    PALPATE_ASSIGN(const TileSize size, read_tile(surface, tile, image));
-    const auto first = static_cast<std::uint32_t>(grid.bricks.size());
-    grid.bricks.resize(first + size.bricks);
-    nodes.resize(std::size_t{size.groups} * kGroupNodes);
-    unpack_tile(
-        image, nodes, grid.bricks, [](std::uint32_t group) { return group; },
-        [first](std::uint32_t brick) { return first + brick; });
-    collect_bricks(nodes, 0, of.keys[tile], bricks);
+    PALPATE_TRY(read_tile(surface, tile, buffer));
+    const std::size_t first = bricks.size();
+    collect_bricks(buffer.tile.nodes, 0, of.keys[tile], bricks);
+    for (NumberedBrick& one : std::span(bricks).subspan(first))
+      one.brick += static_cast<std::uint32_t>(grid.bricks.size());
+    grid.bricks.insert(grid.bricks.end(), buffer.tile.bricks.begin(), buffer.tile.bricks.end());
   }
   std::sort(bricks.begin(), bricks.end(), [](const NumberedBrick& a, const NumberedBrick& b) {
     return std::pair(a.key.depth, a.key.code) < std::pair(b.key.depth, b.key.code);

@@ -23,11 +23,10 @@
 namespace palpate::spline_sdf::surface_layout {
 
 inline constexpr std::array<char, 8> kMagic{'P', 'A', 'L', 'P', 'S', 'U', 'R', 'F'};
-inline constexpr std::uint32_t kVersion = 1;
-inline constexpr std::size_t kFileHeadBytes = 16;  // magic, version, a spare number
-inline constexpr std::size_t kFileEndBytes = 32;   // the index's offset, bytes and checksum; the magic
-inline constexpr std::size_t kTileRowBytes =
-    40;  // code, depth, a spare number, offset, checksum, bytes, bricks
+inline constexpr std::uint32_t kVersion = 2;
+inline constexpr std::size_t kFileHeadBytes = 16;   // magic, version, a spare number
+inline constexpr std::size_t kFileEndBytes = 32;    // the index's offset, bytes and checksum; the magic
+inline constexpr std::size_t kTileRowBytes = 40;    // code, depth, groups, offset, checksum, bytes, bricks
 inline constexpr std::size_t kGeometryBytes = 200;  // of a surface, with room for more numbers
 inline constexpr std::size_t kPartBytes = 24;
 
@@ -78,9 +77,14 @@ class SurfaceFile {
   /// The finest first.
   [[nodiscard]] const std::vector<StoredSurface>& surfaces() const noexcept { return surfaces_; }
 
-  /// Reads and checks a tile's image into `buffer`. Thread-safe.
-  [[nodiscard]] Result<TileSize> read_tile(std::size_t surface, std::size_t tile,
-                                           std::vector<std::byte>& buffer) const;
+  /// Memory for reading tiles, and the last.
+  struct TileBuffer {
+    std::vector<std::byte> image;
+    TileCoder coder;
+    UnpackedTile tile;
+  };
+  /// Reads and checks a tile. Thread-safe.
+  [[nodiscard]] Status read_tile(std::size_t surface, std::size_t tile, TileBuffer& buffer) const;
   /// A surface whole in memory. O(bricks).
   [[nodiscard]] Result<std::shared_ptr<const SplineSdf>> load(std::size_t surface) const;
 

@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <utility>
 
 #include "toolkit/core/bytes.h"
+#include "toolkit/core/parallel.h"
 #include "toolkit/spline_sdf/spline.h"
 #include "toolkit/spline_sdf/surface_file.h"
 
@@ -18,6 +20,8 @@ using namespace surface_layout;
 /// are below 2^18: sums fit.
 constexpr double kDistanceSteps = 0x1p19;
 static_assert(kMaxBrickDistance * kDistanceSteps <= 0x1p22);
+/// Tiles packed at once, some 12 MB, and by one thread in a go.
+constexpr std::size_t kTilesAtOnce = 64, kTileGrain = 8;
 
 void put_geometry(const SplineSdf& surface, double rms_mm, IndexBytes& index) {
   const BrickGrid& grid = surface.grid;
@@ -106,36 +110,56 @@ Result<SurfaceFileWriter> SurfaceFileWriter::create(const std::string& path, std
   return out;
 }
 
-Status SurfaceFileWriter::add(const SplineSdf& surface) {
+Status SurfaceFileWriter::add(const SplineSdf& surface, int threads) {
   SampleDistances distances;
   add_distances(surface.grid, *sample_, nullptr, distances);
   return add(
       surface, [&](const TileSink& sink) { return cut_into_tiles(surface.grid, sink); },
-      bricks_of(surface.grid), distances);
+      bricks_of(surface.grid), distances, threads);
 }
 
 Status SurfaceFileWriter::add(const SplineSdf& surface, const CutBricks& cut, const BrickSource& bricks,
-                              const SampleDistances& distances) {
+                              const SampleDistances& distances, int threads) {
   ++surfaces_;
   put_geometry(surface, distances.rms_voxels() * surface.grid.voxel_mm, index_);
   put_pieces(surface.grid, index_);
   IndexBytes rows, above;
   std::uint32_t tiles = 0, bricks_above = 0;
-  const auto put_tile = [&](const BrickTile& tile) -> Status {
-    PALPATE_ASSIGN(const std::vector<std::byte> image, tile_image(tile, bricks));
-    PALPATE_TRY(file_.write(image));
-    rows.put(kTileRowBytes, [&](ByteWriter& to) {
-      to.u64(tile.key.code);
-      to.i32(tile.key.depth);
-      to.u32(0);
-      to.u64(at_);
-      to.u64(checksum_of(image));
-      to.u32(static_cast<std::uint32_t>(image.size()));
-      to.u32(static_cast<std::uint32_t>(tile.bricks.size()));
+  struct Unpacked {
+    BrickTile tile;
+    std::vector<Brick> bricks;
+  };
+  std::vector<Unpacked> next;
+  std::vector<Result<std::vector<std::byte>>> images;
+  const auto write_tiles = [&]() -> Status {
+    images.assign(next.size(), Error{});
+    parallel_chunks(next.size(), kTileGrain, threads, [&](std::size_t begin, std::size_t end) {
+      TileCoder coder;
+      for (std::size_t i = begin; i < end; ++i) images[i] = coder.pack(next[i].tile, next[i].bricks);
     });
-    at_ += image.size();
-    ++tiles;
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      PALPATE_ASSIGN(const std::vector<std::byte> image, std::move(images[i]));
+      PALPATE_TRY(file_.write(image));
+      rows.put(kTileRowBytes, [&](ByteWriter& to) {
+        to.u64(next[i].tile.key.code);
+        to.i32(next[i].tile.key.depth);
+        to.u32(static_cast<std::uint32_t>(next[i].tile.nodes.size() / kGroupNodes));
+        to.u64(at_);
+        to.u64(checksum_of(image));
+        to.u32(static_cast<std::uint32_t>(image.size()));
+        to.u32(static_cast<std::uint32_t>(next[i].tile.bricks.size()));
+      });
+      at_ += image.size();
+      ++tiles;
+    }
+    next.clear();
     return Done{};
+  };
+  const auto put_tile = [&](const BrickTile& tile) -> Status {
+    next.push_back({tile, std::vector<Brick>(tile.bricks.size())});
+    for (std::size_t b = 0; b < tile.bricks.size(); ++b)
+      PALPATE_TRY(bricks(tile.bricks[b], next.back().bricks[b]));
+    return next.size() < kTilesAtOnce ? Status(Done{}) : write_tiles();
   };
   const auto put_above = [&](const PlacedBrick& one) -> Status {
     Brick brick;
@@ -149,6 +173,7 @@ Status SurfaceFileWriter::add(const SplineSdf& surface, const CutBricks& cut, co
     return Done{};
   };
   PALPATE_TRY(cut({put_tile, put_above}));
+  PALPATE_TRY(write_tiles());
   index_.put(4 + rows.bytes().size(), [&](ByteWriter& to) {
     to.u32(tiles);
     to.raw(rows.bytes());

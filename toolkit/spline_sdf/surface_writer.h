@@ -47,13 +47,13 @@ class SurfaceFileWriter {
   /// `points`: number of the finest surface's points; `sample`: some of them, in the surfaces' origin.
   [[nodiscard]] static Result<SurfaceFileWriter> create(const std::string& path, std::uint64_t points,
                                                         std::shared_ptr<const cloud::Cloud> sample);
-  /// Adds a surface, the finest first. O(bricks).
-  [[nodiscard]] Status add(const SplineSdf& surface);
+  /// Adds a surface, the finest first. O(bricks). The same for any number of threads.
+  [[nodiscard]] Status add(const SplineSdf& surface, int threads);
   /// Gives the bricks of a surface to a sink, cut into tiles.
   using CutBricks = std::function<Status(const TileSink& sink)>;
   /// The same for a surface whose bricks are not in memory; `bricks` gives those that `cut` names.
   [[nodiscard]] Status add(const SplineSdf& surface, const CutBricks& cut, const BrickSource& bricks,
-                           const SampleDistances& distances);
+                           const SampleDistances& distances, int threads);
   /// At least one surface must have been added.
   [[nodiscard]] Status finish();
   [[nodiscard]] const std::shared_ptr<const cloud::Cloud>& sample() const noexcept { return sample_; }

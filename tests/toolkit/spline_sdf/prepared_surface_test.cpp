@@ -32,21 +32,6 @@ std::shared_ptr<const Cloud> torus_cloud(std::size_t points) {
   return cloud_of(torus_points(torus)).models.front().cloud;
 }
 
-/// Edges and parts of different density: bricks of several sizes.
-std::shared_ptr<const Cloud> block_cloud() {
-  Random random(5);
-  std::vector<Vec3> points;
-  for (int i = 0; i < 10000; ++i) {
-    Vec3 p(20.0 * random.uniform(), 20.0 * random.uniform(), 20.0 * random.uniform());
-    const int face = static_cast<int>(6.0 * random.uniform());
-    p[face / 2] = face % 2 == 0 ? 0.0 : 20.0;
-    // A quarter of the points on one half.
-    if (p.x() > 10.0 && random.uniform() > 0.25) continue;
-    points.push_back(p);
-  }
-  return cloud_of(points).models.front().cloud;
-}
-
 /// A folder of its own, for files that tests share too.
 class Folder {
  public:
@@ -88,11 +73,6 @@ struct PreparedFile {
   }
 };
 
-std::shared_ptr<const SplineSdf> surface_of(const std::shared_ptr<const Cloud>& cloud) {
-  PrepareReport report;
-  return build_spline_sdf(*cloud, {}, {2, nullptr}, report).value();
-}
-
 std::vector<Vec3> places_near(const BrickGrid& grid, int count) {
   Random random(11);
   const Vec3 extent = grid.box_mm.extent_mm();
@@ -124,30 +104,6 @@ void expect_same_brick(const BrickGrid& a, const BrickGrid& b, const Vec3& at) {
   EXPECT_EQ(a.bricks[x.brick].distance, b.bricks[y.brick].distance);
   EXPECT_EQ(a.bricks[x.brick].mask, b.bricks[y.brick].mask);
   EXPECT_EQ(a.bricks[x.brick].piece, b.bricks[y.brick].piece);
-}
-
-TEST(BrickTiles, HoldEveryBrickOnce) {
-  const std::shared_ptr<const SplineSdf> surface = surface_of(block_cloud());
-  std::multiset<std::uint32_t> seen;
-  std::uint64_t past = 0, tiles = 0;
-  const auto see_tile = [&](const BrickTile& tile) -> Status {
-    ++tiles;
-    EXPECT_LE(tile.bricks.size(), kTileBricks);
-    EXPECT_GE(tile.key.first_code(), past);
-    past = TileKey{tile.key.code + 1, tile.key.depth}.first_code();
-    seen.insert(tile.bricks.begin(), tile.bricks.end());
-    const std::vector<std::byte> image = tile_image(tile, bricks_of(surface->grid)).value();
-    EXPECT_TRUE(check_tile_image(image, tile.key, surface->grid));
-    return Done{};
-  };
-  const auto see_above = [&](const PlacedBrick& one) -> Status {
-    seen.insert(one.brick);
-    return Done{};
-  };
-  EXPECT_TRUE(cut_into_tiles(surface->grid, {see_tile, see_above}));
-  EXPECT_GT(tiles, 3u);
-  ASSERT_EQ(seen.size(), surface->grid.bricks.size());
-  for (std::uint32_t b = 0; b < seen.size(); ++b) EXPECT_EQ(seen.count(b), 1u) << b;
 }
 
 TEST(SurfaceFile, GivesTheGridBack) {
@@ -214,10 +170,10 @@ TEST(PreparedCloudSmooth, IsFeltAsInMemory) {
 
 TEST(PagedSurface, StaysWithinItsMemory) {
   const PreparedFile made(torus_cloud(700'000));
-  ASSERT_GT(made.file->surfaces().front().tile_bytes, kLeastResidentBytes);
   const auto paged = PagedSurface::start(made.file, 0, kLeastResidentBytes).value();
   EXPECT_LT(paged->bytes(), kLeastResidentBytes + kLeastResidentBytes / 8);
   const std::shared_ptr<const SplineSdf> whole = made.file->load(0).value();
+  ASSERT_GT(whole->grid.bytes(), kLeastResidentBytes);
   // Everywhere, so that every tile comes and the first ones leave.
   const std::vector<BrickGrid::BrickRef> bricks = whole->grid.places();
   const auto place = [&](std::size_t k) {

@@ -14,6 +14,7 @@
 
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
+#include "toolkit/spline_sdf/spline_sdf_model.h"
 
 namespace palpate::spline_sdf {
 
@@ -136,6 +137,26 @@ inline Score torus_score(const TorusSpec& t, const std::string& spec = "cloud-sm
                          std::size_t frames = 9000) {
   test::Stepped renderer = render::prepared(render::cloud_of(torus_points(t)), spec, 2);
   return score(renderer, torus_path(t, frames), torus_truth(t), 0.1 * t.scale, 0.0275 * t.scale);
+}
+
+/// Edges and parts of different density: bricks of several sizes.
+inline std::shared_ptr<const cloud::Cloud> block_cloud() {
+  Random random(5);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 10000; ++i) {
+    Vec3 p(20.0 * random.uniform(), 20.0 * random.uniform(), 20.0 * random.uniform());
+    const int face = static_cast<int>(6.0 * random.uniform());
+    p[face / 2] = face % 2 == 0 ? 0.0 : 20.0;
+    // A quarter of the points on one half.
+    if (p.x() > 10.0 && random.uniform() > 0.25) continue;
+    points.push_back(p);
+  }
+  return render::cloud_of(points).models.front().cloud;
+}
+
+inline std::shared_ptr<const SplineSdf> surface_of(const std::shared_ptr<const cloud::Cloud>& cloud) {
+  render::PrepareReport report;
+  return build_spline_sdf(*cloud, {}, {2, nullptr}, report).value();
 }
 
 }  // namespace palpate::spline_sdf
