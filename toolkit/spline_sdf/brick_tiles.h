@@ -15,8 +15,9 @@
 
 namespace palpate::spline_sdf {
 
-/// Bricks of a tile, at most: 20 to 60 kB in a file, which an SSD reads as fast as smaller pieces.
-inline constexpr std::size_t kTileBricks = 256;
+/// Bricks of a tile, at most: 60 to 200 kB in a file, unpacked in a millisecond. A frame hears of a few
+/// tiles, so that smaller ones would come too late to a fast hand.
+inline constexpr std::size_t kTileBricks = 1024;
 /// A group holds the eight children of a node.
 inline constexpr std::uint32_t kGroupNodes = 8;
 

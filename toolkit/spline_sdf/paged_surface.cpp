@@ -18,8 +18,8 @@ constexpr microseconds kPause{200};
 /// Times by which the loader looks ahead of the HIP, frames: a tenth of a second, in which an SSD reads 20
 /// MB.
 constexpr std::array<double, 3> kAheadFrames{25.0, 50.0, 100.0};
-/// Tiles loaded between two reads of the hand's place: some 5 ms of reading.
-constexpr int kLoadsPerPoll = 16;
+/// Tiles loaded between two reads of the hand's place: some 2 ms of unpacking.
+constexpr int kLoadsPerPoll = 4;
 /// Tiles that are requested to leave at once.
 constexpr std::size_t kMostLeaving = TileWindow::kRing / 2;
 /// The wanted tiles fill this share of the memory; the rest lets old ones stay and new ones come.
@@ -33,8 +33,9 @@ constexpr std::chrono::seconds kLongestWait{5};
 constexpr double kFirstRadius = 8.0;
 /// Memory for groups over what the file's mean tile needs: parts of a surface differ.
 constexpr double kSpareGroups = 1.25;
-/// A tile that a frame looked for is worth any other that is not.
-constexpr double kAnyDistance = -1.0;
+/// Share of the memory that is kept free for tiles to come: at 0.5 m/s over 0.1 mm spacing, a tenth of a
+/// second's.
+constexpr double kSpareShare = 0.125;
 
 }  // namespace
 
@@ -59,26 +60,37 @@ Result<std::unique_ptr<PagedSurface>> PagedSurface::start(std::shared_ptr<const 
   const auto bricks = static_cast<std::size_t>(std::ceil(share * all_bricks));
   const auto groups =
       static_cast<std::size_t>(std::ceil(std::min(kSpareGroups * share, 1.0) * all_groups)) + most_groups + 1;
-  const std::size_t tiles = std::min(stored.keys.size(), bricks);
-  return std::unique_ptr<PagedSurface>(new PagedSurface(std::move(file), surface, bricks, groups, tiles));
+  return std::unique_ptr<PagedSurface>(new PagedSurface(
+      std::move(file), surface, {static_cast<std::uint32_t>(groups), static_cast<std::uint32_t>(bricks)}));
 }
 
-PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, std::size_t bricks,
-                           std::size_t groups, std::size_t tiles)
+PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, TileSize all)
     : file_(std::move(file)),
       surface_(surface),
+      all_(all),
       grid_(stored().surface.grid),
-      window_(stored().keys, tiles, groups) {
+      window_(stored().keys, std::min<std::size_t>(stored().keys.size(), all.bricks), all.groups) {
   const std::size_t above = grid_.bricks.size();
-  grid_.bricks.resize(above + bricks);
+  grid_.bricks.resize(above + all.bricks);
   grid_.window = &window_;
   state_.assign(stored().keys.size(), State::kAbsent);
   held_of_.assign(stored().keys.size(), 0);
   for (std::size_t b = grid_.bricks.size(); b-- > above;)
     free_bricks_.push_back(static_cast<std::uint32_t>(b));
-  for (std::size_t g = groups; g-- > TileNews::kDamaged + 1;)
+  for (std::size_t g = all.groups; g-- > TileNews::kDamaged + 1;)
     free_groups_.push_back(static_cast<std::uint32_t>(g));
   radius_ = kFirstRadius * grid_.cube_edge();
+  TileSize most, sum;
+  for (const StoredSurface::Place& place : stored().places) {
+    most = {std::max(most.groups, place.size.groups), std::max(most.bricks, place.size.bricks)};
+    sum = {sum.groups + place.size.groups, sum.bricks + place.size.bricks};
+  }
+  all_fits_ = has_room(sum);
+  // Half of it holds any tile.
+  const auto spare = [](std::uint32_t all_of, std::uint32_t most_of) {
+    return std::max(static_cast<std::uint32_t>(kSpareShare * all_of), 2 * most_of);
+  };
+  spare_ = {spare(all.groups, most.groups), spare(all.bricks, most.bricks)};
   const std::span<TileNode> nodes = window_.nodes();
   // The loader's first write into a page brings it; to have all at once would take most of the opening.
   locked_ = ::mlock2(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick), MLOCK_ONFAULT) == 0 &&
@@ -133,16 +145,17 @@ bool PagedSurface::poll() {
     aim_ = window_.aim.front();
     for (int i = 0; i < aim_.missing_count; ++i) {
       const std::uint32_t tile = aim_.missing[static_cast<std::size_t>(i)];
-      if (state_[tile] == State::kAbsent) static_cast<void>(load(tile, kAnyDistance));
+      if (state_[tile] == State::kAbsent) static_cast<void>(load(tile));
     }
     if (!chosen_ || (aim_.hip - chosen_at_).norm() > kChooseAgain * radius_) choose_wanted();
   }
   if (!chosen_) return false;
+  keep_spare();
   int loads = 0;
   while (wanted_at_ < wanted_.size() && loads < kLoadsPerPoll) {
     const Wanted& next = wanted_[wanted_at_];
     if (state_[next.tile] == State::kAbsent) {
-      if (!load(next.tile, next.distance)) break;
+      if (!load(next.tile)) break;
       ++loads;
     }
     ++wanted_at_;
@@ -217,19 +230,22 @@ void PagedSurface::choose_wanted() {
   chosen_at_ = aim_.hip;
   chosen_ = true;
   wanted_at_ = 0;
-  const double all = static_cast<double>(grid_.bricks.size() - stored().surface.grid.bricks.size());
   const double whole = node_edge(grid_, 0);
   for (int tries = 0;; ++tries) {
     wanted_.clear();
     collect({}, 0, window_.keys().size());
-    double bricks = 0.0;
-    for (const Wanted& one : wanted_) bricks += stored().places[one.tile].size.bricks;
+    double bricks = 0.0, groups = 0.0;
+    for (const Wanted& one : wanted_) {
+      bricks += stored().places[one.tile].size.bricks;
+      groups += stored().places[one.tile].size.groups;
+    }
+    const double share = std::max(bricks / all_.bricks, groups / all_.groups);
     // The radius follows the memory, a step at a time; far too large it is made smaller at once.
-    if (bricks > kWantedShare * all && wanted_.size() > 1) {
+    if (share > kWantedShare && wanted_.size() > 1) {
       radius_ /= kGrow;
       constexpr int kTries = 64;
       if (tries < kTries) continue;
-    } else if (bricks < kWantedLeast * all && radius_ < whole) {
+    } else if (share < kWantedLeast && radius_ < whole) {
       radius_ *= kGrow;
     }
     break;
@@ -239,37 +255,40 @@ void PagedSurface::choose_wanted() {
   });
 }
 
-bool PagedSurface::make_room(const TileSize& size, double distance) {
-  std::size_t groups = free_groups_.size(), bricks = free_bricks_.size();
-  std::size_t tiles = window_.most_tiles() - held_.size();
-  const auto enough = [&] { return groups >= size.groups && bricks >= size.bricks && tiles > 0; };
+bool PagedSurface::has_room(TileSize size) const noexcept {
+  return free_bricks_.size() >= size.bricks && free_groups_.size() >= size.groups;
+}
+
+/// Memory comes back when frames have answered: what is far leaves before it is needed.
+void PagedSurface::keep_spare() {
+  if (all_fits_ || has_room({spare_.groups / 2, spare_.bricks / 2})) return;
+  TileSize coming{static_cast<std::uint32_t>(free_groups_.size()),
+                  static_cast<std::uint32_t>(free_bricks_.size())};
   const auto count = [&](const Held& held) {
-    groups += held.groups.size();
-    bricks += held.bricks.size();
-    ++tiles;
+    coming.groups += static_cast<std::uint32_t>(held.groups.size());
+    coming.bricks += static_cast<std::uint32_t>(held.bricks.size());
   };
-  if (enough()) return true;
-  // Memory comes back when frames have answered: first that of the tiles which are leaving already.
   std::vector<Wanted> far;
-  for (std::size_t at = 0; at < held_.size(); ++at) {
-    const std::uint32_t tile = held_[at].tile;
-    if (state_[tile] == State::kLeaving) count(held_[at]);
-    const double away = state_[tile] == State::kHere ? distance_to(window_.keys()[tile]) : 0.0;
-    if (state_[tile] == State::kHere && away > distance) far.push_back({tile, away});
-  }
-  std::sort(far.begin(), far.end(), [](const Wanted& a, const Wanted& b) { return a.distance > b.distance; });
+  for (const Held& held : held_)
+    if (state_[held.tile] == State::kLeaving)
+      count(held);
+    else
+      far.push_back({held.tile, distance_to(window_.keys()[held.tile])});
+  std::sort(far.begin(), far.end(), [](const Wanted& a, const Wanted& b) {
+    return std::pair(a.distance, a.tile) > std::pair(b.distance, b.tile);
+  });
   for (const Wanted& one : far) {
-    if (enough() || leaving_ == kMostLeaving || !window_.news.push({one.tile, TileNews::kForget})) break;
+    if (coming.groups >= spare_.groups && coming.bricks >= spare_.bricks) break;
+    if (leaving_ == kMostLeaving || !window_.news.push({one.tile, TileNews::kForget})) break;
     state_[one.tile] = State::kLeaving;
     ++leaving_;
     count(held_[held_of_[one.tile]]);
   }
-  return false;
 }
 
-bool PagedSurface::load(std::uint32_t tile, double distance) {
+bool PagedSurface::load(std::uint32_t tile) {
   const TileSize& size = stored().places[tile].size;
-  if (window_.news.full() || !make_room(size, distance)) return false;
+  if (window_.news.full() || !has_room(size)) return false;
   Held held;
   held.tile = tile;
   std::uint32_t root = TileNews::kDamaged;

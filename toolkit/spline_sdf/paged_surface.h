@@ -15,7 +15,7 @@ namespace palpate::spline_sdf {
 
 /// Bytes in memory unless asked otherwise (resident_mb): a hand at 0.5 m/s crosses them in several seconds.
 inline constexpr std::size_t kResidentBytes = std::size_t{256} << 20;
-/// Bytes below which a window is refused: some ninety full tiles. A frame of a hand looks at a few.
+/// Bytes below which a window is refused: some twenty full tiles. A frame of a hand looks at a few.
 inline constexpr std::size_t kLeastResidentBytes = std::size_t{16} << 20;
 
 /// The brick that contact holds: its tile must stay.
@@ -56,23 +56,24 @@ class PagedSurface {
   bool wait_for_missed(const Vec3& hip, const HeldBrick* held) noexcept;
 
  private:
-  PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, std::size_t bricks,
-               std::size_t groups, std::size_t tiles);
+  PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, TileSize all);
   void load_until(const std::stop_token& stop);
   bool poll();
   void take_forgotten();
   void choose_wanted();
   void collect(TileKey node, std::size_t first, std::size_t past);
   [[nodiscard]] double distance_to(TileKey node) const noexcept;
-  /// False if there is no room yet. `distance`: of the tile from the hand.
-  bool load(std::uint32_t tile, double distance);
+  /// False if there is no room yet.
+  bool load(std::uint32_t tile);
   bool read(std::uint32_t tile);
-  /// Asks tiles farther away than `distance` to leave where memory is short. True if there is room now.
-  bool make_room(const TileSize& size, double distance);
+  [[nodiscard]] bool has_room(TileSize size) const noexcept;
+  void keep_spare();
   void release(std::uint32_t tile);
 
   std::shared_ptr<const SurfaceFile> file_;
   std::size_t surface_;
+  TileSize all_, spare_;   ///< memory, and what shall be free of it
+  bool all_fits_ = false;  ///< every tile at once
   BrickGrid grid_;
   TileWindow window_;
   bool locked_ = false;
