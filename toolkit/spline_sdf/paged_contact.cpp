@@ -54,6 +54,8 @@ void PagedContact::restart(const Vec3& h_mm) noexcept {
   coarse_.restart(h_mm);
   surface_->begin_frame(surface_->grid().in_voxels(h_mm), nullptr);
   coarse_on_ = !without_missing(h_mm, nullptr, [&](int) { fine_.restart(h_mm); });
+  // Of a place that it did not know of the loader has nothing yet.
+  if (!waits_) coarse_on_ = coarse_on_ || !here(h_mm);
   restart_again_ = coarse_on_;
 }
 

@@ -37,6 +37,21 @@ constexpr double kSpareGroups = 1.25;
 /// second's.
 constexpr double kSpareShare = 0.125;
 
+struct TileSums {
+  double groups = 0.0, bricks = 0.0;
+  TileSize most;
+};
+TileSums sums_of(const StoredSurface& stored) {
+  TileSums sums;
+  for (const StoredSurface::Place& place : stored.places) {
+    sums.groups += place.size.groups;
+    sums.bricks += place.size.bricks;
+    sums.most = {std::max(sums.most.groups, place.size.groups),
+                 std::max(sums.most.bricks, place.size.bricks)};
+  }
+  return sums;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<PagedSurface>> PagedSurface::start(std::shared_ptr<const SurfaceFile> file,
@@ -44,27 +59,22 @@ Result<std::unique_ptr<PagedSurface>> PagedSurface::start(std::shared_ptr<const 
   if (resident_bytes < kLeastResidentBytes)
     return Error{fmt::format("{} bytes are too few to hold what one frame needs", resident_bytes),
                  fmt::format("give at least {} MB", kLeastResidentBytes >> 20), file->path()};
-  const StoredSurface& stored = file->surfaces()[surface];
-  double all_bricks = 0.0, all_groups = 0.0;
-  std::size_t most_groups = 0;
-  for (const StoredSurface::Place& place : stored.places) {
-    all_bricks += place.size.bricks;
-    all_groups += place.size.groups;
-    most_groups = std::max<std::size_t>(most_groups, place.size.groups);
-  }
-  const double groups_per_brick = all_bricks > 0.0 ? all_groups / all_bricks : 1.0;
+  const TileSums sums = sums_of(file->surfaces()[surface]);
+  const double groups_per_brick = sums.bricks > 0.0 ? sums.groups / sums.bricks : 1.0;
   const double of_brick = sizeof(Brick) + kSpareGroups * groups_per_brick * kGroupNodes * sizeof(TileNode);
   // A surface that is smaller than the window takes only what it needs.
   const double share =
-      std::min(static_cast<double>(resident_bytes) / of_brick / std::max(all_bricks, 1.0), 1.0);
-  const auto bricks = static_cast<std::size_t>(std::ceil(share * all_bricks));
+      std::min(static_cast<double>(resident_bytes) / of_brick / std::max(sums.bricks, 1.0), 1.0);
+  const auto bricks = static_cast<std::uint32_t>(std::ceil(share * sums.bricks));
   const auto groups =
-      static_cast<std::size_t>(std::ceil(std::min(kSpareGroups * share, 1.0) * all_groups)) + most_groups + 1;
-  return std::unique_ptr<PagedSurface>(new PagedSurface(
-      std::move(file), surface, {static_cast<std::uint32_t>(groups), static_cast<std::uint32_t>(bricks)}));
+      static_cast<std::uint32_t>(std::ceil(std::min(kSpareGroups * share, 1.0) * sums.groups)) +
+      sums.most.groups + 1;
+  return std::unique_ptr<PagedSurface>(
+      new PagedSurface(std::move(file), surface, {groups, bricks}, share < 1.0 ? sums.most : TileSize{}));
 }
 
-PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, TileSize all)
+PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, TileSize all,
+                           TileSize most)
     : file_(std::move(file)),
       surface_(surface),
       all_(all),
@@ -80,17 +90,11 @@ PagedSurface::PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t 
   for (std::size_t g = all.groups; g-- > TileNews::kDamaged + 1;)
     free_groups_.push_back(static_cast<std::uint32_t>(g));
   radius_ = kFirstRadius * grid_.cube_edge();
-  TileSize most, sum;
-  for (const StoredSurface::Place& place : stored().places) {
-    most = {std::max(most.groups, place.size.groups), std::max(most.bricks, place.size.bricks)};
-    sum = {sum.groups + place.size.groups, sum.bricks + place.size.bricks};
-  }
-  all_fits_ = has_room(sum);
   // Half of it holds any tile.
   const auto spare = [](std::uint32_t all_of, std::uint32_t most_of) {
     return std::max(static_cast<std::uint32_t>(kSpareShare * all_of), 2 * most_of);
   };
-  spare_ = {spare(all.groups, most.groups), spare(all.bricks, most.bricks)};
+  if (most.bricks > 0) spare_ = {spare(all.groups, most.groups), spare(all.bricks, most.bricks)};
   const std::span<TileNode> nodes = window_.nodes();
   // The loader's first write into a page brings it; to have all at once would take most of the opening.
   locked_ = ::mlock2(grid_.bricks.data(), grid_.bricks.size() * sizeof(Brick), MLOCK_ONFAULT) == 0 &&
@@ -261,7 +265,7 @@ bool PagedSurface::has_room(TileSize size) const noexcept {
 
 /// Memory comes back when frames have answered: what is far leaves before it is needed.
 void PagedSurface::keep_spare() {
-  if (all_fits_ || has_room({spare_.groups / 2, spare_.bricks / 2})) return;
+  if (has_room({spare_.groups / 2, spare_.bricks / 2})) return;
   TileSize coming{static_cast<std::uint32_t>(free_groups_.size()),
                   static_cast<std::uint32_t>(free_bricks_.size())};
   const auto count = [&](const Held& held) {

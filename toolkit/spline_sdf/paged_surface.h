@@ -56,7 +56,8 @@ class PagedSurface {
   bool wait_for_missed(const Vec3& hip, const HeldBrick* held) noexcept;
 
  private:
-  PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, TileSize all);
+  /// `most`: the largest tile; none where all fit.
+  PagedSurface(std::shared_ptr<const SurfaceFile> file, std::size_t surface, TileSize all, TileSize most);
   void load_until(const std::stop_token& stop);
   bool poll();
   void take_forgotten();
@@ -72,8 +73,7 @@ class PagedSurface {
 
   std::shared_ptr<const SurfaceFile> file_;
   std::size_t surface_;
-  TileSize all_, spare_;   ///< memory, and what shall be free of it
-  bool all_fits_ = false;  ///< every tile at once
+  TileSize all_, spare_;  ///< memory, and what shall be free of it: nothing where every tile fits at once
   BrickGrid grid_;
   TileWindow window_;
   bool locked_ = false;
