@@ -60,9 +60,12 @@ void PagedContact::restart(const Vec3& h_mm) noexcept {
 }
 
 void PagedContact::start_from(const Vec3& h_mm) noexcept {
-  coarse_on_ = false;
-  last_h_mm_ = h_mm;
-  fine_.start_from(h_mm);
+  last_h_mm_ = free_from_mm_ = h_mm;
+  coarse_on_ = !waits_ && !here(h_mm);
+  if (coarse_on_)
+    coarse_.start_from(h_mm);
+  else
+    fine_.start_from(h_mm);
 }
 
 void PagedContact::go_coarse(const SplineSdfContact& from) noexcept {
