@@ -50,7 +50,7 @@ constexpr double kMostRounding = 0.01;
 /// Points for rays: a 64th of all, of eight times the spacing.
 constexpr std::uint64_t kFarShare = 64;
 /// Every file has it in its key: chunks of another kind are not gone on with.
-constexpr std::uint64_t kChunkVersion = 2;
+constexpr std::uint64_t kChunkVersion = 3;
 
 /// Cuts the bricks of all chunks into tiles, chunk after chunk: a chunk's region and a tile's node are both
 /// whole ranges of the Morton curve, so that one holds the other or they are apart.

@@ -151,13 +151,17 @@ struct Links {
   std::vector<Link> on, across;
 };
 
+/// Cells decide which patches are compared: those of a part must be the same as in every other part.
+PatchHashGrid grid_of(std::span<const QuadricPatch> patches, const MortonPoints* part) {
+  return part == nullptr ? PatchHashGrid(patches)
+                         : PatchHashGrid(patches, part->box_mm().low_mm - Vec3::Constant(part->spacing_mm()),
+                                         kLeastOfPart * part->spacing_mm());
+}
+
 /// `part`: the points are a part of all.
 Links find_links(const MortonPoints& points, std::span<const QuadricPatch> patches, bool part, int threads) {
   if (patches.empty()) return {};
-  const PatchHashGrid cells =
-      part ? PatchHashGrid(patches, points.box_mm().low_mm - Vec3::Constant(points.spacing_mm()),
-                           kLeastOfPart * points.spacing_mm())
-           : PatchHashGrid(patches);
+  const PatchHashGrid cells = grid_of(patches, part ? &points : nullptr);
   const auto visit = [&](std::size_t begin, std::size_t end, Links& found) {
     std::vector<std::pair<double, Link>> mine;
     for (std::size_t i = begin; i < end; ++i) {
@@ -410,9 +414,9 @@ bool is_outlier_beside(const QuadricPatch& p, const QuadricPatch& reliable) {
 
 }  // namespace
 
-void drop_outlier_patches(std::vector<QuadricPatch>& patches, int threads) {
+void drop_outlier_patches(std::vector<QuadricPatch>& patches, int threads, const MortonPoints* part) {
   if (std::all_of(patches.begin(), patches.end(), [](const QuadricPatch& p) { return p.reliable; })) return;
-  const PatchHashGrid cells(patches);
+  const PatchHashGrid cells = grid_of(patches, part);
   std::vector<std::uint8_t> beside(patches.size(), 0);
   parallel_each(patches.size(), kBesideGrain, threads, [&](std::size_t i) {
     const QuadricPatch& p = patches[i];

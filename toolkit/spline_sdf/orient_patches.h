@@ -44,9 +44,11 @@ inline constexpr double kWayRadius = 0.9, kWayWidens = 0.25;
 /// Where balls are as large as a sample needs, in its spacings.
 inline constexpr double kFarReach = kWayRadius / kWayWidens;
 
-/// Drops unreliable patches that lie off a reliable one where that has points on all sides. Keeps the order;
-/// independent of the number of threads. O(patches x overlaps).
-void drop_outlier_patches(std::vector<QuadricPatch>& patches, int threads);
+/// Drops unreliable patches that lie off a reliable one where that has points on all sides. `part`: the
+/// points where these are a part of all; else null. Keeps the order; independent of the number of threads.
+/// O(patches x overlaps).
+void drop_outlier_patches(std::vector<QuadricPatch>& patches, int threads,
+                          const MortonPoints* part = nullptr);
 
 /// Patches may continue each other if their centres are within this share of both supports: they overlap.
 inline constexpr double kPatchReach = 0.8;

@@ -81,7 +81,7 @@ SurfaceChunk build_surface_chunk(cloud::Cloud cloud, const BrickRegion& region, 
     const BrickGrid lattice = frame.lattice();
     const geometry::Aabb where = patches_of(region, lattice, largest_spacing_mm(frame));
     FittedPatches cover = fit_patches(points, {frame.build.detail, noise}, threads, &where);
-    drop_outlier_patches(cover.patches, threads);
+    drop_outlier_patches(cover.patches, threads, &points);
     pieces = orient_outwards(points, cover.patches, threads, frame.far.get());
     const geometry::Aabb own_mm = region.cubes_mm(lattice);
     for (const QuadricPatch& patch : cover.patches)

@@ -90,6 +90,27 @@ std::vector<Vec3> plank(double scale) {
   return points;
 }
 
+/// Views of a pipe from six sides, merged: each has its own noise and is off by its own error, covers a third
+/// of the way around, so that two overlap everywhere, and leaves strays off the surface.
+std::vector<Vec3> merged_views(double scale) {
+  Random random(9);
+  constexpr int kViews = 6, kPointsOfView = 14000;
+  constexpr double kStrays = 0.05, kFarthestStray = 4.0;
+  std::vector<Vec3> points;
+  for (int view = 0; view < kViews; ++view) {
+    const double error = 0.3 * random.normal(), noise = random.uniform(0.1, 0.35);
+    for (int i = 0; i < kPointsOfView; ++i) {
+      const double a = 2.0 * std::numbers::pi * (view + random.uniform(-1.0, 1.0)) / kViews;
+      const double r = kPipeRadius + error + noise * random.normal();
+      Vec3 p(random.uniform(0.0, kPipeLength), r * std::cos(a), r * std::sin(a));
+      if (random.uniform() < kStrays)
+        p += kFarthestStray * random.uniform() * Vec3(random.normal(), random.normal(), random.normal());
+      points.push_back(scale * (p + Vec3(0.0, 0.0, 20.0 * std::sin(p.x() / 150.0))));
+    }
+  }
+  return points;
+}
+
 class PreparedSurface : public Prepared {
  protected:
   static constexpr std::uint64_t kMostPoints = 32000;  // several regions of strip and pipe
@@ -115,7 +136,8 @@ TEST_F(PreparedSurface, DivisionLeavesNoTrace) {
   } kinds[] = {{strip, 1.0, kMostPoints, 0},
                {crest_and_trough, 1.0, kMostPoints, 0},
                {pipe, 1e-3, kMostPoints, 1},
-               {plank, 250.0, kMostPoints + kMostPoints / 2, 1}};
+               {plank, 250.0, kMostPoints + kMostPoints / 2, 1},
+               {merged_views, 1.0, 2 * kMostPoints, 1}};
   for (const auto& kind : kinds) {
     static_cast<void>(prepare(kind.shape(kind.scale), {}));
     EXPECT_EQ(make("whole").chunks, 1u);
