@@ -15,6 +15,7 @@
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/metrics/machine_info.h"
+#include "toolkit/metrics/result_keys.h"
 
 namespace palpate::experiments {
 namespace {
@@ -30,48 +31,21 @@ constexpr std::uint64_t kMostCount = std::uint64_t{1} << 53;
 using RowOptions = std::vector<std::pair<std::string, std::string>>;
 
 /// Every key of a row's measurements with its member, in the order of the file.
-template <class Fields, class RowOf>
-void each_field(Fields& fields, RowOf& row) {
-  fields("setting", row.setting);
-  fields("renderer", row.renderer);
-  fields("works_on", row.works_on);
-  fields("options", row.options);
-  fields("axes", row.axes);
-  fields("precision_bits", row.precision_bits);
-  fields("rate_divisor", row.rate_divisor);
-  fields("rate_hz", row.rate_hz);
-  fields("status", row.status);
-  fields("reason", row.reason);
-  fields("prepare_limit_s", row.prepare_limit_s);
-  fields("budget_s", row.budget_s);
-  fields("points", row.points);
-  fields("scene_points", row.scene_points);
-  fields("prepare_ms", row.prepare_ms);
-  fields("preparations", row.preparations);
-  fields("from_cache", row.from_cache);
-  fields("frame_all_mean_us", row.frame_mean_us);
-  fields("frame_all_p999_us", row.frame_p999_us);
-  fields("load_percent", row.load_percent);
-  fields("passes", row.passes);
-  fields("anchor_us", row.anchor_us);
-  fields("bytes", row.bytes);
-  fields.derived("bytes_per_point", row);
-  fields("error_p95_percent", row.error_p95_percent);
-  fields("error_rms_percent", row.error_rms_percent);
-  fields("error_floor_percent", row.error_floor_percent);
-  fields("indistinguishable_percent", row.indistinguishable_percent);
-  fields("trace_hash", row.trace_hash);
-  fields("steal_percent", row.steal_percent);
-  fields("load_before", row.load_before);
-  fields("measured_utc", row.measured_utc);
+template <class V, class RowOf>
+void each_field(V& v, RowOf& s) {
+  PALPATE_KEYS(setting, renderer, works_on, options, axes, precision_bits, rate_divisor, rate_hz, status,
+               reason, prepare_limit_s, budget_s, points, scene_points, prepare_ms, preparations, from_cache)
+  v("frame_all_mean_us", s.frame_mean_us);
+  v("frame_all_p999_us", s.frame_p999_us);
+  PALPATE_KEYS(load_percent, passes, anchor_us, bytes)
+  v.derived("bytes_per_point", s);
+  PALPATE_KEYS(error_p95_percent, error_rms_percent, error_floor_percent, indistinguishable_percent,
+               trace_hash, steal_percent, load_before, measured_utc)
 }
 
-template <class Fields, class MachineOf>
-void each_machine_field(Fields& fields, MachineOf& machine) {
-  fields("name", machine.name);
-  fields("cpu", machine.cpu);
-  fields("hash", machine.hash);
-  fields("cores", machine.cores);
+template <class V, class MachineOf>
+void each_machine_field(V& v, MachineOf& s) {
+  PALPATE_KEYS(name, cpu, hash, cores)
 }
 
 struct RowWriter {
