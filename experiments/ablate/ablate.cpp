@@ -11,7 +11,6 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "experiments/driver/jobs.h"
 #include "experiments/driver/suite.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/run.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 
 namespace palpate::experiments {
 

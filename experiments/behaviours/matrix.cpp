@@ -1,4 +1,4 @@
-#include "experiments/behaviours/matrix.h"
+#include "experiments/behaviours/behaviour.h"
 
 #include <fmt/format.h>
 

@@ -11,7 +11,7 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/result_warnings.h"
 #include "experiments/session/session.h"
-#include "experiments/streams/stream_facts.h"
+#include "experiments/streams/open_stream.h"
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/messages.h"

@@ -24,7 +24,7 @@
 #include "experiments/session/version.h"
 #include "experiments/stability/stability.h"
 #include "experiments/stress/stress.h"
-#include "experiments/study/scoring.h"
+#include "experiments/study/study.h"
 #include "experiments/tables/reproduction.h"
 #include "experiments/trade/document.h"
 #include "toolkit/core/files.h"

@@ -1,7 +1,7 @@
 // The kinds of `palpate test`.
 #include <fmt/format.h>
 
-#include "experiments/behaviours/matrix.h"
+#include "experiments/behaviours/behaviour.h"
 #include "experiments/bench/bench.h"
 #include "experiments/command/cli.h"
 #include "experiments/command/common_options.h"

@@ -12,7 +12,7 @@
 #include <palpate/read_model.h>
 #include <palpate/result.h>
 #include "experiments/data/scans.h"
-#include "experiments/driver/jobs.h"
+#include "experiments/driver/suite.h"
 #include "experiments/report/findings.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/driver/page_document.h"
 #include "experiments/goals/measures.h"
 #include "toolkit/core/messages.h"

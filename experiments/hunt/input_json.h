@@ -1,7 +1,7 @@
 // What is kept of a hunt, as JSON.
 #pragma once
 
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/hunt/hunt.h"
 #include "experiments/hunt/trial_input.h"
 

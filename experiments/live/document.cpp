@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/live/live.h"
 #include "toolkit/core/messages.h"
 

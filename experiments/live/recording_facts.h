@@ -9,7 +9,7 @@
 
 #include <palpate/result.h>
 #include "device/record/recording.h"
-#include "experiments/streams/stream_facts.h"
+#include "experiments/streams/open_stream.h"
 
 namespace palpate::experiments {
 

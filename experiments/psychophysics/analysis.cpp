@@ -1,4 +1,4 @@
-#include "experiments/psychophysics/analysis.h"
+#include "experiments/psychophysics/blinded.h"
 
 #include <fmt/format.h>
 

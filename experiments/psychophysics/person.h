@@ -6,8 +6,8 @@
 #include <string>
 
 #include <palpate/result.h>
-#include "experiments/psychophysics/ledger.h"
 #include "experiments/psychophysics/rig.h"
+#include "experiments/psychophysics/trials.h"
 
 namespace palpate::experiments::psychophysics {
 

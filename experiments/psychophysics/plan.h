@@ -10,7 +10,7 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "experiments/psychophysics/procedures.h"
-#include "experiments/psychophysics/trial_statistics.h"
+#include "experiments/psychophysics/psychometric.h"
 
 namespace palpate::experiments::psychophysics {
 

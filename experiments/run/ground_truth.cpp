@@ -1,4 +1,4 @@
-#include "experiments/run/ground_truth.h"
+#include "experiments/run/stage.h"
 
 #include <memory>
 #include <utility>

@@ -6,7 +6,7 @@
 #include <palpate/trace.h>
 #include "experiments/run/result_warnings.h"
 #include "experiments/run/work.h"
-#include "experiments/study/scoring.h"
+#include "experiments/study/study.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/metrics/scores.h"
 

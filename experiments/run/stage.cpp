@@ -10,7 +10,6 @@
 #include <palpate/result.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
-#include "experiments/run/ground_truth.h"
 #include "experiments/run/result_warnings.h"
 #include "toolkit/core/hardware.h"
 #include "toolkit/search/knn.h"

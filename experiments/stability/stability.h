@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "device/simulated/closed_loop.h"
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/driver/study_run.h"
 #include "experiments/report/figures.h"
 #include "experiments/report/page.h"

@@ -11,7 +11,7 @@
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
 #include "experiments/study/study.h"
-#include "experiments/trade/dominance.h"
+#include "experiments/trade/row.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "experiments/report/page.h"
-#include "experiments/trade/dominance.h"
 #include "experiments/trade/row.h"
 
 namespace palpate::experiments {

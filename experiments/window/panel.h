@@ -7,7 +7,6 @@
 #include <map>
 #include <string>
 
-#include "experiments/window/feed.h"
 #include "experiments/window/link.h"
 #include "experiments/window/scene_view.h"
 

@@ -15,7 +15,6 @@
 #include <palpate/cloud.h>
 #include <palpate/device/device.h>
 #include "experiments/window/camera.h"
-#include "experiments/window/feed.h"
 #include "experiments/window/link.h"
 #include "experiments/window/overlay.h"
 #include "experiments/window/splats.h"

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "experiments/streams/press_and_slide.h"
 #include "experiments/streams/stream_feed.h"
 #include "tests/toolkit/messages.h"
 
