@@ -7,7 +7,7 @@
 #include "toolkit/core/hardware.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/local_delaunay/candidate_triangulation.h"
-#include "toolkit/local_delaunay/raster_cells.h"
+#include "toolkit/local_delaunay/raster_stars.h"
 #include "toolkit/local_delaunay/spatial_sort.h"
 
 namespace palpate::local_delaunay {

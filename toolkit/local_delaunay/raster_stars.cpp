@@ -1,4 +1,4 @@
-#include "toolkit/local_delaunay/raster_cells.h"
+#include "toolkit/local_delaunay/raster_stars.h"
 
 #include <algorithm>
 #include <array>
