@@ -7,7 +7,7 @@
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/data/scans.h"
-#include "experiments/live/recording_facts.h"
+#include "experiments/live/recording_session.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/result_warnings.h"
 #include "experiments/session/session.h"

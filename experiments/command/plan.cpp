@@ -9,7 +9,6 @@
 #include "experiments/command/subcommands.h"
 #include "experiments/data/scans.h"
 #include "experiments/run/arguments.h"
-#include "experiments/run/choices.h"
 #include "experiments/run/result_warnings.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"

@@ -2,7 +2,7 @@
 #include <fmt/format.h>
 
 #include "experiments/behaviours/behaviour.h"
-#include "experiments/bench/bench.h"
+#include "experiments/bench/ranking.h"
 #include "experiments/command/cli.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"

@@ -15,10 +15,8 @@
 #include "experiments/driver/suite.h"
 #include "experiments/report/findings.h"
 #include "experiments/run/arguments.h"
-#include "experiments/run/choices.h"
 #include "experiments/run/work.h"
 #include "experiments/session/session.h"
-#include "experiments/session/terminal.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

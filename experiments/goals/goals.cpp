@@ -6,8 +6,7 @@
 
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
-#include "experiments/driver/page_document.h"
-#include "experiments/goals/measures.h"
+#include "experiments/driver/suite.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

@@ -3,7 +3,7 @@
 #include <palpate/result.h>
 #include "experiments/data/scans.h"
 #include "experiments/driver/json_document.h"
-#include "experiments/goals/measures.h"
+#include "experiments/goals/goals.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "experiments/goals/measures.h"
+#include "experiments/goals/goals.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

@@ -13,7 +13,7 @@
 #include "experiments/psychophysics/person.h"
 #include "experiments/psychophysics/rig.h"
 #include "experiments/psychophysics/trials.h"
-#include "experiments/session/terminal.h"
+#include "experiments/session/session.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/run/choices.h"
+#include "experiments/run/arguments.h"
 
 #include <fmt/format.h>
 

@@ -9,7 +9,6 @@
 #include <palpate/paths.h>
 #include <palpate/result.h>
 #include "experiments/run/arguments.h"
-#include "experiments/run/choices.h"
 #include "experiments/run/result_warnings.h"
 #include "toolkit/core/hardware.h"
 #include "toolkit/search/knn.h"

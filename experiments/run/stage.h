@@ -17,7 +17,6 @@
 #include <palpate/scene.h>
 #include <palpate/trace.h>
 #include "experiments/run/arguments.h"
-#include "experiments/run/choices.h"
 #include "experiments/streams/open_stream.h"
 #include "toolkit/search/neighbour_table.h"
 

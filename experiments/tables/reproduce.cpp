@@ -9,9 +9,8 @@
 #include <palpate/result.h>
 #include "experiments/behaviours/behaviour.h"
 #include "experiments/data/scans.h"
-#include "experiments/driver/page_document.h"
+#include "experiments/driver/suite.h"
 #include "experiments/session/session.h"
-#include "experiments/session/terminal.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/messages.h"
 

@@ -10,9 +10,8 @@
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
-#include "experiments/session/terminal.h"
+#include "experiments/session/session.h"
 #include "experiments/session/version.h"
-#include "experiments/trade/tune.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

@@ -1,4 +1,4 @@
-#include "experiments/trade/tune.h"
+#include "experiments/trade/sweep.h"
 
 #include <fmt/format.h>
 #include <toml++/toml.h>
@@ -12,8 +12,8 @@
 #include <palpate/result.h>
 #include "experiments/data/scans.h"
 #include "experiments/driver/json_document.h"
-#include "experiments/run/choices.h"
-#include "experiments/session/terminal.h"
+#include "experiments/run/arguments.h"
+#include "experiments/session/session.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"

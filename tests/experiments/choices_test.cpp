@@ -1,5 +1,5 @@
 // What is run where a user names nothing but a model.
-#include "experiments/run/choices.h"
+#include "experiments/run/arguments.h"
 
 #include <fmt/format.h>
 

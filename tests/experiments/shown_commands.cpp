@@ -15,7 +15,7 @@
 #include "experiments/streams/open_stream.h"
 #include "experiments/streams/stream_feed.h"
 #include "experiments/tables/manifest.h"
-#include "experiments/trade/setting.h"
+#include "experiments/trade/measure.h"
 #include "tests/house/source_tree.h"
 #include "toolkit/core/messages.h"
 

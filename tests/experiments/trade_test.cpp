@@ -10,7 +10,7 @@
 #include "experiments/report/fronts.h"
 #include "experiments/trade/against.h"
 #include "experiments/trade/document.h"
-#include "experiments/trade/tune.h"
+#include "experiments/trade/sweep.h"
 #include "tests/experiments/program.h"
 #include "toolkit/core/random.h"
 
