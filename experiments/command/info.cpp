@@ -9,7 +9,7 @@
 #include "experiments/data/scans.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/run/arguments.h"
-#include "experiments/run/result_warnings.h"
+#include "experiments/run/run.h"
 #include "experiments/session/session.h"
 #include "experiments/streams/open_stream.h"
 #include "toolkit/cloud/height_field.h"

@@ -9,7 +9,7 @@
 #include "experiments/command/subcommands.h"
 #include "experiments/data/scans.h"
 #include "experiments/run/arguments.h"
-#include "experiments/run/result_warnings.h"
+#include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"

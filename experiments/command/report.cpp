@@ -18,7 +18,6 @@
 #include "experiments/psychophysics/blinded.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/page.h"
-#include "experiments/report/page_figures.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"
 #include "experiments/stability/stability.h"
