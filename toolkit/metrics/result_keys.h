@@ -3,15 +3,21 @@
 // keys that earlier documents of the schema lack.
 #pragma once
 
-#include <nlohmann/json.hpp>
-
 #include "toolkit/metrics/result_json.h"
 
-// Members of a struct `s`, in this order, shown to a visitor `v` under their own names.
+// PALPATE_KEYS(a, b) shows members of a struct `s`, at most 64, to a visitor `v` under their own names:
+// v("a", s.a); v("b", s.b); - each expansion calls for the next by way of PALPATE_AGAIN.
 #define PALPATE_KEY(member) v(#member, s.member);
 #define PALPATE_LATER_KEY(member) v.later(#member, s.member);
-#define PALPATE_KEYS(...) NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(PALPATE_KEY, __VA_ARGS__))
-#define PALPATE_LATER_KEYS(...) NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(PALPATE_LATER_KEY, __VA_ARGS__))
+#define PALPATE_KEYS(...) PALPATE_AGAIN(PALPATE_EACH(PALPATE_KEY, __VA_ARGS__))
+#define PALPATE_LATER_KEYS(...) PALPATE_AGAIN(PALPATE_EACH(PALPATE_LATER_KEY, __VA_ARGS__))
+#define PALPATE_EACH(of, member, ...) of(member) __VA_OPT__(PALPATE_EACH_NEXT PALPATE_NONE(of, __VA_ARGS__))
+#define PALPATE_EACH_NEXT() PALPATE_EACH
+#define PALPATE_NONE ()
+#define PALPATE_AGAIN(...) PALPATE_16(PALPATE_16(PALPATE_16(PALPATE_16(__VA_ARGS__))))
+#define PALPATE_16(...) PALPATE_4(PALPATE_4(PALPATE_4(PALPATE_4(__VA_ARGS__))))
+#define PALPATE_4(...) PALPATE_1(PALPATE_1(PALPATE_1(PALPATE_1(__VA_ARGS__))))
+#define PALPATE_1(...) __VA_ARGS__
 
 namespace palpate::metrics {
 
