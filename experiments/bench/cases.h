@@ -12,7 +12,7 @@
 #include <palpate/progress.h>
 #include <palpate/result.h>
 #include "experiments/run/stage.h"
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments {

@@ -10,7 +10,7 @@
 #include "experiments/live/recording_session.h"
 #include "experiments/report/page.h"
 #include "experiments/session/session.h"
-#include "experiments/trade/against.h"
+#include "experiments/trade/document.h"
 #include "experiments/trade/sweep.h"
 #include "toolkit/core/files.h"
 

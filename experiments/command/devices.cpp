@@ -7,7 +7,6 @@
 #include <palpate/trace.h>
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"

@@ -13,7 +13,7 @@
 
 #include <palpate/result.h>
 #include "experiments/session/session.h"
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"

@@ -3,7 +3,7 @@
 
 #include "experiments/driver/json_document.h"
 #include "experiments/hunt/hunt.h"
-#include "experiments/hunt/trial_input.h"
+#include "experiments/hunt/trial.h"
 
 template <>
 struct nlohmann::adl_serializer<palpate::Vec3> {

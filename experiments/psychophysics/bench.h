@@ -20,7 +20,6 @@
 #include "experiments/live/changes.h"
 #include "experiments/live/session_device.h"
 #include "experiments/psychophysics/cues.h"
-#include "experiments/psychophysics/plan.h"
 #include "experiments/psychophysics/trials.h"
 #include "toolkit/render/wrapped_renderer.h"
 

@@ -10,7 +10,6 @@
 
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
-#include "experiments/psychophysics/person.h"
 #include "experiments/psychophysics/rig.h"
 #include "experiments/psychophysics/trials.h"
 #include "experiments/session/session.h"

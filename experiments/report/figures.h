@@ -7,7 +7,6 @@
 
 #include <palpate/geometry.h>
 #include <palpate/vec.h>
-#include "experiments/study/output_folder.h"
 #include "experiments/study/study.h"
 
 namespace palpate::experiments {

@@ -9,7 +9,6 @@
 #include <palpate/trace.h>
 #include "experiments/run/arguments.h"
 #include "experiments/run/work.h"
-#include "experiments/study/output_folder.h"
 #include "experiments/study/study.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/files.h"

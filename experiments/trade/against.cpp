@@ -1,4 +1,4 @@
-#include "experiments/trade/against.h"
+#include "experiments/trade/document.h"
 
 #include <fmt/format.h>
 

@@ -8,7 +8,7 @@
 
 #include <palpate/generate.h>
 #include "experiments/session/session.h"
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {

@@ -7,7 +7,7 @@
 #include <palpate/scene.h>
 #include "experiments/command/cli.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/psychophysics/plan.h"
+#include "experiments/psychophysics/trials.h"
 #include "experiments/report/page.h"
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"

@@ -9,7 +9,6 @@
 #include <thread>
 
 #include <palpate/clock.h>
-#include "experiments/psychophysics/person.h"
 #include "experiments/psychophysics/rig.h"
 #include "tests/experiments/study_folder.h"
 

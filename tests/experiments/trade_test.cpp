@@ -8,7 +8,6 @@
 
 #include <palpate/generate.h>
 #include "experiments/report/fronts.h"
-#include "experiments/trade/against.h"
 #include "experiments/trade/document.h"
 #include "experiments/trade/sweep.h"
 #include "tests/experiments/program.h"
