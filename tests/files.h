@@ -1,6 +1,9 @@
 // Whole files and environment variables for tests.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <unistd.h>
+
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -44,5 +47,26 @@ inline std::filesystem::path shared_data(const std::string& name) {
 inline void write_text(const std::filesystem::path& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
+
+// A test with a folder of its own: ctest runs tests side by side, several checkouts too.
+
+/// A folder of its own for each test.
+class InFolder : public testing::Test {
+ protected:
+  InFolder() {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    std::string name =
+        std::string(info->test_suite_name()) + "-" + info->name() + "-" + std::to_string(::getpid());
+    for (char& c : name)
+      if (c == '/') c = '-';
+    folder_ = std::filesystem::path(testing::TempDir()) / name;
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  ~InFolder() override { std::filesystem::remove_all(folder_); }
+  [[nodiscard]] std::string in(const std::string& name) const { return (folder_ / name).string(); }
+
+  std::filesystem::path folder_;
+};
 
 }  // namespace palpate

@@ -10,7 +10,6 @@
 #include <palpate/result.h>
 #include "baselines/points/point_grid.h"
 #include "baselines/points/rival.h"
-#include "baselines/points/sphere_tree.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/prepare.h"
 #include "toolkit/surface/smallest_eigenvector.h"

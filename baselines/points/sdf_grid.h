@@ -7,7 +7,6 @@
 
 #include <palpate/result.h>
 #include "baselines/points/point_grid.h"
-#include "baselines/points/sphere_tree.h"
 
 namespace palpate::baselines {
 

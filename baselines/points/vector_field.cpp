@@ -10,7 +10,6 @@
 #include <palpate/result.h>
 #include "baselines/points/point_grid.h"
 #include "baselines/points/rival.h"
-#include "baselines/points/sphere_tree.h"
 #include "baselines/rivals.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/render/prepare.h"

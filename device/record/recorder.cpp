@@ -20,7 +20,7 @@
 #include <palpate/progress.h>
 #include <palpate/result.h>
 #include "device/record/recording.h"
-#include "device/record/recording_codec.h"
+#include "device/record/recording_header.h"
 #include "toolkit/core/files.h"
 
 namespace palpate::device {

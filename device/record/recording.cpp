@@ -7,7 +7,7 @@
 #include <optional>
 
 #include <palpate/result.h>
-#include "device/record/recording_codec.h"
+#include "device/record/recording_header.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 

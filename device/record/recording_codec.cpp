@@ -1,4 +1,4 @@
-#include "device/record/recording_codec.h"
+#include "device/record/recording_header.h"
 
 #include <algorithm>
 #include <cmath>

@@ -10,7 +10,7 @@
 #include <palpate/decision.h>
 #include <palpate/registry.h>
 #include <palpate/scene.h>
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/driver/study_run.h"
 #include "experiments/report/page.h"
 #include "experiments/run/arguments.h"

@@ -1,4 +1,4 @@
-#include "experiments/bench/bench.h"
+#include "experiments/bench/ranking.h"
 
 #include <fmt/format.h>
 
@@ -14,7 +14,6 @@
 #include <palpate/read_model.h>
 #include <palpate/trace.h>
 #include "experiments/bench/cases.h"
-#include "experiments/bench/ranking.h"
 #include "experiments/driver/suite.h"
 #include "experiments/run/run.h"
 #include "toolkit/core/messages.h"

@@ -1,4 +1,4 @@
-#include "experiments/bench/parts.h"
+#include "experiments/bench/cases.h"
 
 #include <fmt/format.h>
 

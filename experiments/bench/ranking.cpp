@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "experiments/driver/json_document.h"
-#include "experiments/driver/page_document.h"
+#include "experiments/driver/suite.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/statistics.h"

@@ -11,7 +11,9 @@
 #include <palpate/result.h>
 #include "experiments/bench/cases.h"
 #include "experiments/driver/json_document.h"
+#include "experiments/report/page.h"
 #include "experiments/report/tables.h"
+#include "experiments/session/session.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::experiments {
@@ -88,5 +90,30 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BenchRow, entry, name, shape, reason, trace_h
                                    force_rms_percent, direction_mean_deg, force_peak_excess_percent,
                                    frame_mean_us, frame_p999_us, prepare_ms, bytes_per_point)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CaseResult, inputs, rows)
+
+// Palpate Bench: renderers, plug-ins and recorded traces on public or hidden cases, ranked.
+
+/// Ours, and the rivals that are entered beside them.
+inline constexpr const char* kUsualEntries =
+    "cloud,cloud-smooth,heightfield,mls-proxy,mesh-godobject:mesh=advancing-front,sdf-godobject";
+
+struct BenchArguments {
+  std::string entries;  ///< renderers with options, and folders of traces, by commas; empty: kUsualEntries
+  std::string seed;     ///< read_seed()
+  std::string out;
+  std::string save_cases;  ///< a folder for the cases' files: nothing is run
+  std::string check;       ///< a bench.json whose numbers are made again
+  std::string against;     ///< a bench.json of another seed: what is tuned to one of them
+  bool quick = false;      ///< few points and frames
+  int threads = 0;         ///< of preparation; 0: all
+  bool json = false;
+};
+
+/// The page of a bench.json and of these tables.
+[[nodiscard]] Page bench_page(const BenchDocument& document, const std::vector<Table>& tables);
+
+/// Runs, writes bench.json and its page, prints the ranks. Exit status kExitFellShort: an entry did not
+/// finish a case, or what was checked differs.
+[[nodiscard]] Result<int> run_bench(const BenchArguments& arguments, Context& context);
 
 }  // namespace palpate::experiments

@@ -17,7 +17,6 @@
 #include <vector>
 
 #include <palpate/device/scheduling.h>
-#include "experiments/benchmarks/death_trial.h"
 #include "experiments/benchmarks/fault_trial.h"
 #include "toolkit/core/files.h"
 

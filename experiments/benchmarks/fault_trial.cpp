@@ -1,16 +1,24 @@
 #include "experiments/benchmarks/fault_trial.h"
 
+#include <sys/resource.h>
+#include <sys/wait.h>
 #include <time.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <csignal>
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <utility>
 
+#include <palpate/clock.h>
 #include <palpate/device/servo.h>
 #include <palpate/device/watchdog.h>
+#include <palpate/progress.h>
 #include <palpate/result.h>
 #include "device/simulated/packet_device.h"
 #include "device/simulated/simulated_link.h"
@@ -79,29 +87,45 @@ class TrialTime {
   double next_look_s_ = 0.0;
 };
 
-/// A half space that fails on request.
-class TrialWall final : public render::SceneFreeRenderer {
+/// A half space.
+class PressedWall : public render::SceneFreeRenderer {
  public:
-  TrialWall(TrialTime& time, const TrialFault& fault, const double& wrong_s)
-      : time_(time), fault_(fault), wrong_s_(wrong_s) {}
-  render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+  render::Frame step(const Vec3& hip_mm, double) noexcept override {
     render::Frame frame;
     frame.god_object_mm = hip_mm;
     frame.contact = hip_mm.z() < 0.0;
     if (frame.contact) frame.force_n.z() = -kWallNPerMm * hip_mm.z();
+    return frame;
+  }
+  render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
+};
+
+/// The same, failing on request.
+class TrialWall final : public PressedWall {
+ public:
+  TrialWall(TrialTime& time, const TrialFault& fault, const double& wrong_s)
+      : time_(time), fault_(fault), wrong_s_(wrong_s) {}
+  render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+    render::Frame frame = PressedWall::step(hip_mm, t_s);
     if (t_s < wrong_s_) return frame;
     if (fault_.where == TrialFault::Where::kRenderer)
       frame.force_n.setConstant(std::numeric_limits<double>::quiet_NaN());
     if (fault_.where == TrialFault::Where::kStuck) time_.spin_until(wrong_s_ + fault_.lasts_s);
     return frame;
   }
-  render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
 
  private:
   TrialTime& time_;
   const TrialFault& fault_;
   const double& wrong_s_;
 };
+
+/// A hand that goes into the wall within so many seconds and stays.
+HandScript press_within(double seconds) {
+  return HandScript::create("press", {0.0, seconds}, {Vec3{0.0, 0.0, 1.0}, Vec3{0.0, 0.0, -kDepthMm}},
+                            HandScript::Between::kMinimumJerk)
+      .value();
+}
 
 double force_of(const SimulatedBoard& board, double n_per_count) noexcept {
   const SimulatedBoard::Counts counts = board.held();
@@ -121,9 +145,7 @@ struct Stand {
       : wrong_s(wrong_s_in),
         period_s(1.0 / options.rate_hz),
         time(options.real_time),
-        hand(HandScript::create("press", {0.0, 0.05}, {Vec3{0.0, 0.0, 1.0}, Vec3{0.0, 0.0, -kDepthMm}},
-                                HandScript::Between::kMinimumJerk)
-                 .value()),
+        hand(press_within(kTrialSoftStartS)),
         link(board, hand, time.clock(),
              {options.rate_hz, device_options.mm_per_count, Packet::kHomed, options.seed},
              link_faults(fault, wrong_s)),
@@ -230,6 +252,89 @@ Result<TrialOutcome> run_trial(const TrialFault& fault_in, const TrialOptions& o
   }
   outcome.late_looks = stand.watchdog.late_looks();
   stand.watchdog.stop();
+  return outcome;
+}
+
+namespace {
+
+constexpr double kPressSoftStartS = 0.02;
+constexpr double kPressedN = 0.5;  // of 1 N: the soft start has begun, so there is a force to release
+// Beyond any delay of a busy machine: only the guard may end the loop.
+constexpr double kPressPatienceS = 60.0, kPressJumpMmPerS = 1e6;
+constexpr int kNoServo = 3;  // exit code of a child that failed to start
+constexpr timespec kLookAgain{0, 50'000};
+
+/// Waits for the condition; false on timeout.
+template <class Condition>
+bool comes_to_be(const Condition& condition, double patience_s) {
+  const Stopwatch watch;
+  while (!condition()) {
+    if (watch.ms() > 1e3 * patience_s) return false;
+    ::nanosleep(&kLookAgain, nullptr);
+  }
+  return true;
+}
+
+}  // namespace
+
+void press_for_ever(SimulatedBoard& board, const PressOptions& options) {
+  const rlimit none{0, 0};
+  ::setrlimit(RLIMIT_CORE, &none);
+  const MonotonicClock clock;
+  const HandScript script = press_within(kPressSoftStartS);
+  const auto zero = [&board, &clock, &script] {
+    SimulatedLink fresh(board, script, clock);  // the guard's own handle
+    return fresh.submit(PacketDevice::zero_command());
+  };
+  Heartbeat alone;
+  std::optional<Guard> guard;
+  if (options.guarded) {
+    Result<Guard> started = Guard::start(zero, options.guard);
+    if (!started) ::_exit(kNoServo);
+    guard.emplace(std::move(started).value());
+  }
+  SimulatedLink link(board, script, clock, {.rate_hz = options.rate_hz});
+  PacketDevice device(link, clock);
+  PressedWall wall;
+  GovernorOptions governed;
+  governed.period_s = 1.0 / options.rate_hz;
+  governed.soft_start_s = kPressSoftStartS;
+  governed.late_zero_s = governed.latch_late_s = governed.silence_s = kPressPatienceS;
+  governed.jump_mm_per_s = kPressJumpMmPerS;
+  Servo servo(wall, governed, device, clock, {});
+  servo.watched_by(guard ? &guard->heartbeat() : &alone);
+  if (!servo.start()) ::_exit(kNoServo);
+  const timespec period{0, std::lround(1e9 / options.rate_hz)};
+  for (;;) {
+    static_cast<void>(servo.tick());
+    ::nanosleep(&period, nullptr);
+  }
+}
+
+Result<DeathOutcome> run_death(int signal, const PressOptions& options, double patience_s) {
+  PALPATE_ASSIGN(const SharedBoard shared, SharedBoard::create());
+  SimulatedBoard& board = shared.board();
+  pid_t child = -1;
+  {
+    const auto hold = block_stop();
+    child = ::fork();
+    if (child == 0) {
+      forget_stop_callbacks();
+      press_for_ever(board, options);
+    }
+  }
+  if (child < 0) return Error{"no process could be forked", "close other programs"};
+  DeathOutcome outcome;
+  const double n_per_count = PacketDeviceOptions{}.n_per_count;
+  outcome.pressed = comes_to_be([&] { return n_per_count * board.held()[2] > kPressedN; }, patience_s);
+  const Stopwatch watch;
+  ::kill(child, signal);
+  if (comes_to_be([&] { return !board.holds_force(); }, patience_s)) outcome.zero_ms = watch.ms();
+  ::kill(child, SIGKILL);
+  while (::waitpid(child, nullptr, 0) < 0 && errno == EINTR) {
+  }
+  // The guard holds a reference to the board and may still be working.
+  if (options.guarded) static_cast<void>(comes_to_be([&] { return !board.holds_force(); }, patience_s));
   return outcome;
 }
 

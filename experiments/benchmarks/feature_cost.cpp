@@ -19,9 +19,8 @@
 #include <vector>
 
 #include <palpate/control.h>
-#include <palpate/generate.h>
-#include <palpate/paths.h>
 #include <palpate/registry.h>
+#include "experiments/benchmarks/generated_scene.h"
 #include "toolkit/core/instruction_counter.h"
 
 namespace {
@@ -230,20 +229,10 @@ struct Stand {
 Result<Stand> make_stand() {
   Stand stand;
   render::register_toolkit_renderers(stand.registry);
-  auto made = cloud::generate(parse_named_options(kScene).value());
-  if (!made) return made.error();
-  render::ModelInput model;
-  model.cloud = std::make_shared<const cloud::Cloud>(made->cloud);
-  model.analytic = made->surface;
-  paths::PathTarget target;
-  target.surface = made->surface.get();
-  target.cloud = model.cloud.get();
-  target.box_mm = model.cloud->box_mm();
-  target.spacing_mm = made->nominal_spacing_mm;
-  auto path = paths::make_path(parse_named_options(kPath).value(), target);
-  if (!path) return path.error();
-  stand.path = *std::move(path);
-  stand.bare.models.push_back(std::move(model));
+  PALPATE_ASSIGN(experiments::GeneratedScene made, experiments::generated_scene(kScene, kPath));
+  made.input.models.front().original_mesh = nullptr;
+  stand.path = std::move(made.path);
+  stand.bare = std::move(made.input);
   return stand;
 }
 

@@ -8,9 +8,8 @@
 #include <string>
 
 #include <palpate/baselines.h>
-#include <palpate/generate.h>
-#include <palpate/paths.h>
 #include <palpate/registry.h>
+#include "experiments/benchmarks/generated_scene.h"
 #include "toolkit/core/random.h"
 #include "toolkit/deformation/deformer.h"
 #include "toolkit/geometry/segment_box.h"
@@ -36,21 +35,12 @@ BENCHMARK(segment_box);
 /// `models` in a row, the path over the first.
 void run_frames(benchmark::State& state, const char* spec, std::int64_t points, std::int64_t models) {
   constexpr double kApartMm = 150.0;  // models are 100 mm wide
-  auto model =
-      cloud::generate(parse_named_options("sinusoid:points=" + std::to_string(points)).value()).value();
-  render::SceneInput scene;
-  render::ModelInput input;
-  input.cloud = std::make_shared<cloud::Cloud>(std::move(model.cloud));
-  input.original_mesh = model.original_mesh;
-  input.analytic = model.surface;
-  for (std::int64_t i = 0; i < models; ++i) {
-    scene.models.push_back(input);
-    input.world_from_model.translation_mm.x() += kApartMm;
+  auto [scene, path] =
+      experiments::generated_scene("sinusoid:points=" + std::to_string(points), "weave:frames=50000").value();
+  for (std::int64_t i = 1; i < models; ++i) {
+    scene.models.push_back(scene.models.back());
+    scene.models.back().world_from_model.translation_mm.x() += kApartMm;
   }
-  paths::PathTarget target;
-  target.surface = model.surface.get();
-  target.box_mm = model.surface->box_mm();
-  const auto path = paths::make_path(parse_named_options("weave:frames=50000").value(), target).value();
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);

@@ -11,9 +11,8 @@
 #include <string_view>
 #include <vector>
 
-#include <palpate/generate.h>
-#include <palpate/paths.h>
 #include <palpate/registry.h>
+#include "experiments/benchmarks/generated_scene.h"
 #include "toolkit/core/instruction_counter.h"
 
 namespace {
@@ -36,27 +35,20 @@ constexpr Counted kCounted[] = {
 };
 
 int count(const Counted& counted, const render::Registry& registry) {
-  auto made = cloud::generate(parse_named_options(counted.scene).value());
-  if (!made) return 1;
-  render::ModelInput model;
-  model.cloud = std::make_shared<const cloud::Cloud>(made->cloud);
-  render::SceneInput scene;
-  scene.models.push_back(model);
+  auto scene = experiments::generated_scene(counted.scene, kPath);
+  if (!scene) return 1;
+  // Points alone.
+  scene->input.models.front().original_mesh = nullptr;
+  scene->input.models.front().analytic = nullptr;
   const NamedOptions named = parse_named_options(counted.name).value();
   auto renderer = registry.make(named.name, named.options);
-  if (!renderer || !(*renderer)->prepare(scene, {1, nullptr})) return 1;
-  paths::PathTarget target;
-  target.surface = made->surface.get();
-  target.cloud = model.cloud.get();
-  target.box_mm = model.cloud->box_mm();
-  target.spacing_mm = made->nominal_spacing_mm;
-  const auto path = paths::make_path(parse_named_options(kPath).value(), target);
-  if (!path) return 1;
-  (*renderer)->restart(path->hip_mm[0], -path->t_s[1]);
+  if (!renderer || !(*renderer)->prepare(scene->input, {1, nullptr})) return 1;
+  const trace::ProbePath& path = scene->path;
+  (*renderer)->restart(path.hip_mm[0], -path.t_s[1]);
   render::HapticRenderer& counting = **renderer;
   begin_counting();
-  for (std::size_t k = 0; k < path->size(); ++k) (void)counting.step(path->hip_mm[k], path->t_s[k]);
-  end_counting(fmt::format("{} {}", counted.name, path->size()).c_str());
+  for (std::size_t k = 0; k < path.size(); ++k) (void)counting.step(path.hip_mm[k], path.t_s[k]);
+  end_counting(fmt::format("{} {}", counted.name, path.size()).c_str());
   return 0;
 }
 

@@ -12,12 +12,11 @@
 #include <vector>
 
 #include <palpate/baselines.h>
-#include <palpate/generate.h>
-#include <palpate/paths.h>
 #include <palpate/registry.h>
 #include <palpate/replay.h>
 #include "baselines/reference/facet_tree.h"
 #include "baselines/renderers/mesh_source.h"
+#include "experiments/benchmarks/generated_scene.h"
 
 namespace palpate {
 namespace {
@@ -60,28 +59,17 @@ trace::ProbePath approached(const trace::ProbePath& path, const geometry::Analyt
 }
 
 [[nodiscard]] Status prepare(const std::string& points, Ground& ground) {
-  auto made = cloud::generate(parse_named_options("sinusoid:points=" + points).value());
-  if (!made) return made.error();
-  render::ModelInput model;
-  model.name = "sinusoid";
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(made->cloud));
-  model.original_mesh = made->original_mesh;
-  model.analytic = made->surface;
-  paths::PathTarget target;
-  target.surface = made->surface.get();
-  target.cloud = model.cloud.get();
-  target.box_mm = model.cloud->box_mm();
-  auto path = paths::make_path(
-      parse_named_options("weave:frames=50000:rate_hz=1000:speed_mm_s=50:depth_mm=2:seed=1").value(), target);
-  if (!path) return path.error();
-  ground.path = approached(*path, *made->surface);
-  auto mesh = baselines::SurfaceMesh::build(*model.original_mesh, 0);
-  if (!mesh) return mesh.error();
-  ground.mesh = std::move(*mesh);
+  PALPATE_ASSIGN(
+      experiments::GeneratedScene made,
+      experiments::generated_scene("sinusoid:points=" + points,
+                                   "weave:frames=50000:rate_hz=1000:speed_mm_s=50:depth_mm=2:seed=1"));
+  ground.scene = std::move(made.input);
+  const render::ModelInput& model = ground.scene.models.front();
+  ground.path = approached(made.path, *model.analytic);
+  PALPATE_ASSIGN(ground.mesh, baselines::SurfaceMesh::build(*model.original_mesh, 0));
   ground.tree = std::make_unique<baselines::FacetTree>(ground.mesh);
   for (const Vec3& hip : ground.path.hip_mm)
     ground.closest.push_back(ground.tree->closest(hip - ground.mesh.origin_mm()).point.point);
-  ground.scene.models.push_back(std::move(model));
   return Done{};
 }
 
@@ -162,32 +150,28 @@ Jams jams(const Ground& ground, const Own& own, render::HapticRenderer& renderer
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
-  const auto named = parse_named_options(spec);
-  if (!named) return named.error();
-  auto renderer = registry.make(named->name, named->options);
-  if (!renderer) return renderer.error();
-  const auto report = (*renderer)->prepare(ground.scene, {});
-  if (!report) return report.error();
-  const auto measured = trace::measure(**renderer, ground.path, {});
-  if (!measured) return measured.error();
-  const Options& options = (*renderer)->describe().options;
-  const bool centred = named->name == "mesh-proxy" && options.text("tip") == "centre";
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(spec));
+  PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
+                 registry.make(named.name, named.options));
+  PALPATE_ASSIGN(const render::PrepareReport report, renderer->prepare(ground.scene, {}));
+  PALPATE_ASSIGN(const trace::ReplayReport measured, trace::measure(*renderer, ground.path, {}));
+  const Options options = renderer->describe().options;
+  const bool centred = named.name == "mesh-proxy" && options.text("tip") == "centre";
   const double radius = centred ? options.number("radius_mm") : 0.0;
   if (centred && !(radius > 0.0)) return Error{"a sphere's rest is judged by its radius", "give radius_mm"};
-  const Track tracked = track(ground, measured->trace, radius);
-  const auto* holder = dynamic_cast<const baselines::MeshHolder*>(renderer->get());
+  const Track tracked = track(ground, measured.trace, radius);
+  const auto* holder = dynamic_cast<const baselines::MeshHolder*>(renderer.get());
   if (holder == nullptr) return Error{"this renderer works on no mesh", "take a mesh renderer"};
-  auto mesh = baselines::SurfaceMesh::build(*holder->mesh(0), 0);
-  if (!mesh) return mesh.error();
-  Own own{std::move(*mesh), nullptr};
+  PALPATE_ASSIGN(baselines::SurfaceMesh mesh, baselines::SurfaceMesh::build(*holder->mesh(0), 0));
+  Own own{std::move(mesh), nullptr};
   own.tree = std::make_unique<baselines::FacetTree>(own.mesh);
-  const Jams found = jams(ground, own, **renderer, measured->trace, stops, radius);
+  const Jams found = jams(ground, own, *renderer, measured.trace, stops, radius);
   fmt::print(
       "{:60} {:7.0f} {:9.2e} {:9.2e} {:6.2f} {:6.2f} {:6.2f} {:7.1f} {:5} {:6} {:6} {:9.1e} {:9.2e}\n", spec,
-      report->total_ms, tracked.rms_mm, tracked.max_mm,
-      static_cast<double>(measured->counters.walk_steps) / static_cast<double>(measured->counters.frames),
-      measured->contact->mean_us.value_or(0.0), measured->contact->p50_us.value_or(0.0),
-      measured->contact->p999_us.value_or(0.0), measured->counters.bound_hits, found.jammed, found.most_calls,
+      report.total_ms, tracked.rms_mm, tracked.max_mm,
+      static_cast<double>(measured.counters.walk_steps) / static_cast<double>(measured.counters.frames),
+      measured.contact->mean_us.value_or(0.0), measured.contact->p50_us.value_or(0.0),
+      measured.contact->p999_us.value_or(0.0), measured.counters.bound_hits, found.jammed, found.most_calls,
       found.most_off_rad, found.most_off_mm);
   std::fflush(stdout);
   return Done{};

@@ -29,7 +29,7 @@
 #include <palpate/registry.h>
 #include <palpate/result.h>
 #include "device/simulated/simulated_device.h"
-#include "experiments/benchmarks/weave_scene.h"
+#include "experiments/benchmarks/generated_scene.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/process.h"
 #include "toolkit/render/wrapped_renderer.h"
@@ -172,14 +172,15 @@ Result<Arguments> read_arguments(int argc, char** argv) {
 }
 
 struct Scene {
-  experiments::WeaveScene played;
+  experiments::GeneratedScene played;
   std::map<std::string, std::unique_ptr<render::HapticRenderer>> renderers;
 };
 
 Result<Scene> make_scene(const Arguments& a) {
   Scene scene;
-  PALPATE_ASSIGN(scene.played,
-                 experiments::weave_scene("sinusoid:points=" + a.points, std::llround(1000.0 * a.slice)));
+  PALPATE_ASSIGN(scene.played, experiments::generated_scene("sinusoid:points=" + a.points,
+                                                            fmt::format("weave:frames={}:depth_mm=1",
+                                                                        std::llround(1000.0 * a.slice))));
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);

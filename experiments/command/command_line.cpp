@@ -8,7 +8,7 @@
 
 #include <palpate/result.h>
 #include "experiments/command/subcommands.h"
-#include "experiments/driver/jobs.h"
+#include "experiments/driver/suite.h"
 #include "experiments/report/tables.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"

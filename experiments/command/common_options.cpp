@@ -9,7 +9,7 @@
 
 #include <palpate/options.h>
 #include "experiments/report/tables.h"
-#include "experiments/session/terminal.h"
+#include "experiments/session/session.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
 

@@ -9,10 +9,9 @@
 #include "experiments/command/subcommands.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/report/page.h"
-#include "experiments/session/terminal.h"
-#include "experiments/trade/against.h"
+#include "experiments/session/session.h"
+#include "experiments/trade/document.h"
 #include "experiments/trade/sweep.h"
-#include "experiments/trade/tune.h"
 #include "toolkit/core/files.h"
 
 namespace palpate::experiments {

@@ -1,8 +1,8 @@
 // The kinds of `palpate test`.
 #include <fmt/format.h>
 
-#include "experiments/behaviours/matrix.h"
-#include "experiments/bench/bench.h"
+#include "experiments/behaviours/behaviour.h"
+#include "experiments/bench/ranking.h"
 #include "experiments/command/cli.h"
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"

@@ -12,13 +12,11 @@
 #include <palpate/read_model.h>
 #include <palpate/result.h>
 #include "experiments/data/scans.h"
-#include "experiments/driver/jobs.h"
+#include "experiments/driver/suite.h"
 #include "experiments/report/findings.h"
 #include "experiments/run/arguments.h"
-#include "experiments/run/choices.h"
 #include "experiments/run/work.h"
 #include "experiments/session/session.h"
-#include "experiments/session/terminal.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

@@ -46,11 +46,11 @@ struct CheckedRun {
 [[nodiscard]] Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
                                            Progress& progress);
 
-/// Opens the folder that was asked for, or the usual one of `command` (choices.h).
+/// Opens the folder that was asked for, or the usual one of `command` (arguments.h).
 [[nodiscard]] Status open_folder(const RunArguments& arguments, const char* command,
                                  const StageRequest& stage, Suite& suite);
 
-/// Open arguments are chosen now that the models are known (choices.h), `one` or several; notes say why.
+/// Open arguments are chosen now that the models are known (arguments.h), `one` or several; notes say why.
 /// Error: one lacks what the scene asks for.
 [[nodiscard]] Status choose_renderers(bool one, const render::Registry& registry,
                                       const render::SceneInput& scene, CheckedRun& checked,
@@ -63,7 +63,7 @@ struct CheckedRun {
 using AfterStudy = std::function<Result<std::string>(const OutputFolder& folder)>;
 
 /// Checks every argument before any work, runs the renderers, writes the files, prints a summary. The exit
-/// status. Open arguments are chosen by the model (choices.h), and reported before the run.
+/// status. Open arguments are chosen by the model (arguments.h), and reported before the run.
 [[nodiscard]] Result<int> run_study(const RunArguments& arguments, Context& context, const AfterStudy& after);
 
 }  // namespace palpate::experiments

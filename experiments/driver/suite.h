@@ -10,11 +10,17 @@
 //   PALPATE_TRY(suite.publish({"rows.json", to_json(row), {table_of(row)}}, page, arguments.json));
 #pragma once
 
+#include <cstddef>
+#include <filesystem>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include <palpate/registry.h>
+#include <palpate/result.h>
+#include "experiments/driver/json_document.h"
 #include "experiments/report/page.h"
 #include "experiments/session/session.h"
 
@@ -44,7 +50,7 @@ class Suite {
   [[nodiscard]] const OutputFolder& folder() const { return *folder_; }
 
   /// The value that an interrupted run has kept of a case; false: there is none. A T is described
-  /// for JSON where this is called (json_members.h).
+  /// for JSON where this is called (json_document.h).
   template <class T>
   [[nodiscard]] bool take(const std::string& name, const std::string& key, T& value) const {
     return folder_->take_over(name, key, [&](const std::string& text) { return from_line(text, value); });
@@ -90,5 +96,70 @@ class Suite {
   Context& context_;
   std::optional<OutputFolder> folder_;
 };
+
+// A command's cases as jobs of a workflow engine: a table, a Snakefile, and profiles for this machine and for
+// a Slurm cluster. A job is this program with the same command line and --case; the last one is the command
+// itself, which finds every case kept.
+//
+//   OUT/jobs/jobs.tsv        a row for each case
+//   OUT/jobs/Snakefile       prepare, case, merge, report
+//   OUT/jobs/run             the command line, where it was typed
+//   OUT/jobs/profiles/NAME   local, slurm: config.yaml for Snakemake 7, config.v8+.yaml from 8 on
+//   OUT/jobs/cases/ID        what the process of a case leaves: an OutputFolder of its own
+//   OUT/jobs/done            what Snakemake has seen end
+
+inline constexpr const char* kJobsFolder = "jobs";
+inline constexpr const char* kCasesFolder = "cases";
+/// The id of no case: the process checks its arguments and loads what they name.
+inline constexpr const char* kNoCase = "none";
+
+/// The name of a case as one of a file that needs no quotes in a shell: other names end in their hash.
+[[nodiscard]] std::string case_id(const std::string& name);
+
+/// A case of one renderer on a scene, with what it may take: known to a factor of three where meshes are
+/// made. `frames`: stepped, of all passes; `preparations`: how often it is prepared.
+[[nodiscard]] Case case_of(const RendererRequest& request, const render::RendererInfo& info,
+                           const std::string& scene, std::size_t points, double frames, double preparations);
+
+/// Writes table, Snakefile and profiles into `out`/jobs, which is returned, and says how they are run.
+[[nodiscard]] Result<std::string> write_jobs(const CaseSelection& cases, const std::filesystem::path& out);
+
+/// Becomes Snakemake on this folder; returns where that is not possible alone.
+[[nodiscard]] Error run_jobs(const std::string& folder);
+
+// A page as a document: all that its HTML is drawn from, kept beside it in page.json. A drawn figure of a
+// section stands in it as the script that draws it.
+
+// With defaults: documents of earlier versions lack what came later.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Cell, text, best, bad, link)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Table, title, caption, columns, rows, notes, turns, best_means, bad_means)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Figure, name, title, caption, svg, wide)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Fact, about, sentences)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Headline, lead, text)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(HeadlineGroup, title, lines)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Known, about, warnings, notes)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Section, id, title, opening, paragraphs, tables, figures,
+                                                facts, found)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE_WITH_DEFAULT(Page, title, answers, tables, headlines, figures, known,
+                                                sections, apart, commands)
+
+inline constexpr const char* kPageFile = "page.json";
+
+/// Head of a document that begin_json() began. Throws nlohmann::json::exception where a key is wrong.
+[[nodiscard]] metrics::DocumentHead head_from(const nlohmann::json& document);
+
+/// Puts the script's name in the place of each picture in the sections, and draws them all again by it from
+/// the scripts in `folder`/figures.
+void put_scripts(std::vector<Section>& sections);
+[[nodiscard]] Status draw_scripts(std::vector<Section>& sections, const OutputFolder& folder);
+
+/// Writes the page that `page` makes of a document of this schema in the folder. Error: names the file.
+[[nodiscard]] Status draw_again(const OutputFolder& folder, const char* name, const char* schema,
+                                const std::function<Result<Page>(const nlohmann::json&)>& page);
+
+/// Writes page.json and the page.
+[[nodiscard]] Status keep_page(const Page& page, const OutputFolder& folder);
+/// Draws the page again from page.json and the figures' scripts. Error: names the file.
+[[nodiscard]] Status draw_kept_page(const OutputFolder& folder);
 
 }  // namespace palpate::experiments

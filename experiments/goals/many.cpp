@@ -6,7 +6,7 @@
 
 #include <palpate/replay.h>
 #include <palpate/result.h>
-#include "experiments/goals/measures.h"
+#include "experiments/goals/goals.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

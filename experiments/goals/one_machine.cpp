@@ -4,7 +4,7 @@
 
 #include <palpate/device/scheduling.h>
 #include <palpate/result.h>
-#include "experiments/goals/measures.h"
+#include "experiments/goals/goals.h"
 #include "experiments/goals/pinned_loop.h"
 #include "experiments/report/figures.h"
 #include "toolkit/core/messages.h"

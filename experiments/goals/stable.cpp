@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/goals/measures.h"
+#include "experiments/goals/goals.h"
 #include "experiments/stability/stability.h"
 #include "toolkit/core/messages.h"
 

@@ -11,7 +11,7 @@
 #include "experiments/hunt/trial.h"
 #include "experiments/run/arguments.h"
 #include "experiments/session/session.h"
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 
 namespace palpate::experiments {
 

@@ -1,9 +1,9 @@
 // What is kept of a hunt, as JSON.
 #pragma once
 
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/hunt/hunt.h"
-#include "experiments/hunt/trial_input.h"
+#include "experiments/hunt/trial.h"
 
 template <>
 struct nlohmann::adl_serializer<palpate::Vec3> {

@@ -1,4 +1,4 @@
-#include "experiments/hunt/trial_input.h"
+#include "experiments/hunt/trial.h"
 
 #include <fmt/format.h>
 

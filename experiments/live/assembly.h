@@ -18,7 +18,7 @@
 #include <palpate/progress.h>
 #include "device/record/recorder.h"
 #include "experiments/live/session_device.h"
-#include "experiments/session/terminal.h"
+#include "experiments/session/session.h"
 
 namespace palpate::experiments {
 

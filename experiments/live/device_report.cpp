@@ -1,4 +1,4 @@
-#include "experiments/live/device_report.h"
+#include "experiments/live/doctor.h"
 
 #include <fmt/format.h>
 

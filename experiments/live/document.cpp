@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include <palpate/result.h>
-#include "experiments/driver/json_members.h"
+#include "experiments/driver/json_document.h"
 #include "experiments/live/live.h"
 #include "toolkit/core/messages.h"
 
@@ -11,6 +11,9 @@ namespace palpate::experiments {
 
 PALPATE_JSON_MEMBERS(SessionMark, t_s, text)
 PALPATE_JSON_MEMBERS(RemoteCounts, packets, bad, refused, commands)
+PALPATE_JSON_MEMBERS(LiveStreamFacts, source, about, frames, taken, repeated, late, truncated, failed,
+                     skipped, unreadable, unrecorded, silences, ended, window_p50_ms, window_p99_ms,
+                     whole_p50_ms, whole_p99_ms, light_to_touch_p50_ms, light_to_touch_p99_ms)
 PALPATE_JSON_MEMBERS(LiveRecorded, file, ticks, written, lost, bytes)
 PALPATE_JSON_MEMBERS(LiveRenderer, label, name, prepare_ms, bytes, shared_bytes, frames, contact_frames,
                      felt_frames, late_frames, coarse_frames, swaps, stalled_frames, largest_step_n, made,
@@ -66,33 +69,6 @@ DocumentJson remote_json(const LiveRemote& remote) {
   DocumentJson json = {{"listened", remote.where}};
   to_json(json, remote.counts);
   return json;
-}
-
-DocumentJson number_or_null(const std::optional<double>& value) {
-  return value ? DocumentJson(*value) : DocumentJson(nullptr);
-}
-
-DocumentJson stream_json(const LiveStreamFacts& s) {
-  if (s.source.empty()) return nullptr;
-  return {{"source", s.source},
-          {"about", s.about},
-          {"frames", s.frames},
-          {"taken", s.taken},
-          {"repeated", s.repeated},
-          {"late", s.late},
-          {"truncated", s.truncated},
-          {"failed", s.failed},
-          {"skipped", s.skipped},
-          {"unreadable", s.unreadable},
-          {"unrecorded", s.unrecorded},
-          {"silences", s.silences},
-          {"ended", s.ended},
-          {"window_p50_ms", number_or_null(s.window_p50_ms)},
-          {"window_p99_ms", number_or_null(s.window_p99_ms)},
-          {"whole_p50_ms", number_or_null(s.whole_p50_ms)},
-          {"whole_p99_ms", number_or_null(s.whole_p99_ms)},
-          {"light_to_touch_p50_ms", number_or_null(s.light_to_touch_p50_ms)},
-          {"light_to_touch_p99_ms", number_or_null(s.light_to_touch_p99_ms)}};
 }
 
 /// "3.1, 4.2"; a dash where nothing was taken.
@@ -293,7 +269,7 @@ std::string to_json(const LiveDocument& document) {
   json["decisions"] = DocumentJson::array();
   for (const LiveDecision& d : document.decisions) json["decisions"].push_back(decision_json(d));
   json["remote"] = remote_json(document.remote);
-  json["stream"] = stream_json(document.stream);
+  json["stream"] = document.stream.source.empty() ? DocumentJson(nullptr) : DocumentJson(document.stream);
   json["recording"] =
       document.recording.file.empty() ? DocumentJson(nullptr) : DocumentJson(document.recording);
   return document_text(json);

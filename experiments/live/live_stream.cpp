@@ -1,4 +1,4 @@
-#include "experiments/live/live_stream.h"
+#include "experiments/live/live.h"
 
 #include <fmt/format.h>
 

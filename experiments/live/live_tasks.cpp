@@ -1,4 +1,4 @@
-#include "experiments/live/live_tasks.h"
+#include "experiments/live/session.h"
 
 #include <fmt/format.h>
 #include <sys/resource.h>

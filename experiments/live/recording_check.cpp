@@ -8,7 +8,7 @@
 #include "experiments/live/recording_session.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
-#include "toolkit/trace/path_run.h"
+#include "toolkit/trace/timed_passes.h"
 
 namespace palpate::experiments {
 namespace {

@@ -1,4 +1,4 @@
-#include "experiments/live/recording_export.h"
+#include "experiments/live/recording_session.h"
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -9,7 +9,6 @@
 
 #include <palpate/result.h>
 #include <palpate/trace.h>
-#include "experiments/live/recording_session.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"

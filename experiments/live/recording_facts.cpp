@@ -1,4 +1,4 @@
-#include "experiments/live/recording_facts.h"
+#include "experiments/live/recording_session.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "experiments/live/recording_export.h"
+#include "experiments/live/recording_session.h"
 
 #ifndef PALPATE_WITH_HDF5
 

@@ -14,7 +14,7 @@
 #include "experiments/data/scans.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/changes.h"
-#include "experiments/run/choices.h"
+#include "experiments/run/arguments.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"

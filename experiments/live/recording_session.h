@@ -2,16 +2,21 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <palpate/progress.h>
 #include <palpate/renderer.h>
 #include <palpate/result.h>
+#include <palpate/trace.h>
 #include "device/record/recording.h"
 #include "device/record/recording_header.h"
 #include "experiments/driver/study_run.h"
 #include "experiments/live/session_device.h"
+#include "experiments/session/session.h"
+#include "experiments/streams/open_stream.h"
 
 namespace palpate::experiments {
 
@@ -99,5 +104,74 @@ struct SegmentReplay {
 [[nodiscard]] std::string segments_json(const std::vector<SegmentReplay>& segments,
                                         const std::string& recording, const std::string& renderer);
 inline constexpr const char* kSegmentsFile = "segments.json";
+
+// `palpate report export`: writes recordings in other programs' formats.
+
+struct ExportArguments {
+  std::string recording;
+  std::string format = "csv";                  ///< csv, hdf5, motion-bids
+  std::string out;                             ///< a file; a folder for motion-bids
+  std::string renderer;                        ///< csv: a label; empty: the first
+  std::string subject = "01", task = "touch";  ///< for motion-bids
+  bool skip_damaged = false, force = false, json = false;
+};
+[[nodiscard]] Result<int> run_export(const ExportArguments& arguments, Context& context);
+
+/// One renderer's frames. Skips ticks without a step or with a non-finite HIP.
+[[nodiscard]] Result<trace::PathAndTrace> frames_of_recording(device::Recording& recording,
+                                                              const std::string& label);
+
+/// Writes everything as datasets of one row a tick, one group per renderer.
+[[nodiscard]] Result<std::uint64_t> export_hdf5(device::Recording& recording, const std::string& file,
+                                                Progress& progress);
+/// True if this program was built with HDF5.
+[[nodiscard]] bool has_hdf5();
+
+/// Writes a one-subject dataset in the layout of Motion-BIDS (Brain Imaging Data Structure 1.9 and later)
+/// into an empty or new folder: TSV, its JSON, channels, dataset description.
+[[nodiscard]] Result<std::uint64_t> export_motion_bids(device::Recording& recording,
+                                                       const std::string& folder, const std::string& subject,
+                                                       const std::string& task);
+
+// A recording's contents for `palpate info`. They are counted tick by tick without a replay.
+
+/// A latched fault, by name.
+struct RecordedFault {
+  std::string name;
+  std::uint64_t times = 0;  ///< occurrences
+  double first_s = 0.0;     ///< after the first tick
+};
+
+struct RecordedRendererFacts {
+  device::RecordedRenderer renderer;
+  std::uint64_t ticks = 0;          ///< ticks with a step
+  std::uint64_t contact_ticks = 0;  ///< of these
+  std::uint64_t felt_ticks = 0;     ///< ticks in which it was felt or being faded out
+  double step_max_us = 0.0;         ///< longest time of its calls in one tick
+};
+
+struct RecordingFacts {
+  std::string file;
+  std::uint64_t bytes = 0;
+  device::RecordingHeader header;
+  device::RecordingEnd end;
+  double length_s = 0.0;              ///< first to last tick, lost stretches included
+  std::uint64_t segments = 0;         ///< between two armings of the governor
+  double late_max_ms = 0.0;           ///< of the latest tick
+  double force_max_n = 0.0;           ///< of the forces sent
+  std::vector<RecordedFault> faults;  ///< by first occurrence
+  std::vector<std::pair<std::string, std::uint64_t>> decisions;  ///< the mixer's, with their numbers of ticks
+  std::vector<RecordedRendererFacts> renderers;
+  std::vector<std::string> notes;
+  std::optional<StreamFacts> stream{};  ///< of its depth images, or none
+};
+
+/// Reads the whole recording: O(bytes), some megabytes of memory. Errors: those of Recording.
+[[nodiscard]] Result<RecordingFacts> facts_of_recording(const std::string& file, bool skip_damaged);
+
+/// Format: docs/schemas/info.schema.json.
+[[nodiscard]] std::string facts_json(const RecordingFacts& facts);
+/// Lines for a terminal, without the control characters of the file's texts.
+[[nodiscard]] std::string facts_text(const RecordingFacts& facts);
 
 }  // namespace palpate::experiments

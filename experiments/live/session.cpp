@@ -12,10 +12,8 @@
 #include "experiments/live/assembly.h"
 #include "experiments/live/changes.h"
 #include "experiments/live/hand.h"
-#include "experiments/live/live_tasks.h"
-#include "experiments/live/watch.h"
-#include "experiments/live/window_hooks.h"
-#include "experiments/run/result_warnings.h"
+#include "experiments/live/live.h"
+#include "experiments/run/run.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/render/prepare.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/live/watch.h"
+#include "experiments/live/session.h"
 
 #include <algorithm>
 #include <cmath>

@@ -10,10 +10,9 @@
 
 #include <palpate/result.h>
 #include "experiments/driver/suite.h"
-#include "experiments/psychophysics/ledger.h"
-#include "experiments/psychophysics/machine.h"
-#include "experiments/psychophysics/person.h"
-#include "experiments/session/terminal.h"
+#include "experiments/psychophysics/rig.h"
+#include "experiments/psychophysics/trials.h"
+#include "experiments/session/session.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 

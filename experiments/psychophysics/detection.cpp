@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "experiments/psychophysics/trial_statistics.h"
+#include "experiments/psychophysics/psychometric.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {

@@ -1,4 +1,4 @@
-#include "experiments/psychophysics/person.h"
+#include "experiments/psychophysics/rig.h"
 
 #include <dlfcn.h>
 #include <fmt/format.h>

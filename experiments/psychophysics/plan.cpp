@@ -1,4 +1,4 @@
-#include "experiments/psychophysics/plan.h"
+#include "experiments/psychophysics/trials.h"
 
 #include <fmt/format.h>
 

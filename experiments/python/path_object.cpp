@@ -4,8 +4,7 @@
 #include <cmath>
 
 #include "device/record/recording.h"
-#include "experiments/live/recording_export.h"
-#include "experiments/live/recording_facts.h"
+#include "experiments/live/recording_session.h"
 #include "experiments/python/scene_object.h"
 
 namespace palpate::python {

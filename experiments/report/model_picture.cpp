@@ -1,4 +1,4 @@
-#include "experiments/report/model_picture.h"
+#include "experiments/report/figures.h"
 
 #include <fmt/format.h>
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 
 #include <palpate/result.h>
+#include "experiments/report/figures.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/fronts.h"
-#include "experiments/report/model_picture.h"
 #include "toolkit/core/messages.h"
 
 namespace palpate::experiments {

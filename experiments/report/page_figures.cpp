@@ -1,4 +1,4 @@
-#include "experiments/report/page_figures.h"
+#include "experiments/report/page.h"
 
 #include <fmt/format.h>
 

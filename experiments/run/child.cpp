@@ -1,4 +1,4 @@
-#include "experiments/run/child.h"
+#include "experiments/run/work.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-#include "experiments/run/result_warnings.h"
+#include "experiments/run/run.h"
 
 #include <fmt/format.h>
 

@@ -9,7 +9,7 @@
 #include <palpate/replay.h>
 #include <palpate/result.h>
 #include "experiments/run/stage.h"
-#include "experiments/streams/press_and_slide.h"
+#include "experiments/streams/stream_feed.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/search/knn.h"
 

@@ -18,8 +18,7 @@
 #include <palpate/read_model.h>
 #include <palpate/result.h>
 #include "baselines/renderers/mesh_source.h"
-#include "experiments/run/child.h"
-#include "experiments/run/result_warnings.h"
+#include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/deformation/deformer.h"

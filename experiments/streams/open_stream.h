@@ -14,6 +14,7 @@
 #include <palpate/result.h>
 #include "experiments/streams/stream_feed.h"
 #include "toolkit/stream/stock_scene.h"
+#include "toolkit/stream/stream_statistics.h"
 
 namespace palpate::experiments {
 
@@ -52,5 +53,25 @@ inline constexpr std::uint64_t kMostStreamBytes = std::uint64_t{7} << 29;
 /// The images that arrive up to `until_s`, the first one among them. Images that cannot be read are left out
 /// and named. Errors: they take more than kMostStreamBytes; cancelled.
 [[nodiscard]] Result<StreamFrames> load_frames(OpenStream& open, double until_s, Progress& progress);
+
+// Facts of a stream of depth images, for `palpate info`.
+
+struct StreamFacts {
+  std::string source, about;
+  stream::DepthCamera camera;
+  stream::StreamStatistics statistics;
+};
+
+/// Whether the name means a stream: a folder, a simulated camera or a real one. Recorded sessions are told
+/// apart by what they hold.
+[[nodiscard]] bool is_stream_name(const std::string& name);
+
+/// Reads up to stream::kStatisticsFrames images.
+[[nodiscard]] Result<StreamFacts> facts_of_stream(const std::string& name, const io::Readers& readers,
+                                                  Progress& progress);
+/// For a terminal.
+[[nodiscard]] std::string to_text(const StreamFacts& facts);
+/// An object of docs/schemas/info.schema.json.
+[[nodiscard]] std::string to_json(const StreamFacts& facts);
 
 }  // namespace palpate::experiments

@@ -10,7 +10,7 @@
 
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
-#include "experiments/driver/page_document.h"
+#include "experiments/driver/suite.h"
 #include "experiments/stress/stress.h"
 #include "toolkit/core/files.h"
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "experiments/stress/stress_case.h"
+#include "experiments/stress/cell.h"
 
 namespace palpate::experiments {
 

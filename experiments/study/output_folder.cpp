@@ -1,4 +1,4 @@
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 
 #include <fmt/format.h>
 #include <unistd.h>

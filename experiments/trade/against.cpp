@@ -1,4 +1,4 @@
-#include "experiments/trade/against.h"
+#include "experiments/trade/document.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 #include <palpate/result.h>
 #include "experiments/driver/json_document.h"
 #include "experiments/study/study.h"
-#include "experiments/trade/dominance.h"
+#include "experiments/trade/row.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/messages.h"
 

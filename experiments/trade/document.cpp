@@ -6,8 +6,8 @@
 
 #include <palpate/registry.h>
 #include <palpate/result.h>
-#include "experiments/driver/json_members.h"
-#include "experiments/driver/page_document.h"
+#include "experiments/driver/json_document.h"
+#include "experiments/driver/suite.h"
 #include "experiments/report/fronts.h"
 #include "toolkit/core/files.h"
 

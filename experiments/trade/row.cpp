@@ -3,9 +3,14 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <concepts>
 #include <exception>
+#include <limits>
+#include <map>
+#include <numeric>
 #include <set>
 #include <span>
 #include <stdexcept>
@@ -15,6 +20,7 @@
 #include "toolkit/core/files.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/metrics/machine_info.h"
+#include "toolkit/metrics/result_keys.h"
 
 namespace palpate::experiments {
 namespace {
@@ -30,48 +36,21 @@ constexpr std::uint64_t kMostCount = std::uint64_t{1} << 53;
 using RowOptions = std::vector<std::pair<std::string, std::string>>;
 
 /// Every key of a row's measurements with its member, in the order of the file.
-template <class Fields, class RowOf>
-void each_field(Fields& fields, RowOf& row) {
-  fields("setting", row.setting);
-  fields("renderer", row.renderer);
-  fields("works_on", row.works_on);
-  fields("options", row.options);
-  fields("axes", row.axes);
-  fields("precision_bits", row.precision_bits);
-  fields("rate_divisor", row.rate_divisor);
-  fields("rate_hz", row.rate_hz);
-  fields("status", row.status);
-  fields("reason", row.reason);
-  fields("prepare_limit_s", row.prepare_limit_s);
-  fields("budget_s", row.budget_s);
-  fields("points", row.points);
-  fields("scene_points", row.scene_points);
-  fields("prepare_ms", row.prepare_ms);
-  fields("preparations", row.preparations);
-  fields("from_cache", row.from_cache);
-  fields("frame_all_mean_us", row.frame_mean_us);
-  fields("frame_all_p999_us", row.frame_p999_us);
-  fields("load_percent", row.load_percent);
-  fields("passes", row.passes);
-  fields("anchor_us", row.anchor_us);
-  fields("bytes", row.bytes);
-  fields.derived("bytes_per_point", row);
-  fields("error_p95_percent", row.error_p95_percent);
-  fields("error_rms_percent", row.error_rms_percent);
-  fields("error_floor_percent", row.error_floor_percent);
-  fields("indistinguishable_percent", row.indistinguishable_percent);
-  fields("trace_hash", row.trace_hash);
-  fields("steal_percent", row.steal_percent);
-  fields("load_before", row.load_before);
-  fields("measured_utc", row.measured_utc);
+template <class V, class RowOf>
+void each_field(V& v, RowOf& s) {
+  PALPATE_KEYS(setting, renderer, works_on, options, axes, precision_bits, rate_divisor, rate_hz, status,
+               reason, prepare_limit_s, budget_s, points, scene_points, prepare_ms, preparations, from_cache)
+  v("frame_all_mean_us", s.frame_mean_us);
+  v("frame_all_p999_us", s.frame_p999_us);
+  PALPATE_KEYS(load_percent, passes, anchor_us, bytes)
+  v.derived("bytes_per_point", s);
+  PALPATE_KEYS(error_p95_percent, error_rms_percent, error_floor_percent, indistinguishable_percent,
+               trace_hash, steal_percent, load_before, measured_utc)
 }
 
-template <class Fields, class MachineOf>
-void each_machine_field(Fields& fields, MachineOf& machine) {
-  fields("name", machine.name);
-  fields("cpu", machine.cpu);
-  fields("hash", machine.hash);
-  fields("cores", machine.cores);
+template <class V, class MachineOf>
+void each_machine_field(V& v, MachineOf& s) {
+  PALPATE_KEYS(name, cpu, hash, cores)
 }
 
 struct RowWriter {
@@ -219,6 +198,155 @@ Result<std::vector<Row>> rows_of(std::string_view text, const std::string& file)
 Result<std::vector<Row>> read_rows(const std::string& file) {
   PALPATE_ASSIGN(const std::string text, read_file(file, kMostRowsBytes));
   return rows_of(text, file);
+}
+
+namespace {
+
+/// A row's number with its uncertainty.
+struct Compared {
+  Measured measured{};
+  bool is_time = false;
+  double slack = 0.0;
+  bool is_known = true;
+  bool is_error = false;
+};
+
+/// The numbers compared between rows, in a fixed order.
+class Numbers {
+ public:
+  void push_back(const Compared& one) { all_[size_++] = one; }
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] bool empty() const { return size_ == 0; }
+  [[nodiscard]] const Compared& operator[](std::size_t i) const { return all_[i]; }
+  [[nodiscard]] Compared& back() { return all_[size_ - 1]; }
+
+ private:
+  std::array<Compared, 5> all_{};
+  std::size_t size_ = 0;
+};
+
+Numbers numbers_of(const Row& row) {
+  Numbers all;
+  all.push_back({*row.load_percent, true});
+  all.push_back({*row.frame_p999_us, true});
+  all.push_back({Measured{static_cast<double>(*row.bytes)}});
+  all.push_back({*row.prepare_ms, true, row.preparations > 1 ? 0.0 : kOncePrepared, !row.from_cache});
+  all.push_back({*row.error_p95_percent, false, 0.0, true, true});
+  // Errors below the rounding floor count as equal.
+  if (const double floor = row.error_floor_percent.value_or(0.0); all.back().measured.value <= floor)
+    all.back().measured = Measured{0.0, Interval{0.0, std::max(floor, row.error_p95_percent->high())}};
+  return all;
+}
+
+Numbers numbers_of(const Row& row, Cost cost) {
+  Numbers all = numbers_of(row);
+  const std::size_t at = cost == Cost::kSpeed ? 0 : cost == Cost::kMemory ? 2 : 3;
+  Numbers two;
+  two.push_back(all[at]);
+  two.push_back(all.back());
+  return two;
+}
+
+/// Change of the machine between two rows.
+class Drift {
+ public:
+  explicit Drift(const std::vector<Row>& rows) {
+    for (const Row& row : rows)
+      if (row.anchor_us) {
+        auto [at, is_new] = extremes_.try_emplace(row.machine.hash, *row.anchor_us, *row.anchor_us);
+        at->second.first = std::min(at->second.first, *row.anchor_us);
+        at->second.second = std::max(at->second.second, *row.anchor_us);
+      }
+  }
+  [[nodiscard]] double between(const Row& a, const Row& b) const {
+    if (a.anchor_us && b.anchor_us) return ratio(*a.anchor_us, *b.anchor_us);
+    const auto at = extremes_.find(a.machine.hash);
+    return at == extremes_.end() ? 0.0 : ratio(at->second.first, at->second.second);
+  }
+
+ private:
+  static double ratio(double a, double b) {
+    const double low = std::min(a, b);
+    return low > 0.0 ? std::max(a, b) / low - 1.0 : 0.0;
+  }
+  std::map<std::string, std::pair<double, double>> extremes_;
+};
+
+/// log of a / b; 0 for equal numbers, zeros included.
+double log_ratio(double a, double b) {
+  if (a == b) return 0.0;
+  constexpr double kLeast = std::numeric_limits<double>::min();
+  return std::log(std::max(a, kLeast)) - std::log(std::max(b, kLeast));
+}
+
+bool dominates(const Numbers& a, const Numbers& b, double drift) {
+  bool better = false;
+  double on_the_whole = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (!a[i].is_known || !b[i].is_known) return false;  // unknown
+    const double slack = std::max(a[i].slack, b[i].slack) + (a[i].is_time ? drift : 0.0);
+    if (surely_less(b[i].measured, a[i].measured, slack)) return false;
+    if (a[i].is_error && a[i].measured.value > (1.0 + kSameError) * b[i].measured.value) return false;
+    better = better || surely_less(a[i].measured, b[i].measured, slack);
+    on_the_whole += log_ratio(a[i].measured.value, b[i].measured.value);
+  }
+  return better && on_the_whole < 0.0;
+}
+
+/// For every row a row that dominates it, or itself.
+std::vector<std::size_t> dominators(const std::vector<Row>& rows, const std::vector<Numbers>& numbers,
+                                    const Drift& drift) {
+  std::vector<std::size_t> by(rows.size());
+  std::iota(by.begin(), by.end(), std::size_t{0});
+  for (std::size_t b = 0; b < rows.size(); ++b)
+    for (std::size_t a = 0; a < rows.size() && by[b] == b; ++a)
+      if (a != b && !numbers[a].empty() && !numbers[b].empty() &&
+          rows[a].machine.hash == rows[b].machine.hash &&
+          dominates(numbers[a], numbers[b], drift.between(rows[a], rows[b])))
+        by[b] = a;
+  return by;
+}
+
+}  // namespace
+
+const char* name_of(Cost cost) noexcept {
+  return cost == Cost::kSpeed ? "speed" : cost == Cost::kMemory ? "memory" : "preparation";
+}
+
+std::optional<Measured> cost_of(const Row& row, Cost cost) {
+  if (!row.ok()) return std::nullopt;
+  if (cost == Cost::kSpeed) return row.load_percent;
+  if (cost == Cost::kMemory) return Measured{row.bytes_per_point()};
+  return row.from_cache ? std::nullopt : row.prepare_ms;
+}
+
+bool surely_less(const Measured& a, const Measured& b, double slack) noexcept {
+  return a.high() * (1.0 + slack) < b.low();
+}
+
+std::vector<Standing> standings_of(const std::vector<Row>& rows) {
+  const Drift drift(rows);
+  std::vector<Standing> all(rows.size());
+  std::vector<Numbers> numbers(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (rows[i].ok()) numbers[i] = numbers_of(rows[i]);
+  const std::vector<std::size_t> by = dominators(rows, numbers, drift);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    all[i].dominated = by[i] != i;
+    if (!all[i].dominated) continue;
+    // The chain ends: each step is better on the whole.
+    std::size_t best = by[i];
+    while (by[best] != best) best = by[best];
+    all[i].by = rows[best].setting;
+  }
+  for (const Cost cost : kCosts) {
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (rows[i].ok()) numbers[i] = numbers_of(rows[i], cost);
+    const std::vector<std::size_t> beaten = dominators(rows, numbers, drift);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (rows[i].ok() && beaten[i] == i && cost_of(rows[i], cost)) all[i].on_fronts.push_back(cost);
+  }
+  return all;
 }
 
 }  // namespace palpate::experiments

@@ -1,4 +1,4 @@
-#include "experiments/trade/setting.h"
+#include "experiments/trade/measure.h"
 
 #include <fmt/format.h>
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "experiments/window/camera.h"
-#include "experiments/window/feed.h"
+#include "experiments/window/link.h"
 
 struct ImDrawList;
 

@@ -7,7 +7,6 @@
 #include <map>
 #include <string>
 
-#include "experiments/window/feed.h"
 #include "experiments/window/link.h"
 #include "experiments/window/scene_view.h"
 
@@ -59,7 +58,7 @@ inline constexpr std::array<std::uint8_t, 3> kHomingPaper = {24, 66, 140};
 /// The person's remedy for a fault.
 [[nodiscard]] const char* fault_remedy(device::Fault fault) noexcept;
 
-// In plots.cpp: plots by draw lists at ImGui's cursor, in the available width.
+// In overlay.cpp: plots by draw lists at ImGui's cursor, in the available width.
 /// Governed force of the last seconds, with marks.
 void plot_force(const History& history, double limit_n, const std::deque<double>& marks_s, float height);
 /// Largest frame time per column, on a logarithmic scale with a line at 1 ms.

@@ -1,4 +1,4 @@
-#include "experiments/window/splats.h"
+#include "experiments/window/scene_view.h"
 
 #include <epoxy/gl.h>
 

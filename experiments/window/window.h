@@ -1,6 +1,6 @@
 // The window over a live session: cloud, contact, panel, and mouse as a hand.
 //
-// It reads the servo's data (feed.h) without blocking either side, and runs on the program's first thread, as
+// It reads the servo's data (link.h) without blocking either side, and runs on the program's first thread, as
 // window systems require.
 #pragma once
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "baselines/reference/facet_tree.h"
-#include "tests/baselines/indexed.h"
+#include "tests/baselines/meshes.h"
 #include "tests/baselines/small_models.h"
 
 namespace palpate::baselines {

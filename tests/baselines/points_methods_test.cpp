@@ -5,7 +5,6 @@
 #include "baselines/points/mls_proxy.h"
 #include "baselines/points/point_grid.h"
 #include "baselines/points/sphere_proxy.h"
-#include "baselines/points/sphere_tree.h"
 #include "baselines/points/vector_field.h"
 #include "tests/baselines/small_models.h"
 

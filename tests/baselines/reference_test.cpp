@@ -9,7 +9,6 @@
 #include "baselines/reference/closest_mesh.h"
 #include "baselines/reference/facet_tree.h"
 #include "baselines/reference/mesh_reference.h"
-#include "tests/baselines/indexed.h"
 #include "tests/baselines/meshes.h"
 #include "tests/baselines/small_models.h"
 #include "tests/toolkit/messages.h"

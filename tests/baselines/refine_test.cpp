@@ -8,7 +8,7 @@
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/proximity/segment_index.h"
 #include "baselines/renderers/mesh_source.h"
-#include "tests/baselines/indexed.h"
+#include "tests/baselines/meshes.h"
 #include "tests/baselines/small_models.h"
 #include "tests/toolkit/messages.h"
 

@@ -8,7 +8,6 @@
 #include "baselines/mesh/mesh_repair.h"
 #include "baselines/mesh/pieces.h"
 #include "baselines/proximity/segment_index.h"
-#include "tests/baselines/indexed.h"
 #include "tests/baselines/meshes.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"

@@ -9,7 +9,6 @@
 #include "tests/device/helpers.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/files.h"
-#include "tests/in_folder.h"
 #include "toolkit/core/random.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,

@@ -16,7 +16,6 @@
 #include "tests/device/helpers.h"
 #include "tests/device/mock/falcon_board.h"
 #include "tests/files.h"
-#include "tests/in_folder.h"
 #include "toolkit/core/random.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,

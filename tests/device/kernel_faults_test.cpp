@@ -11,8 +11,8 @@
 #include "tests/device/helpers.h"
 #include "tests/device/link_benches.h"
 #include "tests/device/link_faults.h"
-#include "tests/device/mock/uhid_double.h"
-#include "tests/device/mock/vhci_double.h"
+#include "tests/device/mock/hidraw_double.h"
+#include "tests/device/mock/usbfs_double.h"
 
 namespace palpate::device {
 namespace {

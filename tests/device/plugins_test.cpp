@@ -9,7 +9,6 @@
 #include "tests/device/helpers.h"
 #include "tests/device/stubs/stub_device.h"
 #include "tests/files.h"
-#include "tests/in_folder.h"
 
 namespace palpate::device {
 namespace {

@@ -1,5 +1,5 @@
 // Ticks as bytes and back; files as they are, cut at every byte, with every byte changed.
-#include "device/record/recording_codec.h"
+#include "device/record/recording_header.h"
 
 #include <cstdlib>
 

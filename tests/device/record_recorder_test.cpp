@@ -7,8 +7,8 @@
 #include <palpate/clock.h>
 #include "tests/device/helpers.h"
 #include "tests/device/record_rig.h"
+#include "tests/files.h"
 #include "tests/house/allocation_count.h"
-#include "tests/in_folder.h"
 #include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {

@@ -19,7 +19,6 @@
 #include <palpate/progress.h>
 #include "device/simulated/packet_device.h"
 #include "device/simulated/simulated_link.h"
-#include "experiments/benchmarks/death_trial.h"
 #include "experiments/benchmarks/fault_trial.h"
 #include "tests/device/helpers.h"
 #include "tests/device/rig.h"

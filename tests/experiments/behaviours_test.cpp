@@ -6,10 +6,9 @@
 #include <string_view>
 
 #include <palpate/accuracy.h>
-#include "experiments/behaviours/matrix.h"
+#include "experiments/behaviours/behaviour.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/page.h"
-#include "experiments/run/result_warnings.h"
 #include "experiments/run/run.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"

@@ -11,7 +11,6 @@
 
 #include <palpate/trace.h>
 #include "experiments/bench/cases.h"
-#include "experiments/bench/parts.h"
 #include "experiments/bench/ranking.h"
 #include "tests/experiments/program.h"
 

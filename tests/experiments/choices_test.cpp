@@ -1,5 +1,5 @@
 // What is run where a user names nothing but a model.
-#include "experiments/run/choices.h"
+#include "experiments/run/arguments.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 
 #include <palpate/generate.h>
 #include "experiments/session/session.h"
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {

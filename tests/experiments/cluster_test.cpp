@@ -5,7 +5,7 @@
 #include <set>
 #include <sstream>
 
-#include "experiments/driver/jobs.h"
+#include "experiments/driver/suite.h"
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {

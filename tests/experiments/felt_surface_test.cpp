@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 #include "tests/experiments/program.h"
 
-#include "tests/in_folder.h"
+#include "tests/files.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {

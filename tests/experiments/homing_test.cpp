@@ -9,7 +9,7 @@
 
 #include "device/arms/arm_device.h"
 #include "device/falcon/falcon_device.h"
-#include "experiments/live/device_report.h"
+#include "experiments/live/doctor.h"
 #include "experiments/live/live.h"
 #include "experiments/live/recording_session.h"
 #include "tests/device/hid_fake_link.h"

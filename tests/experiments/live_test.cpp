@@ -5,7 +5,6 @@
 
 #include "device/drivers/all_drivers.h"
 #include "device/simulated/simulated_arm.h"
-#include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
 #include "experiments/live/session_device.h"
 #include "tests/experiments/program.h"

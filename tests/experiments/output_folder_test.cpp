@@ -1,5 +1,5 @@
 // The folder of results: whose it is, which files in it are ours, and what stays of an interrupted run.
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 
 #include <algorithm>
 

@@ -6,7 +6,7 @@
 
 #include "experiments/command/subcommands.h"
 #include "experiments/session/session.h"
-#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {

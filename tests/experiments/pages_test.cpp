@@ -7,8 +7,8 @@
 #include <palpate/scene.h>
 #include "experiments/command/cli.h"
 #include "experiments/command/subcommands.h"
-#include "experiments/psychophysics/plan.h"
-#include "experiments/report/page_figures.h"
+#include "experiments/psychophysics/trials.h"
+#include "experiments/report/page.h"
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/shown_commands.h"

@@ -20,7 +20,6 @@
 #include <vector>
 
 #include "tests/files.h"
-#include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/process.h"
 

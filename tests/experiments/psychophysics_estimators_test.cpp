@@ -11,7 +11,6 @@
 #include "experiments/psychophysics/observers.h"
 #include "experiments/psychophysics/procedures.h"
 #include "experiments/psychophysics/psychometric.h"
-#include "experiments/psychophysics/trial_statistics.h"
 #include "tests/toolkit/messages.h"
 
 namespace palpate::experiments::psychophysics {

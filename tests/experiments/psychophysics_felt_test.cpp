@@ -9,8 +9,7 @@
 #include <thread>
 
 #include <palpate/clock.h>
-#include "experiments/psychophysics/machine.h"
-#include "experiments/psychophysics/person.h"
+#include "experiments/psychophysics/rig.h"
 #include "tests/experiments/study_folder.h"
 
 namespace palpate::experiments {

@@ -9,8 +9,6 @@
 #include <palpate/trace.h>
 #include "device/record/recorder.h"
 #include "device/simulated/simulated_device.h"
-#include "experiments/live/recording_export.h"
-#include "experiments/live/recording_facts.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/run/arguments.h"
 #include "tests/experiments/program.h"

@@ -10,7 +10,6 @@
 #include "experiments/report/figures.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/fronts.h"
-#include "experiments/report/model_picture.h"
 #include "experiments/report/page.h"
 #include "experiments/tables/manifest.h"
 #include "experiments/tables/reproduction.h"

@@ -12,10 +12,10 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
-#include "experiments/streams/press_and_slide.h"
-#include "experiments/streams/stream_facts.h"
+#include "experiments/streams/open_stream.h"
+#include "experiments/streams/stream_feed.h"
 #include "experiments/tables/manifest.h"
-#include "experiments/trade/setting.h"
+#include "experiments/trade/measure.h"
 #include "tests/house/source_tree.h"
 #include "toolkit/core/messages.h"
 

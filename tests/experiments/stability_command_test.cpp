@@ -7,7 +7,7 @@
 #include "experiments/goals/goals.h"
 #include "experiments/goals/pinned_loop.h"
 #include "tests/experiments/program.h"
-#include "tests/in_folder.h"
+#include "tests/files.h"
 #include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments {

@@ -5,7 +5,7 @@
 
 #include "experiments/report/page.h"
 #include "experiments/report/tables.h"
-#include "experiments/session/terminal.h"
+#include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "toolkit/core/random.h"
 

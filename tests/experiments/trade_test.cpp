@@ -8,9 +8,8 @@
 
 #include <palpate/generate.h>
 #include "experiments/report/fronts.h"
-#include "experiments/trade/against.h"
 #include "experiments/trade/document.h"
-#include "experiments/trade/tune.h"
+#include "experiments/trade/sweep.h"
 #include "tests/experiments/program.h"
 #include "toolkit/core/random.h"
 

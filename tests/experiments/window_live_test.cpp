@@ -9,7 +9,7 @@
 
 #include <palpate/clock.h>
 #include "experiments/live/changes.h"
-#include "experiments/live/window_hooks.h"
+#include "experiments/live/live.h"
 #include "experiments/window/sound.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/pulled_falcon.h"

@@ -151,7 +151,7 @@ TEST_F(WindowShows, WhatHomesTheDeviceOverEverythingElse) {
   EXPECT_TRUE(link.homing_prompt().empty());
 }
 
-/// The colours of plots.cpp.
+/// The colours of the plots.
 constexpr std::array<std::uint8_t, 3> kLimitLine = {255, 90, 80}, kPlotLetters = {150, 160, 175};
 
 TEST_F(WindowShows, TheLimitsLineTouchesNoLabel) {

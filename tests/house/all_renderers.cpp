@@ -1,4 +1,4 @@
-#include "tests/house/all_renderers.h"
+#include "tests/house/corpus_scene.h"
 
 #include <palpate/registry.h>
 

@@ -13,8 +13,8 @@
 #include <palpate/triple_buffer.h>
 #include "device/simulated/simulated_arm.h"
 #include "tests/device/rig.h"
-#include "tests/house/all_renderers.h"
 #include "tests/house/allocation_count.h"
+#include "tests/house/corpus_scene.h"
 #include "tests/house/example_renderer.h"
 #include "tests/stepped.h"
 #include "toolkit/core/random.h"

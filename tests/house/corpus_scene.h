@@ -24,4 +24,8 @@ struct CorpusScene {
 /// own tests.
 [[nodiscard]] NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info);
 
+// All renderers of this build: the toolkit's, and the baselines' if built.
+
+[[nodiscard]] render::Registry all_renderers();
+
 }  // namespace palpate::house

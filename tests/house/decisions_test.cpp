@@ -15,7 +15,6 @@
 #include <palpate/device/contact_catch_up.h>
 #include <palpate/options.h>
 #include <palpate/replay.h>
-#include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
 
 #ifdef PALPATE_WITH_BASELINES

@@ -7,7 +7,6 @@
 
 #include <palpate/model_store.h>
 #include <palpate/replay.h>
-#include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
 
 namespace palpate::house {

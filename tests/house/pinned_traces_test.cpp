@@ -24,7 +24,6 @@
 #include <palpate/options.h>
 #include <palpate/read_model.h>
 #include <palpate/replay.h>
-#include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
 #include "toolkit/core/random.h"
 #include "toolkit/io/byte_source.h"

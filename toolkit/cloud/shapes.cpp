@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "toolkit/cloud/box_lattice.h"
+#include "toolkit/cloud/height_field.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"

@@ -1,6 +1,9 @@
 // OBJ (Wavefront Technologies, Advanced Visualizer manual, appendix B1): v and f; all else is passed over.
 #include <fmt/format.h>
 
+#include <array>
+
+#include <palpate/result.h>
 #include "toolkit/io/decoding.h"
 
 namespace palpate::io {
@@ -112,6 +115,143 @@ Result<DecodedFile> read_obj(const ReaderInput& input) {
   if (lines.error()) return *lines.error();
   if (decoded.points.empty())
     return Error{"the OBJ file has no vertices (no line starts with 'v')", "check the file's type"};
+  return decoded;
+}
+
+// OFF (Geomview manual, section "OFF Files"): ASCII, with the variants that put colours, normals or texture
+// coordinates behind the position of a vertex.
+
+namespace {
+
+Error at_line(const BufferedInput& in, std::string what, std::string remedy = kCheckLine) {
+  return in.error_or({std::move(what), std::move(remedy)});
+}
+
+// The next line that holds anything, without its comment.
+bool next_off_row(BufferedInput& in, std::string_view& row) {
+  while (in.next_line(row)) {
+    row = trimmed(row.substr(0, row.find('#')));
+    if (!row.empty()) return true;
+  }
+  return false;
+}
+
+struct Counts {
+  std::uint64_t vertices = 0;
+  std::uint64_t faces = 0;
+};
+
+// The first line: the keyword, with the counts behind it or (as some writers have it) glued to it.
+Result<std::string_view> after_keyword(const BufferedInput& in, std::string_view row) {
+  std::size_t letters = 0;
+  while (letters < row.size() && !is_blank(row[letters]) &&
+         (row[letters] < '0' || row[letters] > '9' || letters == 0))
+    ++letters;
+  const std::string_view keyword = row.substr(0, letters);
+  constexpr std::array<std::string_view, 8> kKnown{"OFF",   "COFF",   "NOFF",   "CNOFF",
+                                                   "STOFF", "STCOFF", "STNOFF", "STCNOFF"};
+  for (const std::string_view known : kKnown) {
+    if (keyword != known) continue;
+    const std::string_view rest = trimmed(row.substr(letters));
+    if (lower_case(rest.substr(0, rest.find(' '))) == "binary")
+      return at_line(in, "binary OFF files are not understood");
+    return rest;
+  }
+  if (keyword == "4OFF" || keyword.ends_with("nOFF"))
+    return at_line(in, fmt::format("the OFF variant {} has no three-dimensional points", shown(keyword)));
+  return at_line(in, "this is no OFF file: it does not start with OFF");
+}
+
+Result<Counts> read_counts(BufferedInput& in, std::string_view rest) {
+  if (rest.empty() && !next_off_row(in, rest))
+    return at_line(in, "the file ends before the counts of vertices and faces");
+  std::array<std::uint64_t, 2> numbers{};
+  for (std::uint64_t& number : numbers) {
+    const std::string_view token = next_token(rest);
+    const std::optional<std::int64_t> value = parse_whole(token);
+    if (!value || *value < 0)
+      return at_line(in, fmt::format("malformed OFF header: {} is not a count", shown(token)));
+    number = static_cast<std::uint64_t>(*value);
+  }
+  return Counts{numbers[0], numbers[1]};  // the count of edges may follow and means nothing
+}
+
+Status check_promise(const BufferedInput& in, const Counts& counts, const ReadOptions& options) {
+  PALPATE_TRY(check_memory(counts.vertices, sizeof(Vec3), "vertices", options));
+  const std::optional<std::uint64_t> remaining = in.remaining();
+  if (!remaining) return Done{};
+  constexpr std::uint64_t kVertexBytes = 6;  // "0 0 0" and the end of the line
+  constexpr std::uint64_t kFaceBytes = 2;    // "0" and the end of the line
+  const std::uint64_t room = *remaining + 1;
+  if (counts.vertices > room / kVertexBytes ||
+      counts.faces > (room - counts.vertices * kVertexBytes) / kFaceBytes)
+    return Error{fmt::format("the header promises {} vertices and {} faces, but only {} bytes follow it",
+                             counts.vertices, counts.faces, *remaining),
+                 "the file is cut off or its header is wrong: fetch it again",
+                 {},
+                 in.line_number()};
+  return Done{};
+}
+
+Status ends_early(const BufferedInput& in, std::uint64_t have, std::uint64_t promised,
+                  std::string_view what) {
+  return in.error_or({fmt::format("the file ends after {} of the {} promised {}", have, promised, what),
+                      "the file is cut off: fetch it again"});
+}
+
+Status read_vertices(BufferedInput& in, std::uint64_t count, ReadMonitor& watch, DecodedFile& decoded) {
+  std::string_view row;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    if (!next_off_row(in, row)) return ends_early(in, i, count, "vertices");
+    const Result<Vec3> point = next_vertex(row);
+    if (!point) return at_line(in, point.error().what, point.error().remedy);
+    decoded.points.push_back(*point);
+    if (!watch.row()) return watch.error();
+  }
+  return Done{};
+}
+
+Status read_faces(BufferedInput& in, std::uint64_t count, ReadMonitor& watch, FaceBuilder& faces) {
+  std::string_view row;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    if (!next_off_row(in, row)) return ends_early(in, i, count, "faces");
+    std::string_view token = next_token(row);
+    const std::optional<std::int64_t> corners = parse_whole(token);
+    if (!corners || *corners < 0)
+      return at_line(in, fmt::format("{} is not a face's number of corners", shown(token)));
+    faces.begin();
+    for (std::int64_t c = 0; c < *corners; ++c) {
+      token = next_token(row);
+      if (token.empty())
+        return at_line(in, fmt::format("a face promises {} corners and has {}", *corners, c));
+      const std::optional<std::int64_t> index = parse_whole(token);
+      if (!index) return at_line(in, fmt::format("the corner {} of a face is not an index", shown(token)));
+      if (!faces.corner(*index)) return faces.too_many();
+    }
+    faces.end();
+    if (!watch.row()) return watch.error();
+  }
+  return Done{};
+}
+
+}  // namespace
+
+Result<DecodedFile> read_off(const ReaderInput& input) {
+  BufferedInput in(input.bytes);
+  std::string_view row;
+  if (!next_off_row(in, row)) return at_line(in, "this is no OFF file: it does not start with OFF");
+  PALPATE_ASSIGN(const std::string_view rest, after_keyword(in, row));
+  PALPATE_ASSIGN(const Counts counts, read_counts(in, rest));
+  PALPATE_TRY(check_promise(in, counts, input.options));
+
+  DecodedFile decoded;
+  decoded.format = "OFF";
+  constexpr std::uint64_t kVertexBytes = 6;  // as in check_promise
+  decoded.points.reserve(reserve_count(counts.vertices, kVertexBytes, in.remaining()));
+  ReadMonitor watch(input, in, decoded);
+  PALPATE_TRY(read_vertices(in, counts.vertices, watch, decoded));
+  FaceBuilder faces(decoded, counts.vertices, input.options);
+  PALPATE_TRY(read_faces(in, counts.faces, watch, faces));
   return decoded;
 }
 

@@ -10,7 +10,7 @@
 
 #include <palpate/result.h>
 #include "toolkit/core/random.h"
-#include "toolkit/paths/surface_paths.h"
+#include "toolkit/paths/path_shapes.h"
 #include "toolkit/paths/visible_surface.h"
 
 namespace palpate::paths {

@@ -10,7 +10,6 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/paths/hand.h"
 #include "toolkit/paths/path_shapes.h"
-#include "toolkit/paths/surface_paths.h"
 
 namespace palpate::paths {
 namespace {

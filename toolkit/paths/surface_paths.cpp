@@ -1,4 +1,4 @@
-#include "toolkit/paths/surface_paths.h"
+#include "toolkit/paths/path_shapes.h"
 
 #include <Eigen/Geometry>
 

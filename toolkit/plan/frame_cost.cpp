@@ -22,7 +22,6 @@
 #include "toolkit/core/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/machine_info.h"
-#include "toolkit/trace/path_run.h"
 #include "toolkit/trace/timed_passes.h"
 
 namespace palpate::plan {

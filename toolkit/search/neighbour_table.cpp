@@ -8,7 +8,7 @@
 #include <palpate/clock.h>
 #include <palpate/generate.h>
 #include <palpate/result.h>
-#include "toolkit/cloud/box_lattice.h"
+#include "toolkit/cloud/height_field.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/statistics.h"
 #include "toolkit/core/tolerances.h"

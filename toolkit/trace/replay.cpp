@@ -7,7 +7,6 @@
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include "toolkit/core/statistics.h"
-#include "toolkit/trace/path_run.h"
 #include "toolkit/trace/timed_passes.h"
 
 namespace palpate::trace {

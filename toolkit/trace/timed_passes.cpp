@@ -9,7 +9,6 @@
 #include <palpate/clock.h>
 #include <palpate/result.h>
 #include "toolkit/core/statistics.h"
-#include "toolkit/trace/path_run.h"
 
 namespace palpate::trace {
 namespace {

@@ -16,7 +16,7 @@
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
 #include "toolkit/trace/csv_rows.h"
-#include "toolkit/trace/path_run.h"
+#include "toolkit/trace/timed_passes.h"
 
 namespace palpate::trace {
 namespace {

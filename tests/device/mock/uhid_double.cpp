@@ -1,4 +1,4 @@
-#include "tests/device/mock/uhid_double.h"
+#include "tests/device/mock/hidraw_double.h"
 
 #include <fcntl.h>
 #include <linux/uhid.h>

@@ -40,4 +40,33 @@ class UsbfsDouble {
   std::unique_ptr<Bed> bed_;
 };
 
+// A Falcon's board as a USB device of the running kernel: at a port of its virtual host controller
+// (vhci-hcd), whose USB/IP messages come over a pair of sockets; no network. Enumeration, usbfs and its
+// queues are the kernel's own.
+
+class VhciDouble {
+ public:
+  /// Why it cannot be made here; empty: it can.
+  [[nodiscard]] static std::string missing();
+
+  /// Plugged in, and found. Keeps a reference to the board, which belongs to a thread of its own from then
+  /// on.
+  explicit VhciDouble(FalconBoard& board);
+  VhciDouble(const VhciDouble&) = delete;
+  VhciDouble& operator=(const VhciDouble&) = delete;
+  ~VhciDouble();
+
+  /// The board, while nothing else touches it.
+  void with(const std::function<void(FalconBoard&)>& use);
+  /// The cable. Returns when the kernel has seen it.
+  void unplug();
+  void plug();
+  /// SCHED_FIFO for the thread that pretends, where it is allowed.
+  void run_at(int priority);
+
+ private:
+  struct Port;
+  std::unique_ptr<Port> port_;
+};
+
 }  // namespace palpate::device

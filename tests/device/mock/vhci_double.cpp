@@ -1,5 +1,5 @@
 // Messages: the kernel's Documentation/usb/usbip_protocol.rst.
-#include "tests/device/mock/vhci_double.h"
+#include "tests/device/mock/usbfs_double.h"
 
 #include <fmt/format.h>
 #include <poll.h>

@@ -14,7 +14,7 @@
 #include <palpate/generate.h>
 #include "tests/toolkit/cloud/posts.h"
 #include "tests/toolkit/messages.h"
-#include "toolkit/cloud/box_lattice.h"
+#include "toolkit/cloud/height_field.h"
 
 namespace palpate::cloud {
 namespace {

@@ -20,7 +20,7 @@
 
 #include <palpate/clock.h>
 #include <palpate/triple_buffer.h>
-#include "tests/in_folder.h"
+#include "tests/files.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
 #include "toolkit/core/hardware.h"

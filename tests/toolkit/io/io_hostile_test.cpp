@@ -10,7 +10,6 @@
 #include <palpate/read_model.h>
 #include "compress.h"
 #include "tests/files.h"
-#include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/io/byte_source.h"
 #include "toolkit/io/pcd_header.h"

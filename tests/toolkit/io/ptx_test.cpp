@@ -10,8 +10,6 @@
 #include "compress.h"
 #include "e57_writer.h"
 #include "tests/files.h"
-#include "tests/in_folder.h"
-#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
 #include "toolkit/io/point_stream.h"

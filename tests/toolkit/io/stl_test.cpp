@@ -8,7 +8,6 @@
 
 #include "compress.h"
 #include "e57_writer.h"
-#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/io/decoding.h"
 

@@ -9,7 +9,7 @@
 #include <tuple>
 #include <utility>
 
-#include "tests/in_folder.h"
+#include "tests/files.h"
 #include "tests/json_schema.h"
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/metrics/small_traces.h"

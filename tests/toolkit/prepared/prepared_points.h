@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "tests/files.h"
-#include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/prepared/prepare.h"

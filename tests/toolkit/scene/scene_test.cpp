@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include <palpate/scene.h>
-#include "tests/in_folder.h"
+#include "tests/files.h"
 #include "tests/toolkit/messages.h"
 
 namespace palpate::scene {

@@ -5,7 +5,6 @@
 #include <functional>
 #include <limits>
 
-#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 #include "toolkit/stream/depth_codec.h"

@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <string>
 
-#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/files.h"
 

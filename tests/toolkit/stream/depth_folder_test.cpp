@@ -3,8 +3,6 @@
 #include <algorithm>
 
 #include "tests/files.h"
-#include "tests/in_folder.h"
-#include "tests/toolkit/damage.h"
 #include "tests/toolkit/messages.h"
 #include "tests/toolkit/stream/stream_files.h"
 

@@ -8,7 +8,6 @@
 
 #include <palpate/trace.h>
 #include "tests/files.h"
-#include "tests/in_folder.h"
 #include "tests/toolkit/messages.h"
 #include "toolkit/core/random.h"
 

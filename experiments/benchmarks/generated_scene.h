@@ -1,7 +1,5 @@
-// A generated model and a weave path, for servo benchmarks.
+// A generated model and a path over it, for programs that measure.
 #pragma once
-
-#include <fmt/format.h>
 
 #include <memory>
 #include <string>
@@ -15,14 +13,13 @@
 
 namespace palpate::experiments {
 
-struct WeaveScene {
+struct GeneratedScene {
   render::SceneInput input;
   trace::ProbePath path;
 };
 
-/// `generator` in scene syntax, such as sinusoid:points=10201; 1 mm deep.
-inline Result<WeaveScene> weave_scene(const std::string& generator, long long frames) {
-  WeaveScene scene;
+/// A generator and a path as on the command line: "sinusoid:points=10201", "weave:frames=600".
+inline Result<GeneratedScene> generated_scene(const std::string& generator, const std::string& path) {
   PALPATE_ASSIGN(const NamedOptions spec, parse_named_options(generator));
   PALPATE_ASSIGN(cloud::GeneratedModel generated, cloud::generate(spec));
   render::ModelInput model;
@@ -34,9 +31,9 @@ inline Result<WeaveScene> weave_scene(const std::string& generator, long long fr
   target.surface = model.analytic.get();
   target.cloud = model.cloud.get();
   target.box_mm = model.cloud->box_mm();
-  PALPATE_ASSIGN(const NamedOptions weave,
-                 parse_named_options(fmt::format("weave:frames={}:depth_mm=1", frames)));
-  PALPATE_ASSIGN(scene.path, paths::make_path(weave, target));
+  GeneratedScene scene;
+  PALPATE_ASSIGN(const NamedOptions way, parse_named_options(path));
+  PALPATE_ASSIGN(scene.path, paths::make_path(way, target));
   scene.input.models.push_back(std::move(model));
   return scene;
 }
