@@ -6,7 +6,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <numeric>
 #include <optional>
@@ -16,7 +15,7 @@
 #include "toolkit/core/hash.h"
 #include "toolkit/core/messages.h"
 
-#include "toolkit/prepared/scratch_files.h"
+#include "toolkit/prepared/chunk_scratch.h"
 #include "toolkit/spline_sdf/point_noise.h"
 #include "toolkit/spline_sdf/prepared_surface.h"
 #include "toolkit/spline_sdf/surface_chunk.h"
@@ -50,105 +49,7 @@ constexpr double kMostRounding = 0.01;
 /// Points for rays: a 64th of all, of eight times the spacing.
 constexpr std::uint64_t kFarShare = 64;
 /// Every file has it in its key: chunks of another kind are not gone on with.
-constexpr std::uint64_t kChunkVersion = 3;
-
-/// Cuts the bricks of all chunks into tiles, chunk after chunk: a chunk's region and a tile's node are both
-/// whole ranges of the Morton curve, so that one holds the other or they are apart.
-class ChunkTiles {
- public:
-  struct Place {
-    std::size_t chunk = 0, brick = 0;
-    std::uint32_t piece = 0;  ///< of the chunk
-  };
-
-  ChunkTiles(const ChunkScratch& scratch, const BrickGrid& grid) : scratch_(scratch), grid_(grid) {
-    for (std::size_t c = 0; c < scratch.chunks().size(); ++c) {
-      firsts_.push_back(bricks_);
-      for (const std::uint32_t count : scratch.counts(c)) bricks_ += count;
-    }
-    firsts_.push_back(bricks_);
-  }
-  [[nodiscard]] std::uint64_t bricks() const noexcept { return bricks_; }
-  Status cut(const spline_sdf::TileSink& sink) { return cut({}, 0, firsts_.size() - 1, sink); }
-  /// Where a brick is that the sink is being given.
-  [[nodiscard]] Place place(std::uint32_t number) const {
-    const auto after = std::upper_bound(firsts_.begin(), firsts_.end(), number);
-    const auto chunk = static_cast<std::size_t>(after - firsts_.begin()) - 1;
-    const std::size_t brick = number - firsts_[chunk];
-    return {chunk, brick, loaded_.at(chunk).pieces[brick]};
-  }
-
- private:
-  struct Loaded {
-    std::vector<spline_sdf::PlacedBrick> placed;  ///< sorted
-    std::vector<std::uint32_t> pieces;            ///< by brick
-  };
-
-  /// First code of a chunk among the smallest nodes.
-  [[nodiscard]] std::uint64_t first_code(std::size_t chunk) const {
-    return spline_sdf::TileKey{scratch_.chunks()[chunk].first_code, spline_sdf::depth_of_level(grid_, 0)}
-        .first_code();
-  }
-  Status load(std::size_t chunk) {
-    if (loaded_.contains(chunk)) return Done{};
-    std::vector<spline_sdf::ChunkBrick> own;
-    PALPATE_TRY(scratch_.read_own(chunk, 0, firsts_[chunk + 1] - firsts_[chunk], own));
-    Loaded& here = loaded_[chunk];
-    for (const spline_sdf::ChunkBrick& one : own) {
-      here.placed.push_back({{one.code, spline_sdf::depth_of_level(grid_, one.level)},
-                             firsts_[chunk] + static_cast<std::uint32_t>(here.placed.size())});
-      here.pieces.push_back(one.summary.piece);
-    }
-    spline_sdf::sort_placed(here.placed);
-    return Done{};
-  }
-  /// The chunks that may have bricks in a node, among those of the node around it.
-  [[nodiscard]] std::pair<std::size_t, std::size_t> chunks_in(spline_sdf::TileKey node, std::size_t first,
-                                                              std::size_t past) const {
-    const std::uint64_t low = node.first_code();
-    const std::uint64_t next = spline_sdf::TileKey{node.code + 1, node.depth}.first_code();
-    std::size_t a = first;
-    while (a < past && first_code(a) < low) ++a;
-    std::size_t b = a;
-    while (b < past && first_code(b) < next) ++b;
-    // Where none begins in it, the one before may go on.
-    return a == b && a > first ? std::pair(a - 1, a) : std::pair(a, b);
-  }
-  Status cut(spline_sdf::TileKey node, std::size_t first, std::size_t past,
-             const spline_sdf::TileSink& sink) {
-    const std::uint32_t count = firsts_[past] - firsts_[first];
-    if (count == 0) return Done{};
-    if (past - first > 1 && count > spline_sdf::kTileBricks) {
-      for (std::uint64_t k = 0; k < spline_sdf::kGroupNodes; ++k) {
-        const spline_sdf::TileKey child{node.code << 3 | k, node.depth + 1};
-        const auto [a, b] = chunks_in(child, first, past);
-        PALPATE_TRY(cut(child, a, b, sink));
-      }
-      return Done{};
-    }
-    if (past - first > 1 || !loaded_.contains(first)) loaded_.clear();
-    std::vector<spline_sdf::PlacedBrick> together;
-    const auto before = [](const spline_sdf::PlacedBrick& one, std::uint64_t code) {
-      return one.key.first_code() < code;
-    };
-    for (std::size_t c = first; c < past; ++c) {
-      PALPATE_TRY(load(c));
-      const std::vector<spline_sdf::PlacedBrick>& all = loaded_.at(c).placed;
-      const auto from = std::lower_bound(all.begin(), all.end(), node.first_code(), before);
-      const auto to = std::lower_bound(from, all.end(),
-                                       spline_sdf::TileKey{node.code + 1, node.depth}.first_code(), before);
-      if (past - first == 1) return spline_sdf::cut_into_tiles(node, {from, to}, sink);
-      together.insert(together.end(), from, to);
-    }
-    return spline_sdf::cut_into_tiles(node, together, sink);
-  }
-
-  const ChunkScratch& scratch_;
-  const BrickGrid& grid_;
-  std::uint32_t bricks_ = 0;
-  std::vector<std::uint32_t> firsts_;  ///< number of each chunk's first brick, and of all
-  std::map<std::size_t, Loaded> loaded_;
-};
+constexpr std::uint64_t kChunkVersion = 4;
 
 /// Chunks of the surface of every `step`th point.
 std::string chunk_path(const std::string& path, std::uint64_t step) {
@@ -173,7 +74,8 @@ class SurfacePreparation {
   Status add_to(std::optional<spline_sdf::SurfaceFileWriter>& writer, bool& is_last) {
     PALPATE_TRY(decide(writer ? writer->sample() : nullptr));
     PALPATE_TRY(choose_regions());
-    PALPATE_ASSIGN(ChunkScratch scratch, ChunkScratch::open(chunk_path(path_, step_), key()));
+    PALPATE_ASSIGN(ChunkScratch scratch,
+                   ChunkScratch::open(chunk_path(path_, step_), key(), frame_.lattice()));
     report_.resumed = scratch.chunks().size();
     for (std::size_t r = scratch.chunks().size(); r < regions_.size(); ++r) {
       if (progress_.cancelled()) return Error{"preparing was stopped", "run it again to go on"};
@@ -182,7 +84,7 @@ class SurfacePreparation {
       PALPATE_TRY(scratch.add(
           spline_sdf::build_surface_chunk(std::move(points), regions_[r], frame_, options_.threads)));
     }
-    if (ChunkTiles(scratch, frame_.lattice()).bricks() == 0) {
+    if (scratch.bricks() == 0) {
       scratch.remove();
       return spline_sdf::no_surface();
     }
@@ -426,12 +328,9 @@ class SurfacePreparation {
     report_.contradicted = joined.contradicted;
     report_.patches = surface.patches;
     ChunkTiles tiles(scratch, grid);
-    report_.bricks = tiles.bricks();
-    const auto brick = [&](std::uint32_t number, spline_sdf::Brick& out) -> Status {
-      const ChunkTiles::Place place = tiles.place(number);
-      PALPATE_TRY(scratch.read_brick(place.chunk, place.brick, out));
-      joined.pieces[place.chunk][place.piece].put(out);
-      return Done{};
+    report_.bricks = scratch.bricks();
+    const auto brick = [&](std::uint32_t number, spline_sdf::Brick& out) {
+      return tiles.read(number, joined, out);
     };
     return writer.add(
         surface, [&](const spline_sdf::TileSink& sink) { return tiles.cut(sink); }, brick, distances,

@@ -1,8 +1,6 @@
-// Scratch files of a preparation: packed points, and surface chunks.
-//
-// A PointScratch holds all points, sixteen bytes each, first scattered to their regions, then sorted chunk
-// after chunk. A ChunkScratch holds a surface that is made chunk by chunk; each chunk is a record with a
-// hash, so that the next run goes on after the last whole one.
+// Files that a preparation goes on with, and the one of packed points: all points, sixteen bytes each, first
+// scattered to their regions, then
+// sorted chunk after chunk.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +14,6 @@
 #include "toolkit/core/files.h"
 #include "toolkit/prepared/cell_lattice.h"
 #include "toolkit/prepared/cell_partition.h"
-#include "toolkit/spline_sdf/surface_chunk.h"
 
 namespace palpate::prepared {
 
@@ -86,43 +83,6 @@ class PointScratch {
   std::uint64_t most_chunk_points_;
   std::size_t buffer_points_ = 0;
   std::vector<Buffer> buffers_;
-};
-
-/// Movable, not thread-safe but for reading.
-class ChunkScratch final : public spline_sdf::StoredChunks {
- public:
-  /// Keeps what a run with the same key has left, without bricks; else begins anew. `key`: a hash of all that
-  /// the chunks depend on. A second user is an Error.
-  [[nodiscard]] static Result<ChunkScratch> open(const std::string& path, std::uint64_t key);
-  /// Writes a chunk and forgets its own bricks.
-  [[nodiscard]] Status add(spline_sdf::SurfaceChunk chunk);
-  [[nodiscard]] const std::vector<spline_sdf::SurfaceChunk>& chunks() const noexcept override {
-    return chunks_;
-  }
-  [[nodiscard]] const spline_sdf::LevelCounts& counts(std::size_t chunk) const override {
-    return places_[chunk].counts;
-  }
-  [[nodiscard]] Status read_own(std::size_t chunk, std::size_t first, std::size_t count,
-                                std::vector<spline_sdf::ChunkBrick>& out) const override;
-  [[nodiscard]] Status read_brick(std::size_t chunk, std::size_t brick, spline_sdf::Brick& out) const;
-  void remove() const noexcept { file_.remove(); }
-
- private:
-  explicit ChunkScratch(PartFile file) : file_(std::move(file)) {}
-  [[nodiscard]] Status begin_anew(std::uint64_t key);
-  /// False where what follows is no whole record.
-  [[nodiscard]] Result<bool> read_record(std::uint64_t file_size);
-
-  PartFile file_;
-  std::uint64_t end_ = 0;
-  /// Offsets of a chunk's own bricks.
-  struct Place {
-    spline_sdf::LevelCounts counts{};
-    std::uint64_t own_at = 0, bricks_at = 0;
-  };
-  void keep(spline_sdf::SurfaceChunk chunk, std::uint64_t record_bytes);
-  std::vector<spline_sdf::SurfaceChunk> chunks_;
-  std::vector<Place> places_;  ///< by chunk
 };
 
 }  // namespace palpate::prepared
