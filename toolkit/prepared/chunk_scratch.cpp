@@ -316,8 +316,8 @@ std::pair<std::size_t, std::size_t> ChunkTiles::chunks_in(TileKey node, std::siz
 Status ChunkTiles::cut(TileKey node, std::size_t first, std::size_t past, const TileSink& sink) {
   const std::uint32_t count = firsts_[past] - firsts_[first];
   if (count == 0) return Done{};
-  if (past - first > 1 && count > kTileBricks) {
-    for (std::uint64_t k = 0; k < kGroupNodes; ++k) {
+  if (past - first > 1 && count > spline_sdf::kTileBricks) {
+    for (std::uint64_t k = 0; k < spline_sdf::kGroupNodes; ++k) {
       const TileKey child{node.code << 3 | k, node.depth + 1};
       const auto [a, b] = chunks_in(child, first, past);
       PALPATE_TRY(cut(child, a, b, sink));

@@ -1,6 +1,5 @@
 // Files that a preparation goes on with, and the one of packed points: all points, sixteen bytes each, first
-// scattered to their regions, then
-// sorted chunk after chunk.
+// scattered to their regions, then sorted chunk after chunk.
 #pragma once
 
 #include <cstddef>
