@@ -27,7 +27,6 @@ PagedContact::PagedContact(std::unique_ptr<PagedSurface> fine, std::shared_ptr<c
   fine_.bound_steps(most_steps);
   coarse_.attach(coarse_surface_->grid, coarse_surface_->spacing_mm);
   coarse_.bound_steps(most_steps);
-  before_ = fine_;
 }
 
 bool PagedContact::here(const Vec3& at_mm) const noexcept {
@@ -68,11 +67,11 @@ void PagedContact::start_from(const Vec3& h_mm) noexcept {
     fine_.start_from(h_mm);
 }
 
-void PagedContact::go_coarse(const SplineSdfContact& from) noexcept {
+void PagedContact::go_coarse() noexcept {
   coarse_on_ = true;
   coarse_.start_from(last_h_mm_);
   free_from_mm_ = last_h_mm_;
-  if (from.contact()) coarse_.hold_near(from.god_object_mm(), from.outward());
+  if (fine_.contact()) coarse_.hold_near(fine_.god_object_mm(), fine_.outward());
 }
 
 /// Brings the finest surface to where the coarser one is. False, and nothing changed, while it cannot.
@@ -112,12 +111,12 @@ bool PagedContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   counters.damaged_tiles = surface_->window().damaged();
   counters.damaged_tile = surface_->window().first_damaged();
   if (!coarse_on_) {
-    before_ = fine_;
+    const SplineSdfContactState before = fine_.state();
     const FrameCounters counted = counters;
     bool contact = false;
     const bool whole = without_missing(h_mm, held, [&](int round) {
       if (round > 0) {
-        fine_ = before_;
+        fine_.restore(before);
         counters = counted;
       }
       contact = fine_.update(h_mm, counters);
@@ -127,7 +126,8 @@ bool PagedContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
       return contact;
     }
     ++counters.late_frames;
-    go_coarse(before_);
+    fine_.restore(before);
+    go_coarse();
   }
   ++counters.coarse_frames;
   const bool contact = coarse_.update(h_mm, counters);

@@ -36,13 +36,13 @@ class PagedContact {
  private:
   [[nodiscard]] bool here(const Vec3& at_mm) const noexcept;
   [[nodiscard]] bool go_fine(const Vec3& h_mm, bool contact, render::FrameCounters& counters) noexcept;
-  void go_coarse(const SplineSdfContact& from) noexcept;
+  void go_coarse() noexcept;
   template <class Act>
   [[nodiscard]] bool without_missing(const Vec3& h_mm, const HeldBrick* held, Act&& act) noexcept;
 
   std::unique_ptr<PagedSurface> surface_;
   std::shared_ptr<const SplineSdf> coarse_surface_;
-  SplineSdfContact fine_, before_, coarse_;
+  SplineSdfContact fine_, coarse_;
   bool waits_;
   bool coarse_on_ = false;
   bool restart_again_ = false;  ///< the finest surface was not here when a replay began

@@ -18,8 +18,30 @@ inline constexpr int kMaxSegmentSamples = 256;
 inline constexpr int kMaxBrickLookups = 320;
 inline constexpr int kMaxEntriesPerFrame = 3;
 
+/// What the frames of a SplineSdfContact change: a frame that found too little is undone.
+class SplineSdfContactState {
+  friend class SplineSdfContact;
+
+  bool contact_ = false;
+  bool bound_hit_ = false;
+  int frames_unchecked_ = 0;      ///< frames since the last check of the HIP's surroundings
+  bool follows_ = false;          ///< checked since the HIP was next to its god object
+  Vec3 followed_ = Vec3::Zero();  ///< see geometry::check_god_object
+  // In contact.
+  Vec3 god_ = Vec3::Zero();
+  Vec3 moved_ = Vec3::Zero();   ///< its motion in the last frame
+  Vec3 normal_ = Vec3::Zero();  ///< at the god object, of growing distance
+  BrickGrid::BrickRef place_;
+  float side_ = 1.0f;  ///< sign of the distance on the HIP's side
+  // Free: the HIP was last in front of the surface and near it since, so a surface it is behind was crossed.
+  bool in_front_ = false;
+  Vec3 tested_to_ = Vec3::Zero();
+  Vec3 free_centre_ = Vec3::Zero();  ///< nothing is within `clear_` of this place
+  double clear_ = -1.0;
+};
+
 /// Belongs to one thread. The grid must outlive it.
-class SplineSdfContact {
+class SplineSdfContact : private SplineSdfContactState {
  public:
   /// Call before use. Allocates. `spacing_mm`: of the points.
   void attach(const BrickGrid& grid, double spacing_mm) {
@@ -39,6 +61,11 @@ class SplineSdfContact {
   bool hold_if_inside(const Vec3& h_mm, double most_mm) noexcept;
   /// Moves the HIP to h. True in contact. Allocates nothing.
   [[nodiscard]] bool update(const Vec3& h_mm, render::FrameCounters& counters) noexcept;
+  [[nodiscard]] const SplineSdfContactState& state() const noexcept { return *this; }
+  /// As it was before an update().
+  void restore(const SplineSdfContactState& before) noexcept {
+    static_cast<SplineSdfContactState&>(*this) = before;
+  }
 
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   /// Most god-object steps in a frame; the rest waits for the next.
@@ -89,26 +116,10 @@ class SplineSdfContact {
 
   const BrickGrid* grid_ = nullptr;
   bool wide_ = has_avx2();
-  bool contact_ = false;
   int most_steps_ = kMaxNewtonSteps;
-  bool bound_hit_ = false;
-  double spacing_ = 1.0;          ///< of the points, voxels
-  int frames_unchecked_ = 0;      ///< frames since the last check of the HIP's surroundings
-  bool follows_ = false;          ///< checked since the HIP was next to its god object
-  Vec3 followed_ = Vec3::Zero();  ///< see geometry::check_god_object
-  // In contact.
-  Vec3 god_ = Vec3::Zero();
-  Vec3 moved_ = Vec3::Zero();   ///< its motion in the last frame
-  Vec3 normal_ = Vec3::Zero();  ///< at the god object, of growing distance
-  BrickRef place_;
-  float side_ = 1.0f;  ///< sign of the distance on the HIP's side
+  double spacing_ = 1.0;  ///< of the points, voxels
   /// Per closed piece: the sign of the distance where the HIP may be. Entry 0, open pieces, is 0.
   std::vector<float> free_side_;
-  // Free: the HIP was last in front of the surface and near it since, so a surface it is behind was crossed.
-  bool in_front_ = false;
-  Vec3 tested_to_ = Vec3::Zero();
-  Vec3 free_centre_ = Vec3::Zero();  ///< nothing is within `clear_` of this place
-  double clear_ = -1.0;
 };
 
 }  // namespace palpate::spline_sdf

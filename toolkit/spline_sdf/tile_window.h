@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <type_traits>
 #include <vector>
@@ -65,7 +66,8 @@ inline constexpr std::size_t kMaxSlotsPassed = 128;
 
 /// Where the hand is, for the loader.
 struct LoaderAim {
-  Vec3 hip = Vec3::Zero();                             ///< voxels
+  /// Voxels; nowhere at first.
+  Vec3 hip = Vec3::Constant(std::numeric_limits<double>::infinity());
   Vec3 god_object = Vec3::Zero();                      ///< voxels; the HIP when free
   Vec3 per_frame = Vec3::Zero();                       ///< the HIP's motion in a frame, smoothed
   std::array<std::uint32_t, kNamedMissing> missing{};  ///< numbers of tiles that a frame looked for
@@ -104,7 +106,7 @@ class TileWindow {
   /// Takes news, at most kNewsPerFrame. `held`: the brick of the god object, or null;
   /// its tile stays.
   void take_news(const BrickGrid& grid, const BrickGrid::BrickRef* held) noexcept;
-  /// Tells the loader where the hand is, and what was missed since the last call.
+  /// Tells the loader where the hand is, if it has moved, and what was missed since the last call.
   void publish_aim(const Vec3& hip, const Vec3& god_object) noexcept;
   /// Whether find() missed a tile since the last call.
   [[nodiscard]] bool take_missed() noexcept {
