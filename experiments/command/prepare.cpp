@@ -223,8 +223,9 @@ Result<int> run_large_surface(const PrepareArguments& arguments, Context& contex
   stop_callback.drop();
   if (made->contradicted > kDoubtfulSeams)
     phases.warn(fmt::format(
-        "Along {:.2g} % of the seams between regions the surface changes sides: contact is lost there.",
-        100.0 * made->contradicted));
+        "Along {:.2g} % of the seams between {} regions the surface changes sides: contact is lost there. "
+        "With more memory (--memory-limit-gb) there are fewer.",
+        100.0 * made->contradicted, made->chunks));
   PALPATE_ASSIGN(const std::shared_ptr<const spline_sdf::SurfaceFile> written,
                  spline_sdf::SurfaceFile::open(arguments.out));
   context.progress.clear();

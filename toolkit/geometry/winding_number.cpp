@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <utility>
 
 #include "toolkit/core/parallel.h"
 
@@ -20,6 +21,10 @@ constexpr std::size_t kPlaces = 64, kMinElements = 16;
 constexpr double kEnclosingThreshold = 0.75 * 0.5;
 /// Places evaluated together, to compute each part's width once.
 constexpr std::size_t kTogether = 8;
+/// Parts of a leaf. A node counts by its sum from so many of its radii on: the next term of the series is a
+/// ninth of the sum's share, and those of neighbours cancel.
+constexpr std::size_t kLeafParts = 8;
+constexpr double kFarRadii = 3.0;
 
 /// winding_number() of each place.
 template <std::size_t kCount>
@@ -49,6 +54,67 @@ std::array<double, kCount> winding_numbers(std::span<const AreaElement> parts,
 
 double winding_number(std::span<const AreaElement> parts, const Vec3& at) noexcept {
   return winding_numbers<1>(parts, {at}).front();
+}
+
+SurfaceParts::SurfaceParts(std::vector<AreaElement> parts) : parts_(std::move(parts)) {
+  nodes_.reserve(4 * (parts_.size() / kLeafParts + 1));
+  if (!parts_.empty()) build(0, parts_.size());
+}
+
+SurfaceParts::Box SurfaceParts::build(std::size_t first, std::size_t past) {
+  const std::size_t at = nodes_.size();
+  nodes_.emplace_back();
+  Box box;
+  Vec3 area = Vec3::Zero(), middle = Vec3::Zero();
+  double weight = 0.0;
+  const auto add = [&](const AreaElement& part, double size) {
+    area += part.area.cast<double>();
+    middle += size * part.middle.cast<double>();
+    weight += size;
+  };
+  if (past - first <= kLeafParts) {
+    nodes_[at].first = static_cast<std::uint32_t>(first);
+    nodes_[at].count = static_cast<std::uint32_t>(past - first);
+    box = {parts_[first].middle, parts_[first].middle};
+    for (const AreaElement& part : elements().subspan(first, past - first)) {
+      const Eigen::Vector3f half = Eigen::Vector3f::Constant(0.5f * std::sqrt(part.area.norm()));
+      box = {box.low.cwiseMin(part.middle - half), box.high.cwiseMax(part.middle + half)};
+      add(part, 1.0);
+    }
+  } else {
+    const std::size_t half = first + (past - first) / 2, left = nodes_.size();
+    const Box a = build(first, half);
+    const std::size_t right = nodes_.size();
+    const Box b = build(half, past);
+    box = {a.low.cwiseMin(b.low), a.high.cwiseMax(b.high)};
+    add(nodes_[left].sum, static_cast<double>(half - first));
+    add(nodes_[right].sum, static_cast<double>(past - half));
+  }
+  Node& node = nodes_[at];
+  node.sum = {Vec3(middle / weight).cast<float>(), area.cast<float>()};
+  node.radius = (node.sum.middle - box.low).cwiseMax(box.high - node.sum.middle).norm();
+  node.after = static_cast<std::uint32_t>(nodes_.size());
+  return box;
+}
+
+double SurfaceParts::winding_number(const Vec3& at) const noexcept {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < nodes_.size();) {
+    const Node& node = nodes_[i];
+    const Vec3 to = node.sum.middle.cast<double>() - at;
+    const double distance_sq = to.squaredNorm(), far = kFarRadii * static_cast<double>(node.radius);
+    if (distance_sq > far * far) {
+      sum += node.sum.area.cast<double>().dot(to) /
+             (distance_sq * std::sqrt(distance_sq) * 4.0 * std::numbers::pi);
+      i = node.after;
+    } else if (node.count > 0) {
+      sum += geometry::winding_number(elements().subspan(node.first, node.count), at);
+      i = node.after;
+    } else {
+      ++i;
+    }
+  }
+  return sum;
 }
 
 float normal_orientation(std::span<const AreaElement> parts, int threads) {

@@ -4,7 +4,9 @@
 
 #include <palpate/vec.h>
 #include <Eigen/Core>
+#include <cstdint>
 #include <span>
+#include <vector>
 
 namespace palpate::geometry {
 
@@ -18,6 +20,37 @@ struct AreaElement {
 /// surface with outward normals and 0 outside; -1 and 0 with inward normals. Parts within half their width
 /// count less, so places that close to the surface are uncertain. O(parts).
 [[nodiscard]] double winding_number(std::span<const AreaElement> parts, const Vec3& at) noexcept;
+
+/// Parts with a tree over them, in which what is far counts by its sum (Barill et al. 2018).
+class SurfaceParts {
+ public:
+  SurfaceParts() = default;
+  /// Any order, but neighbours in space should be neighbours in it, as along a Morton curve: that makes it
+  /// fast. O(parts).
+  explicit SurfaceParts(std::vector<AreaElement> parts);
+  [[nodiscard]] std::span<const AreaElement> elements() const noexcept { return parts_; }
+  /// winding_number() to a hundredth. O(log parts) in such an order.
+  [[nodiscard]] double winding_number(const Vec3& at) const noexcept;
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return parts_.capacity() * sizeof(AreaElement) + nodes_.capacity() * sizeof(Node);
+  }
+
+ private:
+  /// Before the nodes below it.
+  struct Node {
+    AreaElement sum;
+    float radius = 0.0f;                 ///< of the parts around the sum's middle
+    std::uint32_t after = 0;             ///< the next node that is not below it
+    std::uint32_t first = 0, count = 0;  ///< parts of a leaf
+  };
+  struct Box {
+    Eigen::Vector3f low, high;
+  };
+  Box build(std::size_t first, std::size_t past);
+
+  std::vector<AreaElement> parts_;
+  std::vector<Node> nodes_;
+};
 
 /// 1 if the parts enclose a volume (holes allowed) with outward normals, -1 with inward ones; 0 if open, or
 /// too thin or small to tell. Independent of the number of threads. O(parts).

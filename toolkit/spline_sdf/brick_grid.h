@@ -52,9 +52,9 @@ struct Brick {
 
 /// A piece felt from one side, the side of the replay's start.
 struct ClosedComponent {
-  float normal_orientation = 1.0f;           ///< sign of the distance outside
-  bool tight = true;                         ///< has no opening that a HIP could enter
-  std::vector<geometry::AreaElement> parts;  ///< its surface, one part per brick, voxels
+  float normal_orientation = 1.0f;  ///< sign of the distance outside
+  bool tight = true;                ///< has no opening that a HIP could enter
+  geometry::SurfaceParts parts;     ///< its surface, one part per brick, voxels
 };
 
 class TileWindow;  // tile_window.h
@@ -98,8 +98,7 @@ struct BrickGrid {
   [[nodiscard]] std::size_t bytes() const noexcept {
     std::size_t sum =
         bricks.capacity() * sizeof(Brick) + closed_components.capacity() * sizeof(ClosedComponent);
-    for (const ClosedComponent& piece : closed_components)
-      sum += piece.parts.capacity() * sizeof(geometry::AreaElement);
+    for (const ClosedComponent& piece : closed_components) sum += piece.parts.bytes();
     for (const Level& l : level) sum += l.table.bytes() + l.brick.capacity() * sizeof(std::uint32_t);
     return sum;
   }

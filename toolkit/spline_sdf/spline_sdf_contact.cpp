@@ -107,7 +107,7 @@ void SplineSdfContact::restart(const Vec3& h_mm) noexcept {
       inside = static_cast<double>(value_at(place, place_in(place, tested_to_)) * outside) <
                -kSurelyInside * spacing_;
     else
-      inside = std::abs(geometry::winding_number(closed.parts, tested_to_)) > kHalfOfAll;
+      inside = std::abs(closed.parts.winding_number(tested_to_)) > kHalfOfAll;
     free_side_[piece] = inside ? -outside : outside;
   }
 }

@@ -49,7 +49,8 @@ class SplineSdfContact : private SplineSdfContactState {
     spacing_ = spacing_mm * grid.per_voxel;
     free_side_.assign(grid.closed_components.size() + 1, 0.0f);
   }
-  /// Begins a replay at h, which defines the free side of every closed piece. Allocates nothing; O(bricks).
+  /// Begins a replay at h, which defines the free side of every closed piece. Allocates nothing; O(pieces log
+  /// bricks).
   void restart(const Vec3& h_mm) noexcept;
   /// Free at h (local mm), clear of the surface.
   void start_from(const Vec3& h_mm) noexcept;

@@ -69,11 +69,12 @@ bool get_pieces(ByteReader& from, BrickGrid& grid) {
     piece.tight = from.u8() != 0;
     const std::uint32_t parts = from.u32();
     if (from.left() / kPartBytes < parts) return false;
-    piece.parts.resize(parts);
-    for (geometry::AreaElement& part : piece.parts) {
+    std::vector<geometry::AreaElement> elements(parts);
+    for (geometry::AreaElement& part : elements) {
       for (int a = 0; a < 3; ++a) part.middle[a] = from.single();
       for (int a = 0; a < 3; ++a) part.area[a] = from.single();
     }
+    piece.parts = geometry::SurfaceParts(std::move(elements));
     grid.closed_components.push_back(std::move(piece));
   }
   return from.good();

@@ -49,7 +49,7 @@ void put_pieces(const BrickGrid& grid, IndexBytes& index) {
   index.put(4, [&](ByteWriter& to) { to.u32(static_cast<std::uint32_t>(grid.closed_components.size())); });
   for (const ClosedComponent& piece : grid.closed_components) {
     const std::vector<geometry::AreaElement> parts =
-        joined_in_cubes(piece.parts, std::ldexp(grid.cube_edge(), kJoinedBits));
+        joined_in_cubes(piece.parts.elements(), std::ldexp(grid.cube_edge(), kJoinedBits));
     index.put(9 + parts.size() * kPartBytes, [&](ByteWriter& to) {
       to.single(piece.normal_orientation);
       to.u8(piece.tight ? 1 : 0);

@@ -203,6 +203,21 @@ TEST(PagedSurface, StaysWithinItsMemory) {
     }
   EXPECT_TRUE(left);
   EXPECT_LT(most, all);
+  // What is far leaves before its memory is needed: of a hand that rests a sixteenth becomes free.
+  const StoredSurface& stored = made.file->surfaces().front();
+  const auto held = [&] {
+    std::size_t sum = 0;
+    for (std::uint32_t tile = 0; tile < all; ++tile)
+      if (paged->window().all_here({&tile, 1})) sum += stored.places[tile].size.bricks;
+    return sum;
+  };
+  const std::size_t capacity = paged->grid().bricks.size() - stored.surface.grid.bricks.size();
+  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (held() > capacity - capacity / 16 && std::chrono::steady_clock::now() < until) {
+    paged->begin_frame(place(0), nullptr);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_LE(held(), capacity - capacity / 16);
 }
 
 test::Stepped paced(const PreparedFile& made) {
@@ -235,6 +250,16 @@ TEST(PreparedCloudSmooth, LateTilesAreFeltCoarselyAndWithoutAStep) {
   // A coarser surface is right within its error, and a step between the two is spread over twenty frames.
   EXPECT_LT(largest_excess, 0.05);
   EXPECT_LT(lost, 20);
+}
+
+/// Nothing can be here of a place that the loader did not know: that is no lateness.
+TEST(PreparedCloudSmooth, AStartIsCoarseAndNotLate) {
+  const PreparedFile made(torus_cloud(60'000));
+  test::Stepped renderer = paced(made);
+  const Vec3 start = torus_path({}, 4000).front();
+  renderer->restart(start);
+  static_cast<void>(renderer->step(start, 0.001));
+  EXPECT_EQ(renderer->counters().late_frames, 0u);
 }
 
 /// At hundreds of metres a second no loader keeps up.

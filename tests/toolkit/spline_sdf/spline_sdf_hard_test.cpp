@@ -370,8 +370,9 @@ TEST(ClosedComponents, JoinedPartsTellTheSameSide) {
   const BrickGrid whole = found(bricks.size() + 1), joined = found(8192);
   ASSERT_EQ(whole.closed_components.size(), 2u);
   ASSERT_EQ(joined.closed_components.size(), 2u);
-  EXPECT_LT(joined.closed_components[0].parts.size(), 8192u);
-  EXPECT_EQ(joined.closed_components[1].parts.size(), whole.closed_components[1].parts.size());
+  EXPECT_LT(joined.closed_components[0].parts.elements().size(), 8192u);
+  EXPECT_EQ(joined.closed_components[1].parts.elements().size(),
+            whole.closed_components[1].parts.elements().size());
   for (std::size_t p = 0; p < 2; ++p) {
     EXPECT_EQ(joined.closed_components[p].normal_orientation, p == 0 ? 1.0f : -1.0f);
     EXPECT_EQ(joined.closed_components[p].normal_orientation, whole.closed_components[p].normal_orientation);
@@ -379,9 +380,32 @@ TEST(ClosedComponents, JoinedPartsTellTheSameSide) {
   }
   // A cube away and farther.
   for (const Vec3& at : {Vec3(200, 200, 200), Vec3(200, 200, 320), Vec3(200, 200, 375)})
-    EXPECT_NEAR(geometry::winding_number(joined.closed_components[0].parts, at),
-                geometry::winding_number(whole.closed_components[0].parts, at), 0.1)
+    EXPECT_NEAR(joined.closed_components[0].parts.winding_number(at),
+                geometry::winding_number(whole.closed_components[0].parts.elements(), at), 0.1)
         << at.transpose();
+}
+
+/// Of a sheet so wide the border is a smaller share than the holes of a closed scan are.
+TEST(ClosedComponents, AWideSheetIsOpen) {
+  constexpr int kSide = 700;
+  BrickGrid grid;
+  const std::vector<PieceClass> classes = find_closed_components(
+      grid, 1,
+      [&](const VisitSummary& visit) {
+        for (int x = 0; x < kSide; ++x)
+          for (int y = 0; y < kSide; ++y) {
+            BrickSummary one;
+            const auto slope = static_cast<float>(std::sin(0.1 * x));
+            one.part = {{4.0f * static_cast<float>(x), 4.0f * static_cast<float>(y), 40.0f * slope},
+                        {8.0f * slope, 0.0f, 16.0f}};
+            one.cells = 16;
+            one.beyond = x % (kSide - 1) == 0 || y % (kSide - 1) == 0 ? 4 : 0;
+            visit(one, 0);
+          }
+      },
+      false, 2);
+  EXPECT_TRUE(grid.closed_components.empty());
+  EXPECT_EQ(classes[0].number, 0);
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 #include "tests/toolkit/spline_sdf/spline_sdf_scenes.h"
 #include "toolkit/geometry/winding_number.h"
@@ -257,6 +259,22 @@ TEST(CloudSmoothSides, TheShareOfDirectionsTellsInsideFromOutside) {
   }
   for (const Vec3& d : {Vec3(40, 0, 0), Vec3(-25, 25, 0), Vec3(300, 200, -90)})
     EXPECT_NEAR(winding_number(ball, at + d), 0.0, 0.05);
+}
+
+TEST(CloudSmoothSides, WhatIsFarCountsByItsSum) {
+  const Vec3 at(100.0, -40.0, 7.0);
+  std::vector<AreaElement> open = ball_parts(0.3, 1.0, at);
+  std::sort(open.begin(), open.end(), [](const AreaElement& a, const AreaElement& b) {
+    return std::pair(std::floor(a.middle.x()), a.middle.y()) <
+           std::pair(std::floor(b.middle.x()), b.middle.y());
+  });
+  const geometry::SurfaceParts tree(open), none{std::vector<AreaElement>()};
+  Random random(8);
+  for (int i = 0; i < 2000; ++i) {
+    const Vec3 d = 50.0 * random.uniform() * by_chance_on_ball(random);
+    EXPECT_NEAR(tree.winding_number(at + d), winding_number(open, at + d), 0.01) << d.transpose();
+    EXPECT_EQ(none.winding_number(at + d), 0.0);
+  }
 }
 
 TEST(CloudSmoothSides, ABallIsClosedUntilAQuarterOfItIsGone) {
