@@ -57,7 +57,6 @@ const std::map<std::string, std::string> kShort = {
     {"toolkit/core/simd.h", "vector types and the choice of kernels, for all who have either"},
     {"toolkit/dem/dem_check.h", "checks of hostile heads, free of GDAL and tested without it"},
     {"toolkit/depth_surface/depth_image_receiver.h", "runs on another thread than the contact beside it"},
-    {"toolkit/geometry/winding_number.h", "area elements of any surface; triangle_meshes.h brings trees"},
     {"toolkit/include/palpate/vec.h", "the vector type, included by every public header with places"},
     {"toolkit/io/pcd_header.h", "a format that two targets read, with PCL and without"},
     {"toolkit/io/point_stream.h", "the interface that every reader of streams implements"},
