@@ -82,8 +82,8 @@ struct PrepareSurfaceReport {
 /// finds the sides that the whole finds. What a face meets and which of its sides is open is what the region
 /// has of it: on a noisy open sheet a stray in a hundred may be turned, and in a thin hollow statue of
 /// fifteen merged views, in 29 regions, 2 % of the patches were (PrepareSurfaceReport::contradicted: .15). A
-/// run that was stopped is gone on with. Scratch: 35 bytes a point. Errors: the memory does not hold a region
-/// or the join; points too far apart for single precision; no surface.
+/// run that was stopped is gone on with. Scratch: 120 bytes a brick, 5 a point of terrain. Errors: the memory
+/// does not hold a region or the join; points too far apart for single precision; no surface.
 [[nodiscard]] Result<PrepareSurfaceReport> prepare_surface(const CellFile& cells,
                                                            const PrepareSurfaceOptions& options,
                                                            const std::string& path,
